@@ -1,0 +1,210 @@
+"""The role contract: what a node, fusion centre or cluster head is, free of any I/O.
+
+A role is a pure function of emulated time, ``handle(state, event) -> (state, effects)``. States are immutable
+values; events and effects are frozen dataclasses. The same role therefore runs as a process over Zenoh, inside
+the virtual driver, and as a plain call in a test, and a driver may undo and replay what it handled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final, Literal, Protocol, TypeVar
+
+NS: Final = 1_000_000_000
+"""Nanoseconds in a second; emulated time is an int of nanoseconds since the start of the run."""
+
+Medium = Literal["field", "backbone"]
+"""``field`` is the radio among sensors, ``backbone`` the wired side of a gateway or fusion centre."""
+
+NEIGHBOURHOOD: Final = "*"
+"""The address of a broadcast: everybody in radio range who listens."""
+
+
+# --- events: what happens to a role; ``now`` is always the role's local clock, in ns ---------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """The role begins its life."""
+
+    now: int
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A frame that survived the radio, decoded; ``sender`` is the id of the process that sent it."""
+
+    now: int
+    message: Any
+    sender: str
+
+
+@dataclass(frozen=True, slots=True)
+class Timer:
+    """A timer that the role set is due; ``now`` is the time it was set for, or later if that had passed."""
+
+    now: int
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """The answer to ``Sample``, at the same instant; the value's type belongs to the sensor."""
+
+    now: int
+    sensor: str
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class PortRead:
+    """Bytes from a device port (a serial line, a microphone)."""
+
+    now: int
+    port: str
+    data: bytes
+
+
+Event = Started | Received | Timer | Sampled | PortRead
+
+
+# --- effects: what a role asks of its driver -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Transmit ``message`` once, to one id, a set of ids, or the neighbourhood."""
+
+    message: Any
+    to: str | frozenset[str]
+    medium: Medium = "field"
+
+
+@dataclass(frozen=True, slots=True)
+class SetTimer:
+    """Wake the role at local time ``at`` (ns); a second timer of the same name replaces the first."""
+
+    name: str
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class CancelTimer:
+    """Forget the timer of this name, if there is one."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """Read a sensor now; ``Sampled`` follows at once."""
+
+    sensor: str
+
+
+@dataclass(frozen=True, slots=True)
+class Radio:
+    """Switch the receiver on or off; a frame due while it is off is lost (asleep)."""
+
+    on: bool
+    medium: Medium = "field"
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """Bytes to a device port."""
+
+    port: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class TrackPoint:
+    """One published point of a track.
+
+    ``mean`` is (x, y, vx, vy) in metres and metres per second, ``covariance`` its 4x4 covariance row by row,
+    ``particles`` little-endian float32 pairs (x, y), at most 200 of them. ``status`` is ``waiting`` (no track yet;
+    mean and covariance empty), ``tracking`` or ``coasting`` (no report was fused in this step).
+    """
+
+    tracker: str
+    target: str
+    step: int
+    status: Literal["waiting", "tracking", "coasting"]
+    mean: tuple[float, ...] = ()
+    covariance: tuple[float, ...] = ()
+    reports: int = 0
+    particles: bytes = b""
+
+
+@dataclass(frozen=True, slots=True)
+class Publish:
+    """Tell the world outside the field (telemetry: not impaired, not paid for) where the target is."""
+
+    estimate: TrackPoint
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """The role entered this state; shown on the timeline, one lane per role of a process."""
+
+    name: str
+    lane: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A sentence for the log and the timeline."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ignored:
+    """The frame in hand was of no use (late, repeated, unexpected, malformed); counted, never an error."""
+
+    reason: str
+
+
+Effect = Send | SetTimer | CancelTimer | Sample | Radio | Write | Publish | State | Note | Ignored
+
+S = TypeVar("S")
+
+
+class Role(Protocol[S]):
+    """A pure state machine; see the module's docstring.
+
+    ``kinds`` names the message kinds that the role consumes; a ``Host`` dispatches by them.
+    """
+
+    @property
+    def kinds(self) -> frozenset[str]:
+        """The message kinds that this role consumes."""
+        ...
+
+    def begin(self) -> S:
+        """The state before ``Started``."""
+        ...
+
+    def handle(self, state: S, event: Event) -> tuple[S, tuple[Effect, ...]]:
+        """The next state, and what the driver is asked to do, in order.
+
+        Raises ``IllegalEvent`` for what only a broken driver can cause.
+        """
+        ...
+
+
+class IllegalEvent(RuntimeError):
+    """The driver broke the contract (started twice, a timer nobody set, time going back)."""
+
+
+Transitions = Mapping[tuple[Enum, type], frozenset[Enum]]
+"""One table per role: which phases may follow a phase on an event of a type."""
+
+
+def check_transition(table: Transitions, before: Enum, event: Event, after: Enum) -> None:
+    """Raise ``IllegalEvent`` unless the role's table allows the step."""
+    if after not in table.get((before, type(event)), frozenset()):
+        raise IllegalEvent(f"{type(event).__name__} in {before.value} cannot lead to {after.value}")
