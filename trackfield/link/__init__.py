@@ -1,0 +1,9 @@
+"""Radio links and clocks: what lies between a frame's sending and its arrival. Scalar, without numpy."""
+
+from __future__ import annotations
+
+from trackfield.link.clock import Clock
+from trackfield.link.fate import MIN_DELAY_NS, Fate, Link
+from trackfield.link.models import MODELS, make_link
+
+__all__ = ["MIN_DELAY_NS", "MODELS", "Clock", "Fate", "Link", "make_link"]

@@ -1,0 +1,57 @@
+"""What becomes of a frame on the air: a pure function of the frame and the seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log
+from typing import Final, Protocol
+
+from trackfield.draw import uniform
+
+MIN_DELAY_NS: Final = 1_000_000
+"""Every frame takes at least 1 ms, so that a cause precedes its effect."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fate:
+    """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent."""
+
+    cause: str | None
+    delay_ns: int = 0
+
+
+LOST: Final = Fate("radio")
+
+
+class Link(Protocol):
+    """A link model. Equal arguments have equal fates, in any process and in any order of asking."""
+
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int) -> Fate:
+        """The fate of a frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time).
+
+        ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A broadcast
+        has a fate per hearer.
+        """
+        ...
+
+
+def delay(milliseconds: float) -> int:
+    """A delay in whole ns, at least the minimum."""
+    return max(MIN_DELAY_NS, round(milliseconds * 1e6))
+
+
+def exponential(mean: float, seed: int, *key: str | int) -> float:
+    """A keyed draw from the exponential distribution, in the unit of ``mean``."""
+    return -mean * log(uniform(seed, *key))
+
+
+def check_share(name: str, value: float) -> None:
+    """Raise ``ValueError`` unless 0 <= value <= 1."""
+    if not 0 <= value <= 1:
+        raise ValueError(f"{name}: {value} is not a share between 0 and 1")
+
+
+def check_positive(name: str, value: float, *, zero: bool = False) -> None:
+    """Raise ``ValueError`` unless the value is finite and positive, or zero where that is allowed."""
+    if not (0 < value < float("inf") or (zero and value == 0)):
+        raise ValueError(f"{name}: {value} is not {'zero or ' if zero else ''}positive and finite")

@@ -1,0 +1,24 @@
+"""What travels between processes: messages, their bytes, their keys and their envelopes (docs/wire.md)."""
+
+from __future__ import annotations
+
+from trackfield.wire import keys
+from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
+from trackfield.wire.envelope import Envelope
+from trackfield.wire.error import WireError
+from trackfield.wire.messages import Doa
+from trackfield.wire.registry import Scaled, kind
+
+__all__ = [
+    "MAX_BYTES",
+    "VERSION",
+    "Doa",
+    "Envelope",
+    "Scaled",
+    "WireError",
+    "decode",
+    "encode",
+    "keys",
+    "kind",
+    "kind_name",
+]

@@ -1,0 +1,59 @@
+"""Messages to bytes and back: a MessagePack array of integers, ``[version, kind, field, ...]``."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import msgpack
+
+from trackfield.wire.error import WireError
+from trackfield.wire.registry import kind_by_number, kind_of
+
+__all__ = ["MAX_BYTES", "VERSION", "WireError", "decode", "encode", "kind_name"]
+
+VERSION: Final = 1
+MAX_BYTES: Final = 256
+"""A longer payload is refused unread."""
+
+
+def encode(message: object) -> bytes:
+    """The payload of a message, its numbers rounded to their resolution.
+
+    Raises ``WireError`` for what is no message (``kind``), for a field of the wrong type (``type``) or out of
+    range (``range``; NaN and infinity are).
+    """
+    kind = kind_of(message)
+    numbers = (field.pack(getattr(message, field.name)) for field in kind.fields)
+    packed: bytes = msgpack.packb((VERSION, kind.number, *numbers))
+    return packed
+
+
+def decode(data: bytes) -> Any:
+    """The message in a payload; raises ``WireError`` for anything else, whatever the bytes are.
+
+    An integer may be written longer than it has to be: small devices like fixed widths.
+    """
+    if not isinstance(data, bytes):
+        raise WireError("type", f"payload: {type(data).__name__}")
+    if len(data) > MAX_BYTES:
+        raise WireError("size", f"{len(data)} bytes, at most {MAX_BYTES}")
+    try:
+        array = msgpack.unpackb(data)
+    except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
+        raise WireError("malformed", str(error)) from None
+    if type(array) is not list or len(array) < 2:
+        raise WireError("malformed", "not an array of version, kind and fields")
+    version, number, *values = array
+    if type(version) is not int:
+        raise WireError("type", f"version: {type(version).__name__}")
+    if version != VERSION:
+        raise WireError("version", str(version))
+    kind = kind_by_number(number)
+    if len(values) != len(kind.fields):
+        raise WireError("fields", f"{kind.name} has {len(kind.fields)}, not {len(values)}")
+    return kind.cls(*(field.unpack(value) for field, value in zip(kind.fields, values, strict=True)))
+
+
+def kind_name(message: object) -> str:
+    """The name of a message's kind, as in its key; raises ``WireError`` (``kind``)."""
+    return kind_of(message).name

@@ -1,0 +1,104 @@
+"""Zenoh keys: which plane, from whom, to whom, what. All are relative to the run's namespace."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from trackfield.wire.error import WireError
+
+MEDIA: Final = ("field", "backbone")
+
+ALL_DATA: Final = "data/**"
+"""Every data frame of the run."""
+ALL_TELEMETRY: Final = "telemetry/**"
+ALL_LIVE: Final = "live/**"
+JOIN: Final = "control/join"
+"""Whoever comes asks here (a query) for its place in the run."""
+START: Final = "control/start"
+"""The host's monotonic time (ns, decimal) at which emulated time begins."""
+END: Final = "control/end"
+"""The emulated time (ns, decimal) at which the run ends early."""
+STOP: Final = "control/stop"
+"""All roles leave."""
+FINISH: Final = "control/finish"
+"""The recorder closes its books."""
+RESULT: Final = "control/result"
+"""What the recorder found."""
+
+_ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}")
+
+
+def check_id(text: object) -> str:
+    """``text`` if it can name a process, cell or kind; raises ``WireError`` (``key``) otherwise.
+
+    Up to 32 ASCII letters, digits, ``_``, ``.`` and ``-``, the first a letter, digit or ``_``: safe as a
+    chunk of a key and as a file name.
+    """
+    if not isinstance(text, str) or not _ID.fullmatch(text):
+        raise WireError("key", f"{text!r} is not an id (1 to 32 of A-Z a-z 0-9 _ . -)")
+    return text
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """What a data key says; exactly one of ``to`` (a process) and ``cell`` (a neighbourhood) is set."""
+
+    medium: str
+    to: str | None
+    cell: str | None
+    src: str
+    kind: str
+
+
+def unicast(medium: str, dst: str, src: str, kind: str) -> str:
+    """The key of a frame from ``src`` to ``dst``; raises ``WireError`` (``key``)."""
+    return f"data/{_check_medium(medium)}/to/{check_id(dst)}/{check_id(src)}/{check_id(kind)}"
+
+
+def broadcast(medium: str, cell: str, src: str, kind: str) -> str:
+    """The key of a frame from ``src`` to everybody who hears ``cell``; raises ``WireError`` (``key``)."""
+    return f"data/{_check_medium(medium)}/all/{check_id(cell)}/{check_id(src)}/{check_id(kind)}"
+
+
+def inbox(medium: str, process: str) -> str:
+    """What a process subscribes to for the frames to itself; raises ``WireError`` (``key``)."""
+    return f"data/{_check_medium(medium)}/to/{check_id(process)}/**"
+
+
+def neighbourhood(medium: str, cell: str) -> str:
+    """What a process subscribes to for the broadcasts in a cell; raises ``WireError`` (``key``)."""
+    return f"data/{_check_medium(medium)}/all/{check_id(cell)}/**"
+
+
+def parse(key: str) -> Address:
+    """What a data key says; raises ``WireError`` (``key``) for anything else."""
+    chunks = key.split("/") if isinstance(key, str) else []
+    if len(chunks) != 6 or chunks[0] != "data" or chunks[2] not in ("to", "all"):
+        raise WireError("key", f"{key!r} is not a data key")
+    _, medium, flow, target, src, kind = chunks
+    check_id(target)
+    to, cell = (target, None) if flow == "to" else (None, target)
+    return Address(_check_medium(medium), to, cell, check_id(src), check_id(kind))
+
+
+def telemetry(process: str, what: str) -> str:
+    """The key under which a process tells ``what`` about itself; raises ``WireError`` (``key``)."""
+    return f"telemetry/{check_id(process)}/{check_id(what)}"
+
+
+def telemetry_of_all(what: str) -> str:
+    """What subscribes to ``what`` of every process; raises ``WireError`` (``key``)."""
+    return f"telemetry/*/{check_id(what)}"
+
+
+def live(process: str) -> str:
+    """The liveliness token of a process; raises ``WireError`` (``key``)."""
+    return f"live/{check_id(process)}"
+
+
+def _check_medium(medium: str) -> str:
+    if medium not in MEDIA:
+        raise WireError("key", f"medium {medium!r} is not one of {', '.join(MEDIA)}")
+    return medium

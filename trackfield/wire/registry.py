@@ -1,0 +1,152 @@
+"""Message kinds: what a field of a message may hold and how it becomes an integer, declared once per field.
+
+A kind is a frozen dataclass of ``Annotated[int, Scaled(...)]`` and ``Annotated[float, Scaled(...)]`` fields,
+registered under a number and a name by ``@kind``. Codec and table in docs/wire.md are both made from that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, TypeVar, get_args, get_origin, get_type_hints
+
+from trackfield.wire.error import WireError
+from trackfield.wire.keys import check_id
+
+MAX_FIELDS: Final = 27
+"""A message of this many fields, each at MessagePack's longest integer (9 bytes), stays within 256 bytes."""
+
+OWN_KINDS: Final = 128
+"""Kind numbers from here to 255 are for kinds registered outside of Trackfield."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A number that travels as the integer nearest to value / resolution.
+
+    ``resolution`` is 1/n for an integer n. ``cyclic`` (an angle): the step after ``high`` is ``low`` again.
+    """
+
+    low: float
+    high: float
+    resolution: float = 1
+    unit: str = ""
+    cyclic: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a kind, with its bounds in steps of the resolution."""
+
+    name: str
+    integral: bool
+    scaled: Scaled
+    per_unit: int
+    first: int
+    last: int
+
+    @classmethod
+    def of(cls, name: str, hint: object) -> Field:
+        """The field declared by a type hint; raises ``TypeError`` for one that cannot be encoded."""
+        number, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        if number not in (int, float) or len(extras) != 1 or not isinstance(extras[0], Scaled):
+            raise TypeError(f"{name}: expected Annotated[int, Scaled(...)] or Annotated[float, Scaled(...)]")
+        scaled = extras[0]
+        per_unit = round(1 / scaled.resolution)
+        if abs(per_unit * scaled.resolution - 1) > 1e-9 or (number is int and per_unit != 1):
+            raise TypeError(f"{name}: the resolution must be 1/n (1 for an int), not {scaled.resolution}")
+        first, last = round(scaled.low * per_unit), round(scaled.high * per_unit)
+        if not -(2**63) <= first < last < 2**63:
+            raise TypeError(f"{name}: the range {scaled.low}..{scaled.high} is empty or beyond 64 bits")
+        return cls(name, number is int, scaled, per_unit, first, last)
+
+    def pack(self, value: object) -> int:
+        """The integer that stands for ``value``; raises ``WireError`` (``type``, ``range``)."""
+        if isinstance(value, bool) or not isinstance(value, int if self.integral else int | float):
+            raise WireError("type", f"{self.name}: {type(value).__name__}")
+        steps = value * self.per_unit
+        if (
+            not self.first - 2 <= steps <= self.last + 2
+        ):  # NaN and infinity fail it too, and cannot be rounded
+            raise WireError("range", f"{self.name}: not in {self.scaled.low}..{self.scaled.high}")
+        number = round(steps)
+        if self.scaled.cyclic and number == self.last + 1:
+            number = self.first
+        return self._within(number)
+
+    def unpack(self, number: object) -> int | float:
+        """The value that the integer ``number`` stands for; raises ``WireError`` (``type``, ``range``)."""
+        if type(number) is not int:
+            raise WireError("type", f"{self.name}: {type(number).__name__}")
+        self._within(number)
+        return number if self.integral else number / self.per_unit
+
+    def _within(self, number: int) -> int:
+        if not self.first <= number <= self.last:
+            raise WireError("range", f"{self.name}: {number} not in {self.first}..{self.last}")
+        return number
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A registered message kind; ``fields`` in the order in which they travel."""
+
+    number: int
+    name: str
+    cls: type
+    fields: tuple[Field, ...]
+
+
+_by_number: dict[int, Kind] = {}
+_by_class: dict[type, Kind] = {}
+
+
+def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
+    """Register a frozen dataclass as the message kind ``number`` (1..255, your own from 128) named ``name``.
+
+    Raises ``ValueError`` for a number or name that is taken or invalid, ``TypeError`` for a class whose
+    fields cannot be encoded.
+    """
+    if not 1 <= number <= 255:
+        raise ValueError(f"kind number {number} is not in 1..255")
+    check_id(name)
+
+    def register(cls: type[T]) -> type[T]:
+        for other in _by_number.values():
+            if number == other.number or name == other.name:
+                raise ValueError(f"kind {number} {name!r} collides with {other.number} {other.name!r}")
+        hints = get_type_hints(cls, include_extras=True)
+        members: tuple[dataclasses.Field[Any], ...] = dataclasses.fields(cls)  # type: ignore[arg-type]
+        fields = tuple(Field.of(member.name, hints[member.name]) for member in members)
+        if len(fields) > MAX_FIELDS:
+            raise TypeError(f"{name}: {len(fields)} fields, at most {MAX_FIELDS} fit a message")
+        _by_number[number] = _by_class[cls] = Kind(number, name, cls, fields)
+        return cls
+
+    return register
+
+
+def kind_of(message: object) -> Kind:
+    """The kind of a message; raises ``WireError`` (``kind``) for what is none."""
+    try:
+        return _by_class[type(message)]
+    except KeyError:
+        raise WireError("kind", f"{type(message).__name__} is not a message") from None
+
+
+def kind_by_number(number: object) -> Kind:
+    """The kind registered under a number; raises ``WireError`` (``type``, ``kind``)."""
+    if type(number) is not int:
+        raise WireError("type", f"kind: {type(number).__name__}")
+    try:
+        return _by_number[number]
+    except KeyError:
+        raise WireError("kind", str(number)) from None
+
+
+def product_kinds() -> list[Kind]:
+    """Trackfield's own kinds, by number."""
+    return [_by_number[number] for number in sorted(_by_number) if number < OWN_KINDS]

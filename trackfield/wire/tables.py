@@ -1,0 +1,51 @@
+"""The tables of docs/wire.md, as Markdown: made from the registry and from the golden vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from trackfield.wire.registry import Field, product_kinds
+
+
+def kinds_table() -> str:
+    """All kinds with their fields, in the order in which they travel."""
+    head = ["kind", "name", "position", "field", "range", "resolution", "unit", "integer on the wire"]
+    rows = [
+        [kind.number, kind.name, position, *_cells(field)]
+        for kind in product_kinds()
+        for position, field in enumerate(kind.fields, start=2)
+    ]
+    return _table(head, rows)
+
+
+def vectors_tables(vectors: Mapping[str, Any]) -> str:
+    """The golden vectors: messages, other accepted spellings, refused payloads, envelopes."""
+    messages = [[_plain(v["kind"], v["fields"]), f"`{v['hex']}`"] for v in vectors["messages"]]
+    spellings = [[v["what"], f"`{v['hex']}`", f"`{v['canonical']}`"] for v in vectors["spellings"]]
+    refused = [[v["what"], f"`{v['hex']}`", v["reason"]] for v in vectors["refused"]]
+    envelopes = [[_plain("", v["fields"]), f"`{v['hex']}`"] for v in vectors["envelopes"]]
+    return "\n\n".join(
+        [
+            _table(["message", "payload"], messages),
+            _table(["accepted all the same", "payload", "means"], spellings),
+            _table(["refused", "payload", "reason"], refused),
+            _table(["envelope", "attachment"], envelopes),
+        ]
+    )
+
+
+def _cells(field: Field) -> list[object]:
+    scaled = field.scaled
+    wraps = f", then {field.first} again" if scaled.cyclic else ""
+    integers = f"{field.first} .. {field.last}{wraps}"
+    return [field.name, f"{scaled.low} .. {scaled.high}", scaled.resolution, scaled.unit, integers]
+
+
+def _plain(name: str, fields: Mapping[str, object]) -> str:
+    return " ".join([name, *(f"{key}={value}" for key, value in fields.items())]).strip()
+
+
+def _table(head: list[str], rows: Iterable[list[Any]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
