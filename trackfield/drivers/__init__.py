@@ -1,0 +1,1 @@
+"""Drivers: what runs roles, as processes over Zenoh or all together in virtual time."""

@@ -1,0 +1,304 @@
+"""The engine under both drivers: one role, its due events in total order, and the undoing of disorder.
+
+A driver offers frames, asks for ``next_key`` and calls ``handle_next`` when that is due. A frame that arrives
+after an event with a larger key was handled is put in its place: the state from before that event is restored
+and everything since is handled again. What had left already is not sent a second time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import Any, NamedTuple
+
+from trackfield.drivers.frames import (
+    RANK_FAULT,
+    RANK_TIMER,
+    Arrival,
+    EventKey,
+    Frame,
+    Output,
+    Refused,
+    Sent,
+    Told,
+    Undone,
+    Wrote,
+)
+from trackfield.link.clock import Clock
+from trackfield.role import (
+    CancelTimer,
+    Effect,
+    Event,
+    Ignored,
+    IllegalEvent,
+    Medium,
+    Radio,
+    Received,
+    Role,
+    Sample,
+    Sampled,
+    Send,
+    SetTimer,
+    Started,
+    Timer,
+    Write,
+)
+from trackfield.wire.codec import WireError, decode, encode, kind_name
+
+Sense = Callable[[str, int], Any]
+"""Reads the sensor of this name at a true time (ns)."""
+
+LATE = "late"
+"""The reason by which a role says that a frame came after its deadline."""
+
+
+class Alarm(NamedTuple):
+    """A pending timer: when it fires and was meant to fire (true time), and the local time it was set for."""
+
+    fires_ns: int
+    due_ns: int
+    at: int
+
+
+class Receiver(NamedTuple):
+    """Whether a radio listens, since when, and whether it did before (a change at t counts after t)."""
+
+    on: bool
+    since_ns: int
+    before: bool
+
+    def at(self, t_ns: int) -> bool:
+        """Whether a frame due at ``t_ns`` is heard."""
+        return self.on if t_ns > self.since_ns else self.before
+
+
+class Life(NamedTuple):
+    """All of a process that changes by handling events; immutable, so keeping one is taking a snapshot."""
+
+    state: Any
+    alarms: dict[str, Alarm]
+    receivers: dict[str, Receiver]
+    copies: tuple[int, dict[tuple[str, str], int]]
+    tally: dict[str, int]
+
+
+@dataclass(slots=True)
+class Handled:
+    """One entry of the history: the event, the life before it, and what left because of it."""
+
+    key: EventKey
+    before: Life
+    arrival: Arrival | None
+    outputs: list[Output]
+
+
+class Core:
+    """One role and its events.
+
+    ``tally`` counts the frames that were due here by what became of them; ``inversions`` the frames that had to be
+    put in their place; ``host_late`` those that came when it could no longer be done without a trace.
+    """
+
+    def __init__(
+        self,
+        role: Role[Any],
+        *,
+        owner: str,
+        clock: Clock,
+        sense: Sense,
+        start_ns: int = 0,
+        incarnation: int = 0,
+        history: int = 0,
+    ) -> None:
+        self.role, self.owner, self.clock, self.sense = role, owner, clock, sense
+        self.incarnation, self.history_length = incarnation, history
+        self.inversions = self.host_late = 0
+        self._life = Life(role.begin(), {}, {}, (-1, {}), {})
+        self._started = False
+        self._start_key: EventKey = (start_ns, RANK_FAULT, "start")
+        self._arrivals: list[tuple[EventKey, Arrival]] = []
+        self._history: list[Handled] = []
+        self._last: EventKey = (start_ns - 1,)
+        self._ghosts: set[tuple[Any, ...]] = set()
+        self._outputs: list[Output] = []
+
+    @property
+    def state(self) -> Any:
+        """The role's state."""
+        return self._life.state
+
+    @property
+    def tally(self) -> dict[str, int]:
+        """Frames that were due here, by what became of them."""
+        return dict(self._life.tally)
+
+    def next_key(self) -> EventKey | None:
+        """The key of the next event, or None."""
+        if not self._started:
+            return self._start_key
+        frame = self._arrivals[0][0] if self._arrivals else None
+        timer = self._next_alarm()
+        if timer is None or (frame is not None and frame < timer):
+            return frame
+        return timer
+
+    def offer(self, arrival: Arrival) -> list[Output]:
+        """Accept a frame due here; outputs come only if it had to be put before what was already handled."""
+        key = arrival.key
+        if key < self._last:
+            return self._insert(arrival)
+        heappush(self._arrivals, (key, arrival))
+        return []
+
+    def handle_next(self) -> list[Output]:
+        """Handle the next event and return what leaves because of it."""
+        key = self.next_key()
+        if key is None:
+            raise IllegalEvent("nothing is due")
+        before, self._outputs = self._life, []
+        arrival = self._handle(key)
+        outputs, self._last = self._outputs, key
+        if self.history_length:
+            self._history.append(Handled(key, before, arrival, outputs))
+            if len(self._history) > 2 * self.history_length:
+                del self._history[: self.history_length]
+        return outputs
+
+    # --- one event ---------------------------------------------------------------------------------------------
+
+    def _next_alarm(self) -> EventKey | None:
+        alarms = self._life.alarms
+        if not alarms:
+            return None
+        return min((a.fires_ns, RANK_TIMER, a.due_ns, name) for name, a in alarms.items())
+
+    def _handle(self, key: EventKey) -> Arrival | None:
+        t = key[0]
+        if key[1] == RANK_FAULT:
+            self._started = True
+            self._feed(Started(self.clock.local(t)), key)
+            return None
+        if key[1] == RANK_TIMER:
+            name = key[3]
+            alarm = self._life.alarms[name]
+            self._life = self._life._replace(alarms=_without(self._life.alarms, name))
+            self._feed(Timer(alarm.at if alarm.fires_ns == alarm.due_ns else self.clock.local(t), name), key)
+            return None
+        arrival = heappop(self._arrivals)[1]
+        self._receive(arrival.frame, key)
+        return arrival
+
+    def _receive(self, frame: Frame, key: EventKey) -> None:
+        receiver = self._life.receivers.get(frame.medium)
+        if receiver is not None and not receiver.at(key[0]):
+            self._count("asleep")
+            return
+        self._count("delivered")
+        try:
+            message = decode(frame.payload)
+            if kind_name(message) != frame.kind:
+                raise WireError("kind")
+        except WireError as error:
+            self._refuse(key, error.reason)
+            return
+        self._feed(Received(self.clock.local(key[0]), message, frame.src), key)
+
+    def _feed(self, event: Event, key: EventKey) -> None:
+        state, effects = self.role.handle(self._life.state, event)
+        self._life = self._life._replace(state=state)
+        for effect in effects:
+            self._do(effect, key, event.now)
+
+    def _do(self, effect: Effect, key: EventKey, now: int) -> None:
+        t: int = key[0]
+        match effect:
+            case Send(message, to, medium):
+                self._send(message, to, medium, key)
+            case SetTimer(name, at):
+                due = self.clock.true(at)
+                alarm = Alarm(max(due, t), due, at)
+                self._life = self._life._replace(alarms={**self._life.alarms, name: alarm})
+            case CancelTimer(name):
+                self._life = self._life._replace(alarms=_without(self._life.alarms, name))
+            case Sample(sensor):
+                self._feed(Sampled(now, sensor, self.sense(sensor, t)), key)
+            case Radio(on, medium):
+                self._switch(on, medium, t)
+                self._outputs.append(Told(key, effect))
+            case Ignored(reason):
+                self._refuse(key, reason)
+            case Write(port, data):
+                self._outputs.append(Wrote(key, port, data))
+            case _:
+                self._outputs.append(Told(key, effect))
+
+    def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
+        t, kind = key[0], kind_name(message)
+        address = to if isinstance(to, str) else ",".join(sorted(to))
+        since, counts = self._life.copies
+        counts = counts if since == t else {}
+        copy = counts.get((kind, address), 0)
+        self._life = self._life._replace(copies=(t, {**counts, (kind, address): copy + 1}))
+        frame = Frame(self.owner, self.incarnation, kind, t, copy, address, medium, encode(message))
+        self._outputs.append(Sent(key, frame))
+
+    def _switch(self, on: bool, medium: Medium, t: int) -> None:
+        old = self._life.receivers.get(medium, Receiver(True, -1, True))
+        new = Receiver(on, t, old.before if old.since_ns == t else old.on)
+        self._life = self._life._replace(receivers={**self._life.receivers, medium: new})
+
+    def _refuse(self, key: EventKey, reason: str) -> None:
+        self._count(LATE if reason == LATE else "ignored")
+        self._outputs.append(Refused(key, reason))
+
+    def _count(self, outcome: str) -> None:
+        tally = self._life.tally
+        self._life = self._life._replace(tally={**tally, outcome: tally.get(outcome, 0) + 1})
+
+    # --- putting a frame in its place -----------------------------------------------------------------------------
+
+    def _insert(self, arrival: Arrival) -> list[Output]:
+        if not self._history or self._history[0].key > arrival.key:
+            return self._too_late(arrival)
+        self.inversions += 1
+        undone: list[Handled] = []
+        while self._history and self._history[-1].key > arrival.key:
+            undone.append(self._history.pop())
+        undone.reverse()
+        reached, self._life = self._last, undone[0].before
+        for again in (arrival, *(h.arrival for h in undone if h.arrival is not None)):
+            heappush(self._arrivals, (again.key, again))
+        new: list[Output] = []
+        while (key := self.next_key()) is not None and key <= reached:
+            new += self.handle_next()
+        self._last = reached
+        return self._difference([o for h in undone for o in h.outputs], new, arrival.key)
+
+    def _too_late(self, arrival: Arrival) -> list[Output]:
+        """Older than the history: handled now, out of its order, and counted."""
+        self.host_late += 1
+        self._outputs = []
+        self._receive(arrival.frame, arrival.key)
+        return self._outputs
+
+    def _difference(self, old: list[Output], new: list[Output], since: EventKey) -> list[Output]:
+        """What must leave after a replay: frames that are new, and telemetry again if it changed."""
+        left, again = _frames(old), _frames(new)
+        vanished = [f for f in left if f not in again]
+        self.host_late += bool(vanished)
+        self._ghosts.update(f.identity for f in vanished)
+        known = {f.identity for f in left} | self._ghosts
+        out: list[Output] = [o for o in new if isinstance(o, Sent) and o.frame.identity not in known]
+        told, retold = ([o for o in side if isinstance(o, Told | Refused)] for side in (old, new))
+        if told != retold:
+            out += [Undone(since), *retold]
+        return out
+
+
+def _without(alarms: dict[str, Alarm], name: str) -> dict[str, Alarm]:
+    return {n: a for n, a in alarms.items() if n != name}
+
+
+def _frames(outputs: Iterable[Output]) -> list[Frame]:
+    return [o.frame for o in outputs if isinstance(o, Sent)]

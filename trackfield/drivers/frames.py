@@ -1,0 +1,112 @@
+"""Frames and the other things that leave a role, as both drivers and the recorder know them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from trackfield.role import NEIGHBOURHOOD, Medium, Note, Publish, Radio, State
+
+RANK_FAULT: Final = 0
+RANK_FRAME: Final = 1
+RANK_TIMER: Final = 2
+
+EventKey = tuple[Any, ...]
+"""Place of an event in the total order of one process.
+
+``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to)`` for frames,
+``(t, 2, original due, name)`` for timers; t in ns of true time.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One transmission. ``to`` is an id, ``NEIGHBOURHOOD``, or ids joined by commas in sorted order."""
+
+    src: str
+    incarnation: int
+    kind: str
+    sent_ns: int
+    copy: int
+    to: str
+    medium: Medium
+    payload: bytes
+
+    @property
+    def identity(self) -> tuple[str, int, str, int, int, str]:
+        """What makes two arrivals the same frame."""
+        return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to)
+
+    @property
+    def addresses(self) -> tuple[str, ...] | None:
+        """The ids it is meant for; None for a broadcast."""
+        return None if self.to == NEIGHBOURHOOD else tuple(self.to.split(","))
+
+    def key(self, due_ns: int) -> EventKey:
+        """Its place among the events of a hearer that receives it at ``due_ns``."""
+        return (
+            due_ns,
+            RANK_FRAME,
+            self.src,
+            self.kind,
+            self.sent_ns,
+            self.copy,
+            self.incarnation,
+            self.to,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """A frame that survived the link and is due at this process."""
+
+    due_ns: int
+    frame: Frame
+
+    @property
+    def key(self) -> EventKey:
+        """Its place in the order of events."""
+        return self.frame.key(self.due_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A frame leaves."""
+
+    key: EventKey
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """Telemetry: a change of state or radio, an estimate, a note; ``key`` is that of the event it came from."""
+
+    key: EventKey
+    effect: State | Radio | Publish | Note
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Telemetry: a delivered frame that was of no use to the role, and why (``late``, ``malformed``, ...)."""
+
+    key: EventKey
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Undone:
+    """Telemetry: forget what this process told from the event ``key`` on; it comes again."""
+
+    key: EventKey
+
+
+@dataclass(frozen=True, slots=True)
+class Wrote:
+    """Bytes for a device port."""
+
+    key: EventKey
+    port: str
+    data: bytes
+
+
+Output = Sent | Told | Refused | Undone | Wrote

@@ -1,0 +1,269 @@
+"""The process driver: one role as an operating-system process, fed by Zenoh and the clock.
+
+The loop drains what Zenoh's thread left in the inbox, handles what is due, and sleeps until the next thing is.
+Emulated time t falls on the host's monotonic clock at ``start + t / speed``; a handler never sees that clock.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from threading import Event
+from typing import Any, Final
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from trackfield.drivers.core import Core
+from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Sent, Told, Undone
+from trackfield.drivers.histogram import Histogram
+from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
+from trackfield.drivers.telemetry import pack
+from trackfield.link.models import Link, make_link
+from trackfield.wire import keys
+from trackfield.wire.codec import WireError
+from trackfield.wire.envelope import Envelope
+
+log = logging.getLogger(__name__)
+
+HISTORY: Final = 400
+"""Events that can be undone; frames are a few tens of milliseconds out of order at worst."""
+SEEN: Final = 10_000
+"""Identities of frames that are remembered to tell a duplicate."""
+FLUSH_NS: Final = 1_000_000_000
+"""How often counters are told, if they changed (wall time)."""
+JOIN_TIMEOUT_S: Final = 60.0
+JOIN_RETRY_S: Final = 0.2
+
+
+class JoinError(RuntimeError):
+    """The launcher has no place for this process, or does not answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """The launcher's answer to whoever comes, early or late."""
+
+    run: RunSpec
+    process: ProcessSpec
+    start_ns: int | None
+
+
+def join(session: zenoh.Session, id: str) -> Joined:
+    """Ask the launcher for all that this process must know. Raises JoinError."""
+    deadline = time.monotonic() + JOIN_TIMEOUT_S
+    while time.monotonic() < deadline:
+        for reply in session.get(keys.JOIN, payload=id, timeout=JOIN_TIMEOUT_S):
+            if reply.ok is None:
+                raise JoinError(f"{id}: {reply.err.payload.to_string() if reply.err else 'refused'}")
+            answer = msgpack.unpackb(reply.ok.payload.to_bytes(), strict_map_key=False)
+            process = ProcessSpec.from_plain(answer["process"])
+            return Joined(RunSpec(**answer["run"]), process, answer["start_ns"])
+        time.sleep(JOIN_RETRY_S)
+    raise JoinError(f"{id}: no launcher answers in this run")
+
+
+class Seen:
+    """The latest identities, to recognise a second arrival."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], None] = {}
+
+    def again(self, identity: tuple[Any, ...]) -> bool:
+        """Whether this identity came before; remembers it."""
+        if identity in self._known:
+            return True
+        self._known[identity] = None
+        if len(self._known) > SEEN:
+            del self._known[next(iter(self._known))]
+        return False
+
+
+class Process:
+    """One process of the field: declares itself, waits for the start, runs to the end, and says its last word."""
+
+    def __init__(self, session: zenoh.Session, id: str) -> None:
+        self.session, self.id = session, id
+        self._inbox: deque[tuple[int, zenoh.Sample]] = deque()
+        self._wake, self._stop = Event(), Event()
+        self._start_ns: int | None = None
+        self._held = [
+            session.declare_subscriber(keys.START, Callback(self._on_start, indirect=False)),
+            session.declare_subscriber(keys.END, Callback(self._on_end, indirect=False)),
+            session.declare_subscriber(keys.STOP, Callback(self._on_stop, indirect=False)),
+        ]
+        joined = join(session, id)
+        self.spec, self._end_ns, self._speed = joined.process, joined.run.end_ns, joined.run.speed
+        self.core: Core = build_core(joined.run, joined.process, history=HISTORY)
+        self._link: Link = make_link(joined.run.link, joined.run.seed)
+        self._seen, self._seq, self._told_counts = Seen(), 0, b""
+        self._counts = {"radio": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
+        self._slip, self._latency = Histogram(), Histogram()
+        for key in self._inboxes():
+            self._held.append(session.declare_subscriber(key, Callback(self._on_data, indirect=False)))
+        if joined.start_ns is not None:
+            self._start_ns = joined.start_ns
+        self._token = session.liveliness().declare_token(keys.live(id))
+
+    def _inboxes(self) -> list[str]:
+        media = self.spec.media
+        cells = [keys.neighbourhood(medium, cell) for medium in media for cell in self.spec.cells]
+        return [keys.inbox(medium, self.id) for medium in media] + cells
+
+    # --- Zenoh's thread: append and wake, nothing else ------------------------------------------------------------
+
+    def _on_data(self, sample: zenoh.Sample) -> None:
+        self._inbox.append((time.monotonic_ns(), sample))
+        self._wake.set()
+
+    def _on_start(self, sample: zenoh.Sample) -> None:
+        self._start_ns = int(sample.payload.to_string())
+        self._wake.set()
+
+    def _on_end(self, sample: zenoh.Sample) -> None:
+        """The run ends early, at this emulated time."""
+        self._end_ns = int(sample.payload.to_string())
+        self._wake.set()
+
+    def _on_stop(self, _sample: zenoh.Sample) -> None:
+        self._stop.set()
+        self._wake.set()
+
+    # --- the loop -------------------------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Run until the launcher says stop."""
+        while self._start_ns is None and not self._stop.is_set():
+            self._wake.wait(1.0)
+            self._wake.clear()
+        reached, flush_ns = False, time.monotonic_ns() + FLUSH_NS
+        while not self._stop.is_set():
+            self._wake.clear()
+            while self._inbox:
+                self._accept(*self._inbox.popleft())
+            now, key = time.monotonic_ns(), self.core.next_key()
+            wake_ns = flush_ns
+            if key is not None and key[0] < self._end_ns:
+                due = self._wall(key[0])
+                if now >= due:
+                    self._slip.add(now - due)
+                    self._release(self.core.handle_next())
+                    continue
+                wake_ns = min(wake_ns, due)
+            elif now >= (end := self._wall(self._end_ns)):
+                if not reached:
+                    reached = True
+                    self.session.put(keys.telemetry(self.id, "reached"), b"")
+            else:
+                wake_ns = min(wake_ns, end)
+            if now >= flush_ns:
+                flush_ns = now + FLUSH_NS
+                self._tell_counts()
+            self._wake.wait(max(wake_ns - now, 0) / 1e9)
+        self._close()
+
+    def _wall(self, t_ns: int) -> int:
+        assert self._start_ns is not None
+        return self._start_ns + round(t_ns / self._speed)
+
+    def _close(self) -> None:
+        record = msgpack.packb(self.record())
+        self.session.put(keys.telemetry(self.id, "final"), record, congestion_control=zenoh.CongestionControl.BLOCK)
+        self.session.close()
+
+    def record(self) -> dict[str, Any]:
+        """The counters of this life, for the recorder's cross-check."""
+        return {
+            "sent": self._seq,
+            "incarnation": self.spec.incarnation,
+            **self._counts,
+            **self.core.tally,
+            "inversions": self.core.inversions,
+            "host_late": self.core.host_late,
+            "slip": dict(self._slip.counts),
+            "latency": dict(self._latency.counts),
+            "cpu_s": time.process_time(),
+        }
+
+    def _tell_counts(self) -> None:
+        counts = msgpack.packb({"sent": self._seq, **self._counts, **self.core.tally})
+        if counts != self._told_counts:
+            self._told_counts = counts
+            self.session.put(keys.telemetry(self.id, "counts"), counts)
+
+    # --- frames in and out ----------------------------------------------------------------------------------------
+
+    def _accept(self, arrived_ns: int, sample: zenoh.Sample) -> None:
+        try:
+            address = keys.parse(str(sample.key_expr))
+            envelope = self._envelope(arrived_ns, sample)
+        except WireError as error:
+            self._counts["malformed"] += 1
+            log.warning("ignored a frame on %s: %s", sample.key_expr, error)
+            return
+        to = address.to
+        frame = Frame(
+            address.src,
+            envelope.incarnation,
+            address.kind,
+            envelope.sent_ns,
+            envelope.copy,
+            to or "*",
+            address.medium,
+            sample.payload.to_bytes(),
+        )
+        if not self.spec.is_addressed(None if to is None else (to,), frame.src, address.cell or ""):
+            return
+        if self._seen.again(frame.identity):
+            self._counts["duplicate"] += 1
+            return
+        if envelope.put_ns:
+            self._latency.add(arrived_ns - envelope.put_ns)
+        self._receive(frame)
+
+    def _envelope(self, arrived_ns: int, sample: zenoh.Sample) -> Envelope:
+        """The frame's envelope; a foreign device's frame has none and is stamped on arrival."""
+        if sample.attachment is not None:
+            return Envelope.unpack(sample.attachment.to_bytes())
+        if self._speed != 1 or self._start_ns is None:
+            raise WireError("envelope")
+        self._counts["foreign"] += 1
+        return Envelope(max(arrived_ns - self._start_ns, 0), 0, 0, 0, 0)
+
+    def _receive(self, frame: Frame) -> None:
+        fate = self._link.fate(
+            frame.src, self.id, frame.kind, frame.sent_ns, frame.copy, len(frame.payload)
+        )
+        if fate.cause is not None:
+            self._counts[fate.cause] += 1
+            return
+        self._release(self.core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame)))
+
+    def _release(self, outputs: Iterable[Output]) -> None:
+        for output in outputs:
+            if isinstance(output, Sent):
+                self._transmit(output.frame)
+            elif isinstance(output, Told | Refused | Undone):
+                self.session.put(keys.telemetry(self.id, "event"), pack(output))
+            else:
+                log.warning("no device is attached to port %s", output.port)
+
+    def _transmit(self, frame: Frame) -> None:
+        envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, self._seq, time.monotonic_ns())
+        self._seq += 1
+        to = frame.addresses
+        for key in (
+            [keys.broadcast(frame.medium, self.spec.cell, self.id, frame.kind)]
+            if to is None
+            else [keys.unicast(frame.medium, dst, self.id, frame.kind) for dst in to]
+        ):
+            self.session.put(
+                key,
+                frame.payload,
+                attachment=envelope.pack(),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )

@@ -1,0 +1,44 @@
+"""Zenoh sessions with the settings that a field of a thousand processes needs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+import zenoh
+
+NODE_RUNTIME: Final = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app))"
+"""ZENOH_RUNTIME of a node: half the threads. Never for the router, which would lose frames with it."""
+
+_CLIENT: Final[Mapping[str, Any]] = {
+    "mode": "client",
+    "listen/endpoints": [],
+    "scouting/multicast/enabled": False,
+    "transport/shared_memory/enabled": False,
+    "connect/timeout_ms": 60_000,
+    "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
+}
+_ROUTER: Final[Mapping[str, Any]] = {
+    "mode": "router",
+    "scouting/multicast/enabled": False,
+    "transport/shared_memory/enabled": False,
+    "transport/unicast": {"max_sessions": 4000, "accept_pending": 4000, "accept_timeout": 60_000},
+}
+
+
+def open_client(endpoint: str, namespace: str) -> zenoh.Session:
+    """Join the run ``namespace`` through the router at ``endpoint``."""
+    return _open({**_CLIENT, "connect/endpoints": [endpoint], "namespace": namespace})
+
+
+def open_router(*endpoints: str) -> zenoh.Session:
+    """A router that listens at these endpoints for as long as the session is kept."""
+    return _open({**_ROUTER, "listen/endpoints": list(endpoints)})
+
+
+def _open(settings: Mapping[str, Any]) -> zenoh.Session:
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)

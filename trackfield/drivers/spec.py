@@ -1,0 +1,112 @@
+"""What a driver must know of a run and of each of its processes: plain values that travel in a join answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any, Self
+
+from trackfield.drivers.core import Core, Sense
+from trackfield.link.clock import Clock
+from trackfield.role import Medium, Role
+from trackfield.world.acoustic import AcousticSensor
+
+Plain = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run."""
+
+    run: str
+    seed: int
+    end_ns: int
+    link: Plain
+    speed: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSpec:
+    """One process: its role by entry point (or ``module:factory``), the role's arguments, and its surroundings.
+
+    ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
+    those it listens to (none if no role of it consumes broadcasts); ``hears`` limits whose broadcasts reach it.
+    ``media`` are the radios and wires it has.
+    """
+
+    id: str
+    role: str
+    config: Plain = field(default_factory=dict)
+    x: float = 0.0
+    y: float = 0.0
+    sound: Plain = field(default_factory=dict)
+    media: tuple[Medium, ...] = ("field",)
+    cell: str = "c0"
+    cells: tuple[str, ...] = ()
+    hears: frozenset[str] | None = None
+    incarnation: int = 0
+
+    def plain(self) -> Plain:
+        """The form that travels."""
+        hears = None if self.hears is None else sorted(self.hears)
+        return {**asdict(self), "hears": hears}
+
+    @classmethod
+    def from_plain(cls, plain: Mapping[str, Any]) -> Self:
+        """The inverse of ``plain``."""
+        hears = plain["hears"]
+        lists = {name: tuple(plain[name]) for name in ("media", "cells")}
+        return cls(**{**plain, **lists, "hears": None if hears is None else frozenset(hears)})
+
+    def is_addressed(self, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
+        """Whether a frame to these ids (None: a broadcast into ``cell``) from ``src`` is meant for this process."""
+        if to is not None:
+            return self.id in to
+        return src != self.id and cell in self.cells and (self.hears is None or src in self.hears)
+
+
+def role_factory(name: str) -> Callable[..., Role[Any]]:
+    """What makes roles of this name; loading it registers the message kinds that its module defines.
+
+    Raises LookupError if no installed package offers it.
+    """
+    if ":" in name:
+        module, _, attribute = name.partition(":")
+        factory: Callable[..., Role[Any]] = getattr(import_module(module), attribute)
+        return factory
+    for entry in entry_points(group="trackfield.roles", name=name):
+        factory = entry.load()
+        return factory
+    raise LookupError(f"no installed package offers the role {name!r} (entry point trackfield.roles)")
+
+
+def build_core(run: RunSpec, spec: ProcessSpec, *, history: int) -> Core:
+    """A process's engine with its sensors and clock."""
+    clock = Clock()
+    return Core(
+        role_factory(spec.role)(**spec.config),
+        owner=spec.id,
+        clock=clock,
+        sense=_senses(run, spec, clock),
+        incarnation=spec.incarnation,
+        history=history,
+    )
+
+
+def _senses(run: RunSpec, spec: ProcessSpec, clock: Clock) -> Sense:
+    """``sound`` reads the microphone array; ``wake-up`` answers when (local time) it will next hear something."""
+    sensor = AcousticSensor.from_plain(spec.sound) if spec.sound else None
+
+    def sense(name: str, t_ns: int) -> Any:
+        if sensor is None:
+            raise LookupError(f"{spec.id} has no sensor {name!r}")
+        if name == "sound":
+            return sensor.sample(t_ns)
+        at = sensor.next_window(t_ns)
+        return None if at is None else clock.local(at)
+
+    return sense
+
+

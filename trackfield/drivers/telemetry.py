@@ -1,0 +1,47 @@
+"""Telemetry on its way from a process to the recorder: MessagePack of ``[type, key, field, ...]``."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from typing import Any
+
+import msgpack
+
+from trackfield.drivers.frames import Refused, Told, Undone
+from trackfield.role import Note, Publish, Radio, State, TrackPoint
+
+Telemetry = Told | Refused | Undone
+
+
+def pack(output: Telemetry) -> bytes:
+    """Encode one piece of telemetry."""
+    match output:
+        case Told(key, Publish(point)):
+            body: tuple[Any, ...] = ("publish", key, *astuple(point))
+        case Told(key, effect):
+            body = (type(effect).__name__.lower(), key, *astuple(effect))
+        case Refused(key, reason):
+            body = ("refused", key, reason)
+        case Undone(key):
+            body = ("undone", key)
+    packed: bytes = msgpack.packb(body)
+    return packed
+
+
+def unpack(data: bytes) -> Telemetry:
+    """The inverse of ``pack``."""
+    name, key, *fields = msgpack.unpackb(data, use_list=False)
+    match name:
+        case "publish":
+            return Told(key, Publish(TrackPoint(*fields)))
+        case "state":
+            return Told(key, State(*fields))
+        case "radio":
+            return Told(key, Radio(*fields))
+        case "note":
+            return Told(key, Note(*fields))
+        case "refused":
+            return Refused(key, *fields)
+        case "undone":
+            return Undone(key)
+    raise ValueError(f"unknown telemetry {name!r}")
