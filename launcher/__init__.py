@@ -1,0 +1,1 @@
+"""System control: command line, processes, recorder, ledger, reports."""

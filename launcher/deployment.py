@@ -1,0 +1,287 @@
+"""The processes of a run: forked, joined, started, watched, and gone at the end whatever happened."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from multiprocessing.connection import wait
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+from threading import Event
+from types import ModuleType
+from typing import Any, Final, Self
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from launcher import zygote
+from launcher.records import Plan
+from trackfield.drivers.session import open_client
+from trackfield.errors import RunFailed
+from trackfield.wire import keys
+
+READY_TIMEOUT_S: Final = 60.0
+LEAD_S: Final = 0.5
+"""Between the start order and the start, so that every process has the order in time."""
+LINGER_S: Final = 0.3
+"""For frames that are still on their way when all have reached the end."""
+STOP_TIMEOUT_S: Final = 10.0
+RECORDER: Final = "recorder"
+ROUTER: Final = "router"
+LOG_TAIL: Final = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Death:
+    """A process that died unplanned, at ``t_s`` of emulated time (None: before the start)."""
+
+    id: str
+    why: str
+    t_s: float | None
+
+
+class Deployment:
+    """Router, recorder and roles of one run, as a context manager that leaves no process behind.
+
+    ``on_status`` gets what the recorder says of itself twice a second. Raises ``RunFailed`` where a process does not
+    come up; processes that die later are listed in ``deaths``.
+    """
+
+    def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
+        self.plan, self.folder = plan, folder
+        self.deaths: list[Death] = []
+        self.status: dict[str, Any] = {}
+        self.result: dict[str, Any] | None = None
+        self._own_router = not endpoint
+        self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
+        self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
+        self._answers = {p.id: p.plain() for p in plan.processes}
+        self._start_ns: int | None = None
+        self._children: dict[str, ForkServerProcess] = {}
+        self._gone: set[str] = set()
+        self._live: set[str] = set()
+        self._reached: set[str] = set()
+        self._news, self._got_result = Event(), Event()
+
+    def __enter__(self) -> Self:
+        try:
+            self._fork_and_connect()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for child in self._children.values():
+            if child.is_alive():
+                child.kill()
+        for child in self._children.values():
+            child.join()
+        if hasattr(self, "session"):
+            self.session.close()
+        shutil.rmtree(self._sockets, ignore_errors=True)
+
+    # --- birth ----------------------------------------------------------------------------------------------------
+
+    def _fork_and_connect(self) -> None:
+        _allow_many_files(4 * len(self.plan.processes) + 1024)
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(["launcher.zygote"])
+        logs = self.folder / "logs"
+        logs.mkdir(exist_ok=True)
+        run = self.plan.run.run
+
+        def fork(name: str, target: Callable[..., None], *args: Any) -> None:
+            child = context.Process(target=target, name=name, args=args)
+            child.start()
+            self._children[name] = child
+
+        with _no_main_module(), _zygote_environment():
+            if self._own_router:
+                fork(ROUTER, zygote.run_router, self.endpoint, logs / "router.log")
+            self._connect()  # before anyone can ask to join
+            log = logs / "recorder.log"
+            fork(RECORDER, zygote.run_recorder, self.endpoint, log, (self.plan, self.folder))
+            for p in self.plan.processes:
+                title = p.id if p.id == p.role else f"{p.role} {p.id}"
+                fork(p.id, zygote.run_role, self.endpoint, run, p.id, title, logs / f"{p.id}.log")
+
+    def _connect(self) -> None:
+        self.session = open_client(self.endpoint, self.plan.run.run)
+        subscribe = self.session.declare_subscriber
+        self._held = [
+            self.session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),
+            subscribe(keys.telemetry_of_all("reached"), Callback(self._on_reached, indirect=False)),
+            subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
+            subscribe(keys.RESULT, Callback(self._on_result, indirect=False)),
+            self.session.liveliness().declare_subscriber(
+                keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
+            ),
+        ]
+
+    # --- Zenoh's threads ------------------------------------------------------------------------------------------
+
+    def _answer(self, query: zenoh.Query) -> None:
+        id = query.payload.to_string() if query.payload else ""
+        if id not in self._answers:
+            query.reply_err(f"no process {id!r} in this run")
+            return
+        answer = {"run": asdict(self.plan.run), "process": self._answers[id], "start_ns": self._start_ns}
+        query.reply(query.key_expr, msgpack.packb(answer))
+
+    def _on_live(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            self._live.add(str(sample.key_expr).rpartition("/")[2])
+            self._news.set()
+
+    def _on_reached(self, sample: zenoh.Sample) -> None:
+        self._reached.add(str(sample.key_expr).split("/")[1])
+        self._news.set()
+
+    def _on_status(self, sample: zenoh.Sample) -> None:
+        self.status = msgpack.unpackb(sample.payload.to_bytes())
+        self._news.set()
+
+    def _on_result(self, sample: zenoh.Sample) -> None:
+        self.result = msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False)
+        self._got_result.set()
+
+    # --- life -----------------------------------------------------------------------------------------------------
+
+    def wait_ready(self, tick: Callable[[int, int], bool]) -> None:
+        """Wait until all declare themselves alive; ``tick(ready, of)`` returns True to give up.
+
+        Raises ``RunFailed`` for a process that dies first, or is not there in time.
+        """
+        wanted = {p.id for p in self.plan.processes} | {RECORDER}
+        deadline = time.monotonic() + READY_TIMEOUT_S
+        while wanted - self._live:
+            if tick(len(wanted & self._live), len(wanted)):
+                return
+            for name in self._newly_gone():
+                raise self._failure(f"{name} died at start ({self._why(name)})", name)
+            if time.monotonic() > deadline:
+                name = min(wanted - self._live)
+                raise self._failure(
+                    f"{len(wanted - self._live)} of {len(wanted)} processes were not ready in time", name
+                )
+            self._pause(0.05)
+
+    def begin(self) -> None:
+        """Order the start of emulated time."""
+        self._start_ns = time.monotonic_ns() + round(LEAD_S * 1e9)
+        self.session.put(keys.START, str(self._start_ns))
+
+    @property
+    def now_ns(self) -> int:
+        """Emulated time now (negative before the start)."""
+        assert self._start_ns is not None
+        return round((time.monotonic_ns() - self._start_ns) * self.plan.run.speed)
+
+    def watch(self, tick: Callable[[], bool]) -> None:
+        """Follow the run to its end; ``tick()`` returns True to end it early."""
+        roles, ending = {p.id for p in self.plan.processes}, False
+        while roles - self._reached - self._gone:
+            self._bury()
+            if tick() and not ending:
+                ending = True
+                self.session.put(keys.END, str(max(self.now_ns, 0) + round(LEAD_S * self.plan.run.speed * 1e9)))
+            self._pause(0.1)
+
+    def finish(self) -> None:
+        """Stop the roles, let the recorder close its files, and end the rest."""
+        time.sleep(LINGER_S)
+        self.session.put(keys.STOP, b"")
+        roles = [self._children[p.id] for p in self.plan.processes]
+        _join(roles, STOP_TIMEOUT_S)
+        for child in roles:
+            if child.is_alive():
+                child.kill()
+                self.deaths.append(Death(child.name, "did not stop when told", None))
+        self.session.put(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
+        recorder = self._children[RECORDER]
+        while recorder.is_alive() and not self._got_result.wait(0.1):
+            pass
+        _join([recorder], STOP_TIMEOUT_S)
+        if self.result is None and RECORDER not in self._gone:
+            self.deaths.append(Death(RECORDER, self._why(RECORDER), None))
+        if self._own_router:
+            self._children[ROUTER].terminate()
+            _join([self._children[ROUTER]], STOP_TIMEOUT_S)
+
+    def pids(self) -> dict[str, int]:
+        """The process ids of the roles."""
+        return {p.id: pid for p in self.plan.processes if (pid := self._children[p.id].pid) is not None}
+
+    def log_tail(self, name: str) -> str:
+        """The last lines of a process's log."""
+        path = self.folder / "logs" / f"{name}.log"
+        return "\n".join(path.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if path.exists() else ""
+
+    # --- death ----------------------------------------------------------------------------------------------------
+
+    def _pause(self, seconds: float) -> None:
+        self._news.wait(seconds)
+        self._news.clear()
+
+    def _newly_gone(self) -> list[str]:
+        alive = {c.sentinel: name for name, c in self._children.items() if name not in self._gone}
+        names = [alive[s] for s in wait(list(alive), 0) if isinstance(s, int)]
+        self._gone.update(names)
+        return names
+
+    def _bury(self) -> None:
+        for name in self._newly_gone():
+            t = max(self.now_ns, 0) / 1e9
+            self.deaths.append(Death(name, self._why(name), t))
+
+    def _why(self, name: str) -> str:
+        self._children[name].join(1)
+        code = self._children[name].exitcode
+        return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+
+    def _failure(self, what: str, name: str) -> RunFailed:
+        tail, path = self.log_tail(name), self.folder / "logs" / f"{name}.log"
+        return RunFailed(f"{what}; its log, {path}, ends:\n{tail}" if tail else what, process=name, log=tail)
+
+
+def _join(children: list[ForkServerProcess], timeout_s: float) -> None:
+    deadline = time.monotonic() + timeout_s
+    for child in children:
+        child.join(max(deadline - time.monotonic(), 0))
+
+
+def _allow_many_files(wanted: int) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    limit = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    if soft != resource.RLIM_INFINITY and soft < limit:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
+
+
+@contextmanager
+def _no_main_module() -> Iterator[None]:
+    """Keep children from importing the caller's main program."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
+@contextmanager
+def _zygote_environment() -> Iterator[None]:
+    os.environ["TRACKFIELD_ZYGOTE"] = str(os.getpid())
+    try:
+        yield
+    finally:
+        del os.environ["TRACKFIELD_ZYGOTE"]

@@ -1,0 +1,74 @@
+"""What passes between the parts of the launcher: the plan of a run, and what the recorder settles of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.world.path import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A process of the field and where it stands (metres, east and north)."""
+
+    id: str
+    role: str
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class FieldInfo:
+    """What a picture of the run needs besides its events.
+
+    ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated.
+    """
+
+    run: str
+    scenario: str
+    places: tuple[Place, ...]
+    truth: tuple[tuple[float, float, float], ...]
+    gaps: tuple[tuple[float, float], ...]
+    trackers: tuple[str, ...]
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class MessageRow:
+    """One (frame, hearer) with its settled outcome; a row of messages.parquet.
+
+    ``outcome`` is ``delivered``, ``late``, ``duplicate`` or ``ignored`` (all of them delivered), or a cause of loss:
+    ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
+    ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are a DOA report's.
+    """
+
+    kind: str
+    src: str
+    dst: str
+    medium: str
+    sent_ns: int
+    due_ns: int | None
+    outcome: str
+    bytes: int
+    copy: int = 0
+    incarnation: int = 0
+    text: str = ""
+    bearing_deg: float | None = None
+    step: int | None = None
+
+    @property
+    def delivered(self) -> bool:
+        """Whether the frame reached its hearer, of use or not."""
+        return self.outcome in ("delivered", "late", "duplicate", "ignored")
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A run, ready to be driven: the same for both drivers."""
+
+    run: RunSpec
+    processes: tuple[ProcessSpec, ...]
+    path: Path
+    info: FieldInfo
+    step_ns: int

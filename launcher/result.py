@@ -1,0 +1,88 @@
+"""What a run leaves behind while it goes on and when it ends: timeline, tables, metrics."""
+
+from __future__ import annotations
+
+import json
+from math import hypot
+from pathlib import Path as FilePath
+from typing import Any
+
+from launcher.ledger import Event, Ledger
+from launcher.metrics import Metrics, run_metrics
+from launcher.records import Plan
+from launcher.records import MessageRow
+from launcher.tables import track_rows, write_messages, write_tracks
+from launcher.timeline import Timeline
+from trackfield.role import NS, Note, Publish, State
+
+TIMELINE = "run.rrd"
+
+
+class Journal:
+    """Hands on what the ledger has settled to the timeline, and closes the books."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
+        self.plan, self.ledger, self.folder = plan, ledger, folder
+        self.timeline = Timeline(folder / TIMELINE, plan.info)
+        self.states: dict[str, str] = {}
+        self.errors: dict[str, float | None] = {}
+        self.outcomes: dict[str, int] = {}
+
+    def settle(self, until_ns: int) -> None:
+        """Write what is settled up to this true time."""
+        self._write(*self.ledger.settle(until_ns))
+        self.timeline.flush()
+
+    def close(self, dead: list[str], *, messages: int) -> Metrics:
+        """Write the rest, and the tables; the metrics that are known here."""
+        self._write(*self.ledger.close(dead))
+        self.timeline.close()
+        write_messages(self.ledger.rows, self.folder / "messages.parquet")
+        tracks = track_rows(
+            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
+            self.plan.path,
+            self.plan.step_ns,
+        )
+        write_tracks(tracks, self.folder / "tracks.parquet")
+        metrics = run_metrics(self.plan, self.ledger, tracks)
+        metrics["recorder"]["messages"] = messages
+        return metrics
+
+    def _write(self, rows: list[MessageRow], events: list[Event]) -> None:
+        for row in rows:
+            self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
+            self.timeline.message(row)
+        for event in events:
+            self._tell(event)
+
+    def _tell(self, event: Event) -> None:
+        match event.effect:
+            case State(name, lane):
+                self.states[event.process] = name
+                self.timeline.state(event.t_ns, event.process, name, lane)
+            case Note(text):
+                self.timeline.note(event.t_ns, event.process, text)
+            case Publish(point):
+                t_ns = point.step * self.plan.step_ns
+                truth = self.plan.path.at(t_ns / NS)
+                self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
+                error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
+                self.errors[point.tracker] = error
+
+
+def summary(journal: Journal) -> dict[str, Any]:
+    """What the live table shows: counts so far, states now, the latest error of each tracker (m)."""
+    states: dict[str, int] = {}
+    for name in journal.states.values():
+        states[name] = states.get(name, 0) + 1
+    return {
+        "sent": sum(journal.ledger.sent_kinds.values()),
+        "outcomes": dict(journal.outcomes),
+        "states": states,
+        "errors": dict(journal.errors),
+    }
+
+
+def write_json(value: object, file: FilePath) -> None:
+    """A file that people read, too."""
+    file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")

@@ -1,0 +1,185 @@
+"""One run from scenario to run folder, under either driver."""
+
+from __future__ import annotations
+
+import platform
+import resource
+import signal
+import statistics
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import psutil
+
+from launcher.deployment import RECORDER, ROUTER, Death, Deployment
+from launcher.ledger import Ledger
+from launcher.metrics import Metrics
+from launcher.records import Plan
+from launcher.result import Journal, write_json
+from trackfield.drivers.virtual import Virtual
+from trackfield.errors import ScenarioError
+
+PSS_SAMPLE: Final = 20
+"""How many nodes are asked for their memory."""
+
+
+class Observer(Protocol):
+    """Who watches a run: the live table, plain lines, or nobody."""
+
+    def starting(self, ready: int, of: int) -> None:
+        """Processes come up."""
+
+    def running(self, status: dict[str, Any]) -> None:
+        """The recorder's latest status."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any."""
+
+    folder: Path
+    metrics: Metrics
+    complaints: tuple[str, ...]
+    signal: int | None = None
+
+    @property
+    def exit_code(self) -> int:
+        """0; 1 if something failed; 128 + signal if it was ended early."""
+        if self.complaints:
+            return 1
+        return 0 if self.signal is None else 128 + self.signal
+
+
+def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
+    """An empty folder for the run. Raises ``ScenarioError`` if there is something in it or it cannot be written."""
+    stamp = datetime.now().strftime("%Y%m%dT%H%M%S")
+    folder = out or Path("runs") / f"{scenario}-{seed}-{stamp}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise ScenarioError("the folder has something in it", file=str(folder), key="--out", expected="an empty or new one")
+        (folder / "logs").mkdir()
+    except OSError as error:
+        raise ScenarioError(f"cannot write there ({error.strerror})", file=str(folder), key="--out", expected="a writable folder") from None
+    return folder
+
+
+def write_manifest(folder: Path, command: Sequence[str], endpoint: str | None) -> None:
+    """Versions, machine and command; ``endpoint`` is where others may join the run."""
+    packages = ("trackfield", "eclipse-zenoh", "numpy", "scipy", "rerun-sdk")
+    write_json(
+        {
+            "command": list(command),
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "versions": {"python": platform.python_version(), **{p: version(p) for p in packages}},
+            "machine": {"system": platform.platform(), "cores": psutil.cpu_count(), "memory_gb": round(psutil.virtual_memory().total / 1e9, 1)},
+            "endpoint": endpoint,
+        },
+        folder / "manifest.json",
+    )  # fmt: skip
+
+
+def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcome:
+    """Run in virtual time."""
+    write_manifest(folder, command, None)
+    begun = time.monotonic()
+    ledger = Ledger(plan.run, plan.processes)
+    journal = Journal(plan, ledger, folder)
+    virtual = Virtual(plan.run, plan.processes, ledger)
+    with _until_signal() as ended:
+        virtual.run(stop=lambda: bool(ended))
+    if ended:
+        ledger.end(virtual.now_ns)
+    for id, core in virtual.cores.items():
+        ledger.final(id, {"sent": ledger.sent_by[id], **core.tally})
+    metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
+    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": _cpu_s()}
+    metrics["timing"]["speed"] = None
+    return _close(folder, metrics, [], ended)
+
+
+def run_processes(
+    plan: Plan, folder: Path, observer: Observer, command: Sequence[str] = (), endpoint: str = ""
+) -> Outcome:
+    """Run as processes over Zenoh. Raises ``RunFailed`` if they do not come up."""
+    begun = time.monotonic()
+    with _until_signal() as ended, Deployment(plan, folder, endpoint=endpoint) as field:
+        write_manifest(folder, command, field.endpoint)
+        field.wait_ready(lambda ready, of: observer.starting(ready, of) or bool(ended))
+        ready_s = time.monotonic() - begun
+        pss: float | None = None
+        if not ended:
+            field.begin()
+            pss = _pss_mb(field)
+
+            def tick() -> bool:
+                observer.running(field.status)
+                return bool(ended)
+
+            field.watch(tick)
+        field.finish()
+    metrics = field.result if field.result is not None else {}
+    metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": _cpu_s()}
+    died = [{"id": d.id, "host": platform.node(), "why": d.why, "t": d.t_s} for d in field.deaths]
+    metrics.setdefault("processes", {}).update(
+        started=len(plan.processes), ready_s=ready_s, died=died, pss_mb_per_node=pss
+    )
+    return _close(folder, metrics, [_complaint(field, d) for d in field.deaths], ended)
+
+
+def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+    frames = metrics.get("frames", {})
+    if frames.get("host_lost"):
+        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself (frames.host_lost)")
+    write_json(metrics, folder / "metrics.json")
+    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None)
+
+
+def _complaint(field: Deployment, death: Death) -> str:
+    when = "" if death.t_s is None else f" at {death.t_s:.1f} s"
+    tail = field.log_tail(death.id)
+    log = field.folder / "logs" / f"{death.id}.log"
+    return f"{death.id} died{when}: {death.why}" + (f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})")
+
+
+def _pss_mb(field: Deployment) -> float | None:
+    nodes = [pid for id, pid in field.pids().items() if id not in (RECORDER, ROUTER, "fusion")]
+    sizes = []
+    for pid in nodes[:: max(len(nodes) // PSS_SAMPLE, 1)]:
+        try:
+            sizes.append(psutil.Process(pid).memory_full_info().pss / 1e6)
+        except psutil.Error:
+            continue
+    return statistics.fmean(sizes) if sizes else None
+
+
+def _cpu_s() -> float:
+    """CPU time of this process and of all it has waited for."""
+    return sum(
+        usage.ru_utime + usage.ru_stime
+        for usage in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    )
+
+
+@contextmanager
+def _until_signal() -> Iterator[list[int]]:
+    """SIGINT and SIGTERM end the run early instead of the program; the list holds those that came."""
+    came: list[int] = []
+    try:
+        old = {s: signal.signal(s, lambda number, _: came.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
+    except ValueError:  # not the main thread: whoever called decides
+        yield came
+        return
+    try:
+        yield came
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
