@@ -12,6 +12,7 @@ from math import radians
 from typing import Any, Final, Literal
 
 import numpy as np
+from immutables import Map
 
 from trackfield.filters.following import Following
 from trackfield.filters.trackers import make_tracker
@@ -63,7 +64,7 @@ class Memory:
     phase: Phase
     tracks: tuple[Any, ...]
     fused: int = 0
-    heard: Mapping[int, Mapping[str, Doa]] = ()  # type: ignore[assignment]
+    heard: Map[int, Map[str, Doa]] = Map()
 
 
 class Fusion:
@@ -99,7 +100,7 @@ class Fusion:
 
     def begin(self) -> Memory:
         """Every tracker with its prior, or waiting for reports."""
-        return Memory(Phase.NEW, tuple(t.begin(self.prior) for t in self.trackers.values()), heard={})
+        return Memory(Phase.NEW, tuple(t.begin(self.prior) for t in self.trackers.values()))
 
     def handle(self, state: Memory, event: Event) -> tuple[Memory, tuple[Effect, ...]]:
         """See ``trackfield.role.Role``."""
@@ -127,7 +128,7 @@ class Fusion:
     def _collect(
         self, memory: Memory, now: int, report: Doa, sender: str
     ) -> tuple[Memory, tuple[Effect, ...]]:
-        reports = memory.heard.get(report.step, {})
+        reports = memory.heard.get(report.step, Map())
         if report.step <= memory.fused:
             return memory, (Ignored("late"),)
         if sender not in self.positions:
@@ -136,12 +137,12 @@ class Fusion:
             return memory, (Ignored("from the future"),)
         if sender in reports:
             return memory, (Ignored("repeated"),)
-        return replace(memory, heard={**memory.heard, report.step: {**reports, sender: report}}), ()
+        return replace(memory, heard=memory.heard.set(report.step, reports.set(sender, report))), ()
 
     def _fuse(self, memory: Memory) -> tuple[Memory, tuple[Effect, ...]]:
         step = memory.fused + 1
-        heard = dict(memory.heard)
-        reports = self._reports(step, heard.pop(step, {}))
+        reports = self._reports(step, memory.heard.get(step, Map()))
+        heard = memory.heard.delete(step) if step in memory.heard else memory.heard
         tracks, points = [], []
         for (name, tracker), track in zip(self.trackers.items(), memory.tracks, strict=True):
             rng = generator(self.seed, name, step)
@@ -172,5 +173,12 @@ class Fusion:
             particles = thin.astype("<f4").tobytes()
         mean, covariance = estimate.mean.tolist(), estimate.covariance.ravel().tolist()
         return TrackPoint(
-            tracker, self.target, reports.step, status, tuple(mean), tuple(covariance), len(reports), particles
+            tracker,
+            self.target,
+            reports.step,
+            status,
+            tuple(mean),
+            tuple(covariance),
+            len(reports),
+            particles,
         )

@@ -34,6 +34,9 @@ LEAD_S: Final = 0.5
 """Between the start order and the start, so that every process has the order in time."""
 LINGER_S: Final = 0.3
 """For frames that are still on their way when all have reached the end."""
+OVERDUE_S: Final = 20.0
+"""After the end, how long (wall time) a process may take to say that it has reached it."""
+POLL_S: Final = 0.1
 STOP_TIMEOUT_S: Final = 10.0
 RECORDER: Final = "recorder"
 ROUTER: Final = "router"
@@ -70,7 +73,7 @@ class Deployment:
         self._gone: set[str] = set()
         self._live: set[str] = set()
         self._reached: set[str] = set()
-        self._news, self._got_result = Event(), Event()
+        self._got_result = Event()
 
     def __enter__(self) -> Self:
         try:
@@ -141,15 +144,12 @@ class Deployment:
     def _on_live(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:
             self._live.add(str(sample.key_expr).rpartition("/")[2])
-            self._news.set()
 
     def _on_reached(self, sample: zenoh.Sample) -> None:
         self._reached.add(str(sample.key_expr).split("/")[1])
-        self._news.set()
 
     def _on_status(self, sample: zenoh.Sample) -> None:
         self.status = msgpack.unpackb(sample.payload.to_bytes())
-        self._news.set()
 
     def _on_result(self, sample: zenoh.Sample) -> None:
         self.result = msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False)
@@ -174,12 +174,15 @@ class Deployment:
                 raise self._failure(
                     f"{len(wanted - self._live)} of {len(wanted)} processes were not ready in time", name
                 )
-            self._pause(0.05)
+            time.sleep(POLL_S)
 
     def begin(self) -> None:
         """Order the start of emulated time."""
         self._start_ns = time.monotonic_ns() + round(LEAD_S * 1e9)
-        self.session.put(keys.START, str(self._start_ns))
+        self._order(keys.START, str(self._start_ns))
+
+    def _order(self, key: str, payload: str | bytes) -> None:
+        self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     @property
     def now_ns(self) -> int:
@@ -189,25 +192,29 @@ class Deployment:
 
     def watch(self, tick: Callable[[], bool]) -> None:
         """Follow the run to its end; ``tick()`` returns True to end it early."""
-        roles, ending = {p.id for p in self.plan.processes}, False
-        while roles - self._reached - self._gone:
+        roles, end_ns, ending = {p.id for p in self.plan.processes}, self.plan.run.end_ns, False
+        while missing := roles - self._reached - self._gone:
             self._bury()
             if tick() and not ending:
                 ending = True
-                self.session.put(keys.END, str(max(self.now_ns, 0) + round(LEAD_S * self.plan.run.speed * 1e9)))
-            self._pause(0.1)
+                end_ns = max(self.now_ns, 0) + round(LEAD_S * self.plan.run.speed * 1e9)
+                self._order(keys.END, str(end_ns))
+            if self.now_ns > end_ns + OVERDUE_S * self.plan.run.speed * 1e9:
+                self.deaths += [Death(id, "did not reach the end", None) for id in sorted(missing)]
+                return
+            time.sleep(POLL_S)
 
     def finish(self) -> None:
         """Stop the roles, let the recorder close its files, and end the rest."""
         time.sleep(LINGER_S)
-        self.session.put(keys.STOP, b"")
+        self._order(keys.STOP, b"")
         roles = [self._children[p.id] for p in self.plan.processes]
         _join(roles, STOP_TIMEOUT_S)
         for child in roles:
             if child.is_alive():
                 child.kill()
                 self.deaths.append(Death(child.name, "did not stop when told", None))
-        self.session.put(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
+        self._order(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
         recorder = self._children[RECORDER]
         while recorder.is_alive() and not self._got_result.wait(0.1):
             pass
@@ -228,10 +235,6 @@ class Deployment:
         return "\n".join(path.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if path.exists() else ""
 
     # --- death ----------------------------------------------------------------------------------------------------
-
-    def _pause(self, seconds: float) -> None:
-        self._news.wait(seconds)
-        self._news.clear()
 
     def _newly_gone(self) -> list[str]:
         alive = {c.sentinel: name for name, c in self._children.items() if name not in self._gone}

@@ -131,5 +131,3 @@ def _merged(ledger: Ledger, name: str) -> Histogram:
 
 def _total(ledger: Ledger, name: str) -> int:
     return sum(int(record.get(name, 0)) for record in ledger.finals.values())
-
-

@@ -1,8 +1,10 @@
-"""From a scenario and a seed to what every process must know."""
+"""From a scenario to what every process must know."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.metadata import entry_points
 from typing import Any, Final
 
 import numpy as np
@@ -10,91 +12,76 @@ import numpy as np
 from launcher.records import FieldInfo, Place, Plan
 from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.models.sound import audible_radius
+from trackfield.errors import ScenarioError
 from trackfield.role import NS
 from trackfield.scenario import Scenario
-from trackfield.scenario.layout import check, layout, target_path
-from trackfield.world.acoustic import AcousticSensor
-from trackfield.world.path import Path
-from trackfield.world.windows import windows
+from trackfield.scenario import Plan as Site
+from trackfield.scenario import plan as survey
 
 CENTRE: Final = "fusion"
 TRUTH_SAMPLES: Final = 4
 """Points of the true path per step, in pictures."""
 
-Placed = Sequence[tuple[str, float, float]]
 
-
-def make_plan(scenario: Scenario, *, seed: int, run: str, speed: float = 1.0) -> Plan:
+def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
     Raises ``ScenarioError`` where there is no sensor, or the target is never in range of one.
     """
-    sensor = scenario.sensor
-    path = target_path(scenario, seed)
-    placed = layout(scenario, path)
-    audible_db = sensor.threshold * sensor.level_db - sensor.margin_db
-    radius = audible_radius(sensor.level_db, sensor.alpha, audible_db)
-    heard = windows(np.array([(x, y) for _, x, y in placed], float).reshape(-1, 2), path, radius)
-    check(scenario, placed, heard)
-    step_ns = round(scenario.target.step_s * NS)
-    steps = int(path.end_s / scenario.target.step_s + 1e-9)
-    nodes = [
-        _node(scenario, seed, id, x, y, path, tuple(w), audible_db, step_ns)
-        for (id, x, y), w in zip(placed, heard, strict=True)
-    ]
-    centre = _centre(scenario, seed, placed, path, step_ns)
-    spec = RunSpec(run, seed, (steps + 1) * step_ns, scenario.plain()["link"], speed)
-    processes = (centre, *nodes)
-    return Plan(spec, processes, path, _info(scenario, spec, processes, path), step_ns)
+    site = survey(scenario)
+    # The last step's deadline falls after the path's end; one step more lets it pass.
+    end_ns = (site.steps + 1) * site.step_ns
+    spec = RunSpec(run, scenario.seed, end_ns, scenario.plain()["link"], speed)
+    nodes = [_node(site, index) for index in range(len(site.sensors))]
+    processes = (_centre(site), *nodes)
+    return Plan(spec, processes, site.path, _info(site, spec, processes), site.step_ns)
 
 
-def _node(
-    scenario: Scenario,
-    seed: int,
-    id: str,
-    x: float,
-    y: float,
-    path: Path,
-    heard: tuple[tuple[int, int], ...],
-    audible_db: float,
-    step_ns: int,
-) -> ProcessSpec:
-    s = scenario.sensor
-    sensor = AcousticSensor(
-        id, (x, y), path, heard, s.level_db, s.alpha, audible_db, s.doa_sd_deg, s.level_sd_db, seed
+@cache
+def factory(role: str) -> str:
+    """Where an installed package makes roles of this name. Raises ``ScenarioError`` if none does."""
+    for entry in entry_points(group="trackfield.roles", name=role):
+        return entry.value
+    raise ScenarioError(
+        f"no installed package offers the role {role!r}", expected="an entry point in trackfield.roles"
     )
-    config = {"step_ns": step_ns, "threshold_db": s.threshold * s.level_db, "centre": CENTRE}
-    return ProcessSpec(id, "node", config, x, y, sensor.to_plain())
 
 
-def _centre(scenario: Scenario, seed: int, placed: Placed, path: Path, step_ns: int) -> ProcessSpec:
+def _node(site: Site, index: int) -> ProcessSpec:
+    id, x, y = site.sensors[index]
+    threshold_db = site.scenario.sensor.threshold_db
+    config = {"step_ns": site.step_ns, "threshold_db": threshold_db, "centre": CENTRE}
+    return ProcessSpec(id, "node", factory("node"), config, x, y, site.acoustic(index).to_plain())
+
+
+def _centre(site: Site) -> ProcessSpec:
+    scenario = site.scenario
     config: dict[str, Any] = {
         "trackers": list(scenario.fusion.trackers),
-        "sensors": [list(place) for place in placed],
-        "step_ns": step_ns,
+        "sensors": [list(place) for place in site.sensors],
+        "step_ns": site.step_ns,
         "deadline_ns": round(scenario.fusion.deadline_s * NS),
         "doa_sd_deg": scenario.sensor.doa_sd_deg,
-        "seed": seed,
-        "prior": _prior(scenario, seed, path),
+        "seed": scenario.seed,
+        "prior": _prior(site),
     }
-    x, y = np.mean([(x, y) for _, x, y in placed], axis=0).tolist()
-    return ProcessSpec(CENTRE, "fusion", config, x, y)
+    return ProcessSpec(CENTRE, "fusion", factory("fusion"), config, *site.centre, sink=True)
 
 
-def _prior(scenario: Scenario, seed: int, path: Path) -> Mapping[str, Sequence[float]] | None:
+def _prior(site: Site) -> Mapping[str, Sequence[float]] | None:
     """Zhai et al.: the initial estimate is drawn around the truth, anew for each run."""
-    if scenario.fusion.prior == "none":
+    scenario = site.scenario
+    truth, sd = site.path.at(0.0), scenario.fusion.prior_sd
+    if scenario.fusion.prior == "none" or truth is None:
         return None
-    truth, sd = path.at(0.0), scenario.fusion.prior_sd
-    assert truth is not None
-    mean = [x + s * normal(seed, CENTRE, "prior", i) for i, (x, s) in enumerate(zip(truth, sd, strict=True))]
-    return {"mean": mean, "sd": list(sd)}
+    draws = [normal(scenario.seed, CENTRE, "prior", i) for i in range(len(sd))]
+    return {"mean": [x + s * z for x, s, z in zip(truth, sd, draws, strict=True)], "sd": list(sd)}
 
 
-def _info(scenario: Scenario, spec: RunSpec, processes: Sequence[ProcessSpec], path: Path) -> FieldInfo:
-    times = np.arange(0.0, path.end_s + 1e-9, scenario.target.step_s / TRUTH_SAMPLES).tolist()
-    truth = tuple((t, state[0], state[1]) for t in times if (state := path.at(t)) is not None)
+def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec]) -> FieldInfo:
+    every_s = site.step_ns / NS / TRUTH_SAMPLES
+    times = np.arange(site.steps * TRUTH_SAMPLES + 1) * every_s
+    truth = tuple((t, state[0], state[1]) for t in times.tolist() if (state := site.path.at(t)) is not None)
     places = tuple(Place(p.id, p.role, p.x, p.y) for p in processes)
-    trackers = tuple(scenario.fusion.trackers)
-    return FieldInfo(spec.run, scenario.name, places, truth, path.gaps, trackers, spec.end_ns / NS)
+    trackers = tuple(site.scenario.fusion.trackers)
+    return FieldInfo(spec.run, site.scenario.name, places, truth, site.path.gaps, trackers, spec.end_ns / NS)

@@ -22,6 +22,7 @@ from launcher.ledger import Ledger
 from launcher.records import Plan
 from launcher.result import Journal, summary
 from trackfield.drivers.frames import Frame
+from trackfield.drivers.process import Inbox, take_in
 from trackfield.drivers.session import open_client
 from trackfield.drivers.spec import role_factory
 from trackfield.drivers.telemetry import unpack
@@ -45,19 +46,18 @@ class Recorder:
 
     def __init__(self, session: zenoh.Session, plan: Plan, folder: Path) -> None:
         self.session, self.plan = session, plan
-        for role in {p.role for p in plan.processes}:
-            role_factory(role)  # to know the message kinds that it defines
+        for factory in {p.factory for p in plan.processes}:
+            role_factory(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
         self.journal = Journal(plan, self.ledger, folder)
         self.dead: list[str] = []
-        self._inbox: deque[zenoh.Sample] = deque()
-        self._finish = Event()
+        self._inbox: Inbox = deque()
+        self._arrived, self._finish = Event(), Event()
         self._start_ns: int | None = None
         self._last_seq: dict[tuple[str, int], int] = {}
         self._received = 0
-        listen = Callback(self._inbox.append, indirect=False)
         self._held = [
-            session.declare_subscriber(key, listen)
+            take_in(session, key, self._inbox, self._arrived)
             for key in (keys.ALL_DATA, keys.ALL_TELEMETRY, keys.START, keys.END)
         ]
         self._held.append(session.declare_subscriber(keys.FINISH, Callback(self._on_finish, indirect=False)))
@@ -106,7 +106,7 @@ class Recorder:
 
     def _drain(self) -> None:
         while self._inbox:
-            sample = self._inbox.popleft()
+            _, sample = self._inbox.popleft()
             key = str(sample.key_expr)
             self._received += 1
             try:
@@ -124,7 +124,7 @@ class Recorder:
     def _data(self, key: str, sample: zenoh.Sample) -> None:
         address = keys.parse(key)
         if sample.attachment is None:
-            raise WireError("attachment", "a foreign frame has none; its receivers stamp it")
+            raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
         e = Envelope.unpack(sample.attachment.to_bytes())
         life = (address.src, e.incarnation)
         again, self._last_seq[life] = self._last_seq.get(life) == e.seq, e.seq

@@ -66,7 +66,11 @@ class Journal:
                 t_ns = point.step * self.plan.step_ns
                 truth = self.plan.path.at(t_ns / NS)
                 self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
-                error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
+                error = (
+                    hypot(point.mean[0] - truth[0], point.mean[1] - truth[1])
+                    if truth and point.mean
+                    else None
+                )
                 self.errors[point.tracker] = error
 
 

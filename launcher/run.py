@@ -63,10 +63,20 @@ def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
-            raise ScenarioError("the folder has something in it", file=str(folder), key="--out", expected="an empty or new one")
+            raise ScenarioError(
+                "the folder has something in it",
+                file=str(folder),
+                key="--out",
+                expected="an empty or new one",
+            )
         (folder / "logs").mkdir()
     except OSError as error:
-        raise ScenarioError(f"cannot write there ({error.strerror})", file=str(folder), key="--out", expected="a writable folder") from None
+        raise ScenarioError(
+            f"cannot write there ({error.strerror})",
+            file=str(folder),
+            key="--out",
+            expected="a writable folder",
+        ) from None
     return folder
 
 
@@ -145,7 +155,9 @@ def _complaint(field: Deployment, death: Death) -> str:
     when = "" if death.t_s is None else f" at {death.t_s:.1f} s"
     tail = field.log_tail(death.id)
     log = field.folder / "logs" / f"{death.id}.log"
-    return f"{death.id} died{when}: {death.why}" + (f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})")
+    return f"{death.id} died{when}: {death.why}" + (
+        f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})"
+    )
 
 
 def _pss_mb(field: Deployment) -> float | None:
@@ -172,7 +184,10 @@ def _until_signal() -> Iterator[list[int]]:
     """SIGINT and SIGTERM end the run early instead of the program; the list holds those that came."""
     came: list[int] = []
     try:
-        old = {s: signal.signal(s, lambda number, _: came.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
+        old = {
+            s: signal.signal(s, lambda number, _: came.append(number))
+            for s in (signal.SIGINT, signal.SIGTERM)
+        }
     except ValueError:  # not the main thread: whoever called decides
         yield came
         return
@@ -181,5 +196,3 @@ def _until_signal() -> Iterator[list[int]]:
     finally:
         for number, handler in old.items():
             signal.signal(number, handler)
-
-

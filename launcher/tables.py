@@ -26,9 +26,7 @@ class TrackRow:
     truth: tuple[float, float, float, float] | None
 
 
-def track_rows(
-    estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns: int
-) -> list[TrackRow]:
+def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns: int) -> list[TrackRow]:
     """The last estimate of each (tracker, target, step), in that order."""
     latest = {(p.tracker, p.target, p.step): (told, p) for told, p in estimates}
     return [
@@ -41,7 +39,7 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     """One row per (frame, hearer)."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
-        "incarnation": pa.int32(), "bearing_deg": pa.float64(),
+        "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(),
     }  # fmt: skip
     names = [f.name for f in fields(MessageRow)]
     ordered = sorted(rows, key=lambda r: (r.sent_ns, r.src, r.kind, r.copy, r.dst))
@@ -60,8 +58,14 @@ def write_tracks(rows: Sequence[TrackRow], file: FilePath) -> None:
         "status": pa.array([r.point.status for r in rows], pa.string()),
         "reports": pa.array([r.point.reports for r in rows], pa.int32()),
         "told_s": pa.array([r.told_ns / NS for r in rows], floats),
-        **{n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats) for i, n in enumerate(STATE)},
+        **{
+            n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats)
+            for i, n in enumerate(STATE)
+        },
         "covariance": pa.array([list(r.point.covariance) or None for r in rows], vector),
-        **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
+        **{
+            f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats)
+            for i, n in enumerate(STATE)
+        },
     }
     pq.write_table(pa.table(columns), file)

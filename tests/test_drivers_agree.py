@@ -33,7 +33,13 @@ def plan_of(link: str, *, talkers: int = 8, steps: int = 20, speed: float = 1.0)
     places = tuple(Place(p.id, p.role, p.x, p.y) for p in processes)
     truth = tuple((float(t), float(t), 0.0) for t in range(steps))
     trackers = tuple(p.id for p in processes)
-    return Plan(run, tuple(processes), path, FieldInfo(run.run, "toys", places, truth, (), trackers, run.end_ns / NS), NS)
+    return Plan(
+        run,
+        tuple(processes),
+        path,
+        FieldInfo(run.run, "toys", places, truth, (), trackers, run.end_ns / NS),
+        NS,
+    )
 
 
 @pytest.mark.parametrize("link", LINKS)

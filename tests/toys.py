@@ -61,7 +61,9 @@ class Toy:
 
 
 def _told(tracker: str, toy: Toy) -> Publish:
-    return Publish(TrackPoint(tracker, "t", toy.step, "tracking", (float(toy.chain), 0.0, 0.0, 0.0), (0.0,) * 16))
+    return Publish(
+        TrackPoint(tracker, "t", toy.step, "tracking", (float(toy.chain), 0.0, 0.0, 0.0), (0.0,) * 16)
+    )
 
 
 class Hub:
@@ -113,9 +115,12 @@ class Talker:
 def party(talkers: int, *, steps: int, link: dict[str, object], seed: int = 1, speed: float = 1.0):
     """A hub and its talkers, ready to run."""
     run = RunSpec(f"toys-{seed}", seed, (steps + 1) * NS, link, speed)
-    hub = ProcessSpec("hub", "tests.toys:Hub")
+    hub = ProcessSpec("hub", "hub", "tests.toys:Hub")
     names = [f"t{i:02}" for i in range(talkers)]
     return run, [
         hub,
-        *(ProcessSpec(n, "tests.toys:Talker", {"name": n, "number": i}, cells=("c0",)) for i, n in enumerate(names)),
+        *(
+            ProcessSpec(n, "talker", "tests.toys:Talker", {"name": n, "number": i}, cells=("c0",))
+            for i, n in enumerate(names)
+        ),
     ]

@@ -1,12 +1,13 @@
 """The engine under both drivers: one role, its due events in total order, and the undoing of disorder.
 
-A driver offers frames, asks for ``next_key`` and calls ``handle_next`` when that is due. A frame that arrives
-after an event with a larger key was handled is put in its place: the state from before that event is restored
-and everything since is handled again. What had left already is not sent a second time.
+A driver offers frames, asks for ``next_key`` and calls ``handle_next`` when that is due. Frames that arrive after an
+event with a larger key was handled are put in their place by ``catch_up``: the state from before that event is
+restored and everything since is handled again. What had left already is not sent a second time.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -73,14 +74,10 @@ class Receiver(NamedTuple):
         return self.on if t_ns > self.since_ns else self.before
 
 
-class Life(NamedTuple):
-    """All of a process that changes by handling events; immutable, so keeping one is taking a snapshot."""
-
-    state: Any
-    alarms: dict[str, Alarm]
-    receivers: dict[str, Receiver]
-    copies: tuple[int, dict[tuple[str, str], int]]
-    tally: dict[str, int]
+Copies = tuple[int, dict[tuple[str, str], int]]
+"""The instant at which frames left last, and how many of each (kind, address)."""
+Life = tuple[Any, dict[str, Alarm], dict[str, Receiver], Copies, dict[str, int]]
+"""A snapshot: all of a process that changes by handling events. Nobody writes into its parts."""
 
 
 @dataclass(slots=True)
@@ -96,6 +93,7 @@ class Handled:
 class Core:
     """One role and its events.
 
+    ``horizon_ns`` is how far back (true time) events can be undone; 0: never, then all frames must come in order.
     ``tally`` counts the frames that were due here by what became of them; ``inversions`` the frames that had to be
     put in their place; ``host_late`` those that came when it could no longer be done without a trace.
     """
@@ -109,29 +107,32 @@ class Core:
         sense: Sense,
         start_ns: int = 0,
         incarnation: int = 0,
-        history: int = 0,
+        horizon_ns: int = 0,
     ) -> None:
         self.role, self.owner, self.clock, self.sense = role, owner, clock, sense
-        self.incarnation, self.history_length = incarnation, history
+        self.incarnation, self.horizon_ns = incarnation, horizon_ns
         self.inversions = self.host_late = 0
-        self._life = Life(role.begin(), {}, {}, (-1, {}), {})
+        self.state: Any = role.begin()
+        self.tally: dict[str, int] = {}
+        self._alarms: dict[str, Alarm] = {}
+        self._receivers: dict[str, Receiver] = {}
+        self._copies: Copies = (-1, {})
         self._started = False
         self._start_key: EventKey = (start_ns, RANK_FAULT, "start")
         self._arrivals: list[tuple[EventKey, Arrival]] = []
-        self._history: list[Handled] = []
+        self._history: deque[Handled] = deque()
+        self._inverted: list[Arrival] = []
         self._last: EventKey = (start_ns - 1,)
         self._ghosts: set[tuple[Any, ...]] = set()
         self._outputs: list[Output] = []
 
     @property
-    def state(self) -> Any:
-        """The role's state."""
-        return self._life.state
+    def _life(self) -> Life:
+        return self.state, self._alarms, self._receivers, self._copies, self.tally
 
-    @property
-    def tally(self) -> dict[str, int]:
-        """Frames that were due here, by what became of them."""
-        return dict(self._life.tally)
+    @_life.setter
+    def _life(self, life: Life) -> None:
+        self.state, self._alarms, self._receivers, self._copies, self.tally = life
 
     def next_key(self) -> EventKey | None:
         """The key of the next event, or None."""
@@ -143,13 +144,18 @@ class Core:
             return frame
         return timer
 
-    def offer(self, arrival: Arrival) -> list[Output]:
-        """Accept a frame due here; outputs come only if it had to be put before what was already handled."""
+    @property
+    def behind(self) -> bool:
+        """Whether ``catch_up`` has something to do."""
+        return bool(self._inverted)
+
+    def offer(self, arrival: Arrival) -> None:
+        """Accept a frame due here; one that belongs before what was already handled waits for ``catch_up``."""
         key = arrival.key
         if key < self._last:
-            return self._insert(arrival)
-        heappush(self._arrivals, (key, arrival))
-        return []
+            self._inverted.append(arrival)
+        else:
+            heappush(self._arrivals, (key, arrival))
 
     def handle_next(self) -> list[Output]:
         """Handle the next event and return what leaves because of it."""
@@ -159,16 +165,31 @@ class Core:
         before, self._outputs = self._life, []
         arrival = self._handle(key)
         outputs, self._last = self._outputs, key
-        if self.history_length:
+        if self.horizon_ns:
             self._history.append(Handled(key, before, arrival, outputs))
-            if len(self._history) > 2 * self.history_length:
-                del self._history[: self.history_length]
+            while self._history[0].key[0] < key[0] - self.horizon_ns:
+                self._history.popleft()
+        return outputs
+
+    def catch_up(self) -> list[Output]:
+        """Put the frames that came too late in their place; what leaves because of that."""
+        outputs: list[Output] = []
+        oldest = self._history[0].key if self._history else self._last
+        for arrival in self._inverted:
+            if arrival.key < oldest:
+                outputs += self._too_late(arrival)
+            else:
+                self.inversions += 1
+                heappush(self._arrivals, (arrival.key, arrival))
+        self._inverted = []
+        if self._arrivals and self._arrivals[0][0] < self._last:
+            outputs += self._replay(self._arrivals[0][0])
         return outputs
 
     # --- one event ---------------------------------------------------------------------------------------------
 
     def _next_alarm(self) -> EventKey | None:
-        alarms = self._life.alarms
+        alarms = self._alarms
         if not alarms:
             return None
         return min((a.fires_ns, RANK_TIMER, a.due_ns, name) for name, a in alarms.items())
@@ -181,8 +202,8 @@ class Core:
             return None
         if key[1] == RANK_TIMER:
             name = key[3]
-            alarm = self._life.alarms[name]
-            self._life = self._life._replace(alarms=_without(self._life.alarms, name))
+            alarm = self._alarms[name]
+            self._alarms = _without(self._alarms, name)
             self._feed(Timer(alarm.at if alarm.fires_ns == alarm.due_ns else self.clock.local(t), name), key)
             return None
         arrival = heappop(self._arrivals)[1]
@@ -190,7 +211,7 @@ class Core:
         return arrival
 
     def _receive(self, frame: Frame, key: EventKey) -> None:
-        receiver = self._life.receivers.get(frame.medium)
+        receiver = self._receivers.get(frame.medium)
         if receiver is not None and not receiver.at(key[0]):
             self._count("asleep")
             return
@@ -205,8 +226,7 @@ class Core:
         self._feed(Received(self.clock.local(key[0]), message, frame.src), key)
 
     def _feed(self, event: Event, key: EventKey) -> None:
-        state, effects = self.role.handle(self._life.state, event)
-        self._life = self._life._replace(state=state)
+        self.state, effects = self.role.handle(self.state, event)
         for effect in effects:
             self._do(effect, key, event.now)
 
@@ -217,10 +237,9 @@ class Core:
                 self._send(message, to, medium, key)
             case SetTimer(name, at):
                 due = self.clock.true(at)
-                alarm = Alarm(max(due, t), due, at)
-                self._life = self._life._replace(alarms={**self._life.alarms, name: alarm})
+                self._alarms = {**self._alarms, name: Alarm(max(due, t), due, at)}
             case CancelTimer(name):
-                self._life = self._life._replace(alarms=_without(self._life.alarms, name))
+                self._alarms = _without(self._alarms, name)
             case Sample(sensor):
                 self._feed(Sampled(now, sensor, self.sense(sensor, t)), key)
             case Radio(on, medium):
@@ -236,44 +255,42 @@ class Core:
     def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
         t, kind = key[0], kind_name(message)
         address = to if isinstance(to, str) else ",".join(sorted(to))
-        since, counts = self._life.copies
+        since, counts = self._copies
         counts = counts if since == t else {}
         copy = counts.get((kind, address), 0)
-        self._life = self._life._replace(copies=(t, {**counts, (kind, address): copy + 1}))
+        self._copies = (t, {**counts, (kind, address): copy + 1})
         frame = Frame(self.owner, self.incarnation, kind, t, copy, address, medium, encode(message))
         self._outputs.append(Sent(key, frame))
 
     def _switch(self, on: bool, medium: Medium, t: int) -> None:
-        old = self._life.receivers.get(medium, Receiver(True, -1, True))
+        old = self._receivers.get(medium, Receiver(True, -1, True))
         new = Receiver(on, t, old.before if old.since_ns == t else old.on)
-        self._life = self._life._replace(receivers={**self._life.receivers, medium: new})
+        self._receivers = {**self._receivers, medium: new}
 
     def _refuse(self, key: EventKey, reason: str) -> None:
         self._count(LATE if reason == LATE else "ignored")
         self._outputs.append(Refused(key, reason))
 
     def _count(self, outcome: str) -> None:
-        tally = self._life.tally
-        self._life = self._life._replace(tally={**tally, outcome: tally.get(outcome, 0) + 1})
+        self.tally = {**self.tally, outcome: self.tally.get(outcome, 0) + 1}
 
     # --- putting a frame in its place -----------------------------------------------------------------------------
 
-    def _insert(self, arrival: Arrival) -> list[Output]:
-        if not self._history or self._history[0].key > arrival.key:
-            return self._too_late(arrival)
-        self.inversions += 1
+    def _replay(self, since: EventKey) -> list[Output]:
+        """Undo every event from ``since`` on, and handle all that is due up to where we were."""
         undone: list[Handled] = []
-        while self._history and self._history[-1].key > arrival.key:
+        while self._history and self._history[-1].key > since:
             undone.append(self._history.pop())
         undone.reverse()
         reached, self._life = self._last, undone[0].before
-        for again in (arrival, *(h.arrival for h in undone if h.arrival is not None)):
-            heappush(self._arrivals, (again.key, again))
+        for handled in undone:
+            if handled.arrival is not None:
+                heappush(self._arrivals, (handled.key, handled.arrival))
         new: list[Output] = []
         while (key := self.next_key()) is not None and key <= reached:
             new += self.handle_next()
         self._last = reached
-        return self._difference([o for h in undone for o in h.outputs], new, arrival.key)
+        return self._difference([o for h in undone for o in h.outputs], new, since)
 
     def _too_late(self, arrival: Arrival) -> list[Output]:
         """Older than the history: handled now, out of its order, and counted."""

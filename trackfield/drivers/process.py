@@ -11,15 +11,15 @@ import time
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from threading import Event
+from threading import Event, Thread
 from typing import Any, Final
 
 import msgpack
 import zenoh
-from zenoh.handlers import Callback
+from zenoh.handlers import Callback, FifoChannel
 
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Sent, Told, Undone
+from trackfield.drivers.frames import RANK_TIMER, Arrival, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
 from trackfield.drivers.telemetry import pack
@@ -30,10 +30,12 @@ from trackfield.wire.envelope import Envelope
 
 log = logging.getLogger(__name__)
 
-HISTORY: Final = 400
-"""Events that can be undone; frames are a few tens of milliseconds out of order at worst."""
+HORIZON_S: Final = 5.0
+"""How long (wall time) events can be undone; frames are tens of milliseconds out of order, unless a host stalls."""
 SEEN: Final = 10_000
 """Identities of frames that are remembered to tell a duplicate."""
+CHANNEL: Final = 100_000
+"""Samples that wait in a channel before Zenoh's thread would block."""
 FLUSH_NS: Final = 1_000_000_000
 """How often counters are told, if they changed (wall time)."""
 JOIN_TIMEOUT_S: Final = 60.0
@@ -67,6 +69,33 @@ def join(session: zenoh.Session, id: str) -> Joined:
     raise JoinError(f"{id}: no launcher answers in this run")
 
 
+Inbox = deque[tuple[int, zenoh.Sample]]
+"""Samples and when (host's monotonic clock, ns) they arrived."""
+
+
+def take_in(session: zenoh.Session, key: str, inbox: Inbox, wake: Event) -> Any:
+    """Subscribe for a process that computes for long at a time; returns the subscriber.
+
+    Zenoh's thread would have to wait for Python at every sample meanwhile, and the router would drop what piles up
+    behind it. So it fills a channel of its own, and a thread here empties that in one go whenever it gets its turn.
+    """
+    subscriber = session.declare_subscriber(key, FifoChannel(CHANNEL))
+
+    def empty() -> None:
+        try:
+            while True:
+                sample: zenoh.Sample | None = subscriber.recv()
+                while sample is not None:
+                    inbox.append((time.monotonic_ns(), sample))
+                    sample = subscriber.try_recv()
+                wake.set()
+        except zenoh.ZError:
+            return  # the session was closed
+
+    Thread(target=empty, name=key, daemon=True).start()
+    return subscriber
+
+
 class Seen:
     """The latest identities, to recognise a second arrival."""
 
@@ -88,23 +117,27 @@ class Process:
 
     def __init__(self, session: zenoh.Session, id: str) -> None:
         self.session, self.id = session, id
-        self._inbox: deque[tuple[int, zenoh.Sample]] = deque()
+        self._inbox: Inbox = deque()
         self._wake, self._stop = Event(), Event()
         self._start_ns: int | None = None
-        self._held = [
-            session.declare_subscriber(keys.START, Callback(self._on_start, indirect=False)),
-            session.declare_subscriber(keys.END, Callback(self._on_end, indirect=False)),
-            session.declare_subscriber(keys.STOP, Callback(self._on_stop, indirect=False)),
-        ]
+        self._held = [session.declare_subscriber(keys.ORDERS, Callback(self._on_order, indirect=False))]
         joined = join(session, id)
         self.spec, self._end_ns, self._speed = joined.process, joined.run.end_ns, joined.run.speed
-        self.core: Core = build_core(joined.run, joined.process, history=HISTORY)
+        self.core: Core = build_core(
+            joined.run, joined.process, horizon_ns=round(HORIZON_S * joined.run.speed * 1e9)
+        )
         self._link: Link = make_link(joined.run.link, joined.run.seed)
-        self._seen, self._seq, self._told_counts = Seen(), 0, b""
         self._counts = {"radio": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
+        self._seen, self._seq = Seen(), 0
+        self._flush_ns = self._replay_ns = 0
+        self._told_counts = msgpack.packb(self._counts)
         self._slip, self._latency = Histogram(), Histogram()
         for key in self._inboxes():
-            self._held.append(session.declare_subscriber(key, Callback(self._on_data, indirect=False)))
+            self._held.append(
+                take_in(session, key, self._inbox, self._wake)
+                if self.spec.sink
+                else session.declare_subscriber(key, Callback(self._on_data, indirect=False))
+            )
         if joined.start_ns is not None:
             self._start_ns = joined.start_ns
         self._token = session.liveliness().declare_token(keys.live(id))
@@ -120,17 +153,14 @@ class Process:
         self._inbox.append((time.monotonic_ns(), sample))
         self._wake.set()
 
-    def _on_start(self, sample: zenoh.Sample) -> None:
-        self._start_ns = int(sample.payload.to_string())
-        self._wake.set()
-
-    def _on_end(self, sample: zenoh.Sample) -> None:
-        """The run ends early, at this emulated time."""
-        self._end_ns = int(sample.payload.to_string())
-        self._wake.set()
-
-    def _on_stop(self, _sample: zenoh.Sample) -> None:
-        self._stop.set()
+    def _on_order(self, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        if key == keys.START:
+            self._start_ns = int(sample.payload.to_string())
+        elif key == keys.END:  # the run ends early, at this emulated time
+            self._end_ns = int(sample.payload.to_string())
+        elif key == keys.STOP:
+            self._stop.set()
         self._wake.set()
 
     # --- the loop -------------------------------------------------------------------------------------------------
@@ -140,40 +170,57 @@ class Process:
         while self._start_ns is None and not self._stop.is_set():
             self._wake.wait(1.0)
             self._wake.clear()
-        reached, flush_ns = False, time.monotonic_ns() + FLUSH_NS
         while not self._stop.is_set():
             self._wake.clear()
             while self._inbox:
                 self._accept(*self._inbox.popleft())
-            now, key = time.monotonic_ns(), self.core.next_key()
-            wake_ns = flush_ns
-            if key is not None and key[0] < self._end_ns:
-                due = self._wall(key[0])
-                if now >= due:
-                    self._slip.add(now - due)
-                    self._release(self.core.handle_next())
-                    continue
-                wake_ns = min(wake_ns, due)
-            elif now >= (end := self._wall(self._end_ns)):
-                if not reached:
-                    reached = True
-                    self.session.put(keys.telemetry(self.id, "reached"), b"")
-            else:
-                wake_ns = min(wake_ns, end)
-            if now >= flush_ns:
-                flush_ns = now + FLUSH_NS
-                self._tell_counts()
-            self._wake.wait(max(wake_ns - now, 0) / 1e9)
+            now = time.monotonic_ns()
+            self._wake.wait(max(self._work(now) - now, 0) / 1e9)
         self._close()
+
+    def _work(self, now: int) -> int:
+        """Do at most one thing that is due; when (wall) the next may be."""
+        if now >= self._flush_ns:
+            self._flush(now)
+        key = self.core.next_key()
+        due = self._flush_ns if key is None or key[0] >= self._end_ns else self._wall(key[0])
+        if self.core.behind:
+            # Replays take at most a quarter of the time, but a timer's outputs do not wait for them.
+            if now < self._replay_ns and (now < due or (key is not None and key[1] != RANK_TIMER)):
+                return self._replay_ns
+            self._release(self.core.catch_up())
+            after = time.monotonic_ns()
+            self._replay_ns = after + 3 * (after - now)
+        elif now < due:
+            return min(due, self._flush_ns)
+        else:
+            self._slip.add(now - due)
+            self._release(self.core.handle_next())
+        return now
+
+    def _flush(self, now: int) -> None:
+        """Tell the counters, if they changed, and that the end is reached, if it is."""
+        end = self._wall(self._end_ns)
+        if now >= end:
+            self._say("reached", b"")
+        self._flush_ns = now + FLUSH_NS if now >= end else min(now + FLUSH_NS, end)
+        counts = msgpack.packb({**self._counts, **self.core.tally})
+        if counts != self._told_counts:
+            self._told_counts = counts
+            self.session.put(keys.telemetry(self.id, "counts"), counts)
 
     def _wall(self, t_ns: int) -> int:
         assert self._start_ns is not None
         return self._start_ns + round(t_ns / self._speed)
 
     def _close(self) -> None:
-        record = msgpack.packb(self.record())
-        self.session.put(keys.telemetry(self.id, "final"), record, congestion_control=zenoh.CongestionControl.BLOCK)
+        self._say("final", msgpack.packb(self.record()))
         self.session.close()
+
+    def _say(self, what: str, data: bytes) -> None:
+        """Telemetry that must arrive."""
+        key = keys.telemetry(self.id, what)
+        self.session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def record(self) -> dict[str, Any]:
         """The counters of this life, for the recorder's cross-check."""
@@ -188,12 +235,6 @@ class Process:
             "latency": dict(self._latency.counts),
             "cpu_s": time.process_time(),
         }
-
-    def _tell_counts(self) -> None:
-        counts = msgpack.packb({"sent": self._seq, **self._counts, **self.core.tally})
-        if counts != self._told_counts:
-            self._told_counts = counts
-            self.session.put(keys.telemetry(self.id, "counts"), counts)
 
     # --- frames in and out ----------------------------------------------------------------------------------------
 
@@ -235,13 +276,11 @@ class Process:
         return Envelope(max(arrived_ns - self._start_ns, 0), 0, 0, 0, 0)
 
     def _receive(self, frame: Frame) -> None:
-        fate = self._link.fate(
-            frame.src, self.id, frame.kind, frame.sent_ns, frame.copy, len(frame.payload)
-        )
+        fate = self._link.fate(frame.src, self.id, frame.kind, frame.sent_ns, frame.copy, len(frame.payload))
         if fate.cause is not None:
             self._counts[fate.cause] += 1
             return
-        self._release(self.core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame)))
+        self.core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame))
 
     def _release(self, outputs: Iterable[Output]) -> None:
         for output in outputs:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any, Self
 
 from trackfield.drivers.core import Core, Sense
@@ -29,15 +28,15 @@ class RunSpec:
 
 @dataclass(frozen=True, slots=True)
 class ProcessSpec:
-    """One process: its role by entry point (or ``module:factory``), the role's arguments, and its surroundings.
+    """One process: the name of its role, the ``module:attribute`` and arguments that make it, and its surroundings.
 
     ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
-    those it listens to (none if no role of it consumes broadcasts); ``hears`` limits whose broadcasts reach it.
-    ``media`` are the radios and wires it has.
+    those it listens to (none if no role of it consumes broadcasts). ``media`` are the radios and wires it has.
     """
 
     id: str
     role: str
+    factory: str
     config: Plain = field(default_factory=dict)
     x: float = 0.0
     y: float = 0.0
@@ -45,53 +44,42 @@ class ProcessSpec:
     media: tuple[Medium, ...] = ("field",)
     cell: str = "c0"
     cells: tuple[str, ...] = ()
-    hears: frozenset[str] | None = None
     incarnation: int = 0
+    sink: bool = False
 
     def plain(self) -> Plain:
         """The form that travels."""
-        hears = None if self.hears is None else sorted(self.hears)
-        return {**asdict(self), "hears": hears}
+        return asdict(self)
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``plain``."""
-        hears = plain["hears"]
-        lists = {name: tuple(plain[name]) for name in ("media", "cells")}
-        return cls(**{**plain, **lists, "hears": None if hears is None else frozenset(hears)})
+        return cls(**{**plain, "media": tuple(plain["media"]), "cells": tuple(plain["cells"])})
 
     def is_addressed(self, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
         """Whether a frame to these ids (None: a broadcast into ``cell``) from ``src`` is meant for this process."""
         if to is not None:
             return self.id in to
-        return src != self.id and cell in self.cells and (self.hears is None or src in self.hears)
+        return src != self.id and cell in self.cells
 
 
-def role_factory(name: str) -> Callable[..., Role[Any]]:
-    """What makes roles of this name; loading it registers the message kinds that its module defines.
-
-    Raises LookupError if no installed package offers it.
-    """
-    if ":" in name:
-        module, _, attribute = name.partition(":")
-        factory: Callable[..., Role[Any]] = getattr(import_module(module), attribute)
-        return factory
-    for entry in entry_points(group="trackfield.roles", name=name):
-        factory = entry.load()
-        return factory
-    raise LookupError(f"no installed package offers the role {name!r} (entry point trackfield.roles)")
+def role_factory(place: str) -> Callable[..., Role[Any]]:
+    """What makes roles, from ``module:attribute``; loading it registers the message kinds that its module defines."""
+    module, _, attribute = place.partition(":")
+    factory: Callable[..., Role[Any]] = getattr(import_module(module), attribute)
+    return factory
 
 
-def build_core(run: RunSpec, spec: ProcessSpec, *, history: int) -> Core:
+def build_core(run: RunSpec, spec: ProcessSpec, *, horizon_ns: int = 0) -> Core:
     """A process's engine with its sensors and clock."""
     clock = Clock()
     return Core(
-        role_factory(spec.role)(**spec.config),
+        role_factory(spec.factory)(**spec.config),
         owner=spec.id,
         clock=clock,
         sense=_senses(run, spec, clock),
         incarnation=spec.incarnation,
-        history=history,
+        horizon_ns=horizon_ns,
     )
 
 
@@ -108,5 +96,3 @@ def _senses(run: RunSpec, spec: ProcessSpec, clock: Clock) -> Sense:
         return None if at is None else clock.local(at)
 
     return sense
-
-

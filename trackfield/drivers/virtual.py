@@ -31,7 +31,7 @@ class Virtual:
 
     def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec], sink: Sink) -> None:
         self.spec, self.sink = run, sink
-        self.cores = {p.id: build_core(run, p, history=0) for p in processes}
+        self.cores = {p.id: build_core(run, p) for p in processes}
         self._processes = {p.id: p for p in processes}
         self._listeners = [p for p in processes if p.cells]
         self._link = make_link(run.link, run.seed)
@@ -75,9 +75,7 @@ class Virtual:
                 self._deliver(hearer.id, frame)
 
     def _deliver(self, hearer: str, frame: Frame) -> None:
-        fate = self._link.fate(
-            frame.src, hearer, frame.kind, frame.sent_ns, frame.copy, len(frame.payload)
-        )
+        fate = self._link.fate(frame.src, hearer, frame.kind, frame.sent_ns, frame.copy, len(frame.payload))
         if fate.cause is None:
             core = self.cores[hearer]
             core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame))

@@ -1,0 +1,187 @@
+"""The command line, ``trackfield``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
+
+app = typer.Typer(
+    name="trackfield",
+    help="Emulates field deployments that track moving targets with networks of small sensors.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+Name = Annotated[str, typer.Argument(metavar="SCENARIO", help="A packaged scenario's name, or a TOML file.")]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, as link.loss=0.1.")
+]
+Target = Annotated[Path | None, typer.Option("--target", help="The target's track: a GPX or CSV file.")]
+From = Annotated[
+    str | None, typer.Option("--from", help="Start of the window in the track, in the file's zone.")
+]
+To = Annotated[str | None, typer.Option("--to", help="End of the window.")]
+Nodes = Annotated[int | None, typer.Option(help="About how many sensors, at the scenario's own spacing.")]
+LinkModel = Annotated[str | None, typer.Option("--link", help="The link model, with its default parameters.")]
+Trackers = Annotated[list[str] | None, typer.Option("--tracker", help="A tracker to run; may be repeated.")]
+
+
+@app.command()
+def run(
+    scenario: Name,
+    seed: Annotated[
+        int | None, typer.Option(help="Decides every random draw; the scenario's own if not given.")
+    ] = None,
+    speed: Annotated[float, typer.Option(help="Emulated seconds per second.")] = 1.0,
+    virtual: Annotated[bool, typer.Option("--virtual", help="In virtual time, in one process.")] = False,
+    overrides: Set = None,
+    target: Target = None,
+    start: From = None,
+    end: To = None,
+    nodes: Nodes = None,
+    link: LinkModel = None,
+    tracker: Trackers = None,
+    out: Annotated[Path | None, typer.Option(help="The run folder; new or empty.")] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")
+    ] = False,
+    connect: Annotated[str, typer.Option(help="Use the Zenoh router at this endpoint.")] = "",
+    quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
+) -> None:
+    """Run a scenario and leave a run folder with its timeline, tables and metrics."""
+    from launcher.prepare import load, planned
+    from launcher.run import prepare_folder, run_processes, run_virtual
+    from launcher.show import announce, conclude, observing
+
+    resolved = load(
+        scenario,
+        settings=overrides or (),
+        seed=seed,
+        target=target,
+        start=start,
+        end=end,
+        nodes=nodes,
+        link=link,
+        trackers=tracker or (),
+    )
+    plan = planned(resolved, speed)
+    folder = prepare_folder(out, resolved.name, resolved.seed)
+    (folder / "scenario.toml").write_text(resolved.to_toml())
+    if not quiet:
+        announce(plan)
+    if virtual:
+        outcome = run_virtual(plan, folder, sys.argv)
+    else:
+        with observing(plan, quiet=quiet) as observer:
+            outcome = run_processes(plan, folder, observer, sys.argv, connect)
+    if as_json:
+        print(json.dumps(outcome.metrics, indent=2))
+    if not quiet or outcome.complaints:
+        conclude(outcome)
+    raise typer.Exit(outcome.exit_code)
+
+
+@app.command("list")
+def list_scenarios(
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Print the JSON schema of scenario files, for editors.")
+    ] = False,
+) -> None:
+    """List the packaged scenarios and the trackers."""
+    from trackfield import scenario
+    from trackfield.filters.trackers import TRACKERS
+
+    if schema:
+        print(json.dumps(scenario.schema(), indent=2))
+        return
+    for name in scenario.names():
+        print(f"{name:12} {scenario.summary(name)}")
+    print(f"trackers: {', '.join(TRACKERS)}")
+
+
+@app.command()
+def validate(scenario: Name, overrides: Set = None) -> None:
+    """Check a scenario and say what it comes to."""
+    from launcher.prepare import load, planned
+    from launcher.show import announce
+
+    announce(planned(load(scenario, settings=overrides or ())))
+
+
+@app.command()
+def view(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    web: Annotated[bool, typer.Option("--web", help="In the browser.")] = False,
+    png: Annotated[
+        Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")
+    ] = None,
+    at: Annotated[float | None, typer.Option(help="The emulated second that the picture shows.")] = None,
+) -> None:
+    """Open a run's timeline."""
+    from launcher.view import open_viewer, picture
+
+    if png is None:
+        open_viewer(run, web)
+    else:
+        picture(run, png, at)
+
+
+@app.command()
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
+    exact: Annotated[
+        float | None,
+        typer.Option(
+            metavar="TOL",
+            help="Fail unless tracks are equal to within this, and the fate of every frame is the same.",
+        ),
+    ] = None,
+) -> None:
+    """Show runs side by side, or whether they are the same."""
+    from rich.console import Console
+
+    from launcher.compare import check_runs, differences, side_by_side
+
+    if len(runs) < 2:
+        raise ScenarioError(
+            "there is nothing to compare it with", key="RUN", expected="two run folders or more"
+        )
+    check_runs(runs)
+    Console().print(side_by_side(runs))
+    if exact is None:
+        return
+    found = [f"{other}: {what}" for other in runs[1:] for what in differences(runs[0], other, exact)]
+    for line in found:
+        print(line, file=sys.stderr)
+    if found:
+        raise typer.Exit(1)
+    print(f"equal to within {exact:g}, and the fate of every frame is the same")
+
+
+def main() -> NoReturn:
+    """The program: exit 2 with one message for bad input, 1 for a failed run, never a traceback for either."""
+    try:
+        app()
+    except ScenarioError as error:
+        _end(f"trackfield: {error}", 2)
+    except RunFailed as error:
+        _end(f"trackfield: {error}", 1)
+    except TrackfieldError as error:
+        _end(f"trackfield: {error}", 1)
+    raise AssertionError("a typer app ends by itself")
+
+
+def _end(message: str, code: int) -> NoReturn:
+    print(message, file=sys.stderr)
+    raise SystemExit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+"""Runs side by side, or whether two are the same."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from rich.table import Table
+
+from trackfield.errors import ScenarioError
+
+FILES = ("metrics.json", "tracks.parquet", "messages.parquet")
+
+
+def check_runs(runs: Sequence[Path]) -> None:
+    """Raise ``ScenarioError`` for a folder that is no finished run."""
+    for run in runs:
+        for file in FILES:
+            if not (run / file).is_file():
+                raise ScenarioError(f"has no {file}", file=str(run), expected="the folder of a finished run")
+
+
+def differences(a: Path, b: Path, tolerance: float) -> list[str]:
+    """What tells two runs apart: tracks by more than the tolerance, or the fate of any frame."""
+    return _track_differences(*(pq.read_table(run / "tracks.parquet") for run in (a, b)), tolerance) + (
+        _frame_differences(*(pq.read_table(run / "messages.parquet") for run in (a, b)))
+    )
+
+
+def side_by_side(runs: Sequence[Path]) -> Table:
+    """A table of the figures that people compare, a column per run."""
+    metrics = [json.loads((run / "metrics.json").read_text()) for run in runs]
+    table = Table()
+    table.add_column("")
+    for run in runs:
+        table.add_column(run.name, justify="right")
+    names = dict.fromkeys(name for m in metrics for name in m["trackers"])
+    for name in names:
+        rows = [m["trackers"].get(name) for m in metrics]
+        table.add_row(f"{name} RMSE [m]", *(_number(r and r["rmse"]["position"]) for r in rows))
+        table.add_row(f"{name} median error [m]", *(_number(r and r["median_error"]) for r in rows))
+        table.add_row(f"{name} lost", *("-" if r is None else "yes" if r["lost"] else "no" for r in rows))
+    for key in ("sent", "expected", "delivered", "late"):
+        table.add_row(f"frames {key}", *(str(m["frames"][key]) for m in metrics))
+    table.add_row("frames lost", *(str(sum(m["frames"]["lost"].values())) for m in metrics))
+    table.add_row("host late", *(str(m["timing"]["host_late"]) for m in metrics))
+    return table
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
+
+
+def _track_differences(a: pa.Table, b: pa.Table, tolerance: float) -> list[str]:
+    keys = ("tracker", "target", "step", "status", "reports")
+    if a.select(keys) != b.select(keys):
+        return [
+            f"the tracks have other steps, states or numbers of reports ({a.num_rows} and {b.num_rows} points)"
+        ]
+    found = []
+    for name in ("x", "y", "vx", "vy", "covariance"):
+        old, new = (_floats(table[name]) for table in (a, b))
+        if old.shape != new.shape:
+            found.append(f"tracks: {name} is there for other steps")
+        elif old.size and not np.allclose(old, new, rtol=0.0, atol=tolerance, equal_nan=True):
+            found.append(f"tracks: {name} differs by up to {np.nanmax(np.abs(old - new)):.3g}")
+    return found
+
+
+def _floats(column: pa.ChunkedArray) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    flat = column.combine_chunks()
+    values = flat.flatten() if pa.types.is_list(flat.type) else flat
+    return np.asarray(values.to_numpy(zero_copy_only=False), float)
+
+
+def _frame_differences(a: pa.Table, b: pa.Table) -> list[str]:
+    keys = ("src", "dst", "kind", "sent_ns", "copy", "incarnation", "due_ns", "outcome", "bytes")
+    old, new = (set(zip(*(table[k].to_pylist() for k in keys), strict=True)) for table in (a, b))
+    only = sorted(old ^ new, key=str)
+    if not only:
+        return []
+    src, dst, kind, sent_ns, *_ = only[0]
+    which = f"the first {kind} from {src} to {dst} at {sent_ns / 1e9:.3f} s"
+    return [f"frames: {len(old - new)} only in the first run, {len(new - old)} only in the second; {which}"]

@@ -1,0 +1,61 @@
+"""From what the user typed to a scenario and its plan; everything a user can get wrong is found here."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from launcher.plan import make_plan
+from launcher.records import Plan
+from trackfield.errors import ScenarioError
+from trackfield.filters.trackers import TRACKERS
+from trackfield.scenario import Scenario
+from trackfield.scenario.override import parse
+
+
+def load(
+    name: str,
+    *,
+    settings: Sequence[str] = (),
+    seed: int | None = None,
+    target: Path | None = None,
+    start: str | None = None,
+    end: str | None = None,
+    nodes: int | None = None,
+    link: str | None = None,
+    trackers: Sequence[str] = (),
+) -> Scenario:
+    """The scenario with what the command line changes in it. Raises ``ScenarioError``."""
+    if target is None and (start is not None or end is not None):
+        raise ScenarioError(
+            "there is no track to cut", key="--from, --to", expected="--target FILE beside it"
+        )
+    options: Mapping[str, Any] = {
+        "seed": seed,
+        "target.path": target and "file",
+        "target.file": target and str(target),
+        "target.from": start,
+        "target.to": end,
+        "field.nodes": nodes,
+        "link.model": link,
+        "fusion.trackers": list(trackers) or None,
+    }
+    overrides = dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
+    return Scenario.load(name, overrides, known_trackers=TRACKERS)
+
+
+def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
+    """The scenario's plan under a run id of its own. Raises ``ScenarioError``."""
+    if not 0 < speed <= 100:
+        raise ScenarioError(f"is {speed}", key="--speed", expected="more than 0, at most 100")
+    return make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
+
+
+def remarks(plan: Plan) -> list[str]:
+    """What a user should know of the plan before it runs: gaps in the track."""
+    return [
+        f"the track has no fixes from {a:.1f} s to {b:.1f} s ({b - a:.0f} s): a straight line stands in"
+        for a, b in plan.info.gaps
+    ]

@@ -1,0 +1,132 @@
+"""What is to be seen of a run at each instant: pictures on a raster, sums per second, shapes."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from launcher.records import FieldInfo, MessageRow
+from trackfield.role import NS
+
+RASTER_NS: Final = 50_000_000
+"""Instants at which the picture of field and network may change."""
+
+Points = npt.NDArray[np.float64]
+_Change = tuple[float, int, str, Any, Any, float]
+"""Time, order of the call, kind, key, value, end; at its end a change comes once more."""
+
+
+class Shown:
+    """What is to be seen at an instant, by kind and key; calls come in any order, changes on the raster."""
+
+    def __init__(self) -> None:
+        self.now: defaultdict[str, dict[Any, Any]] = defaultdict(dict)
+        self._ends: dict[tuple[str, Any], float] = {}
+        self._changes: list[_Change] = []
+        self._count = 0
+        self._last_ns = -RASTER_NS
+
+    def show(self, kind: str, key: Any, value: Any, begin_ns: int, end_ns: float = math.inf) -> None:
+        """The value of this key is seen in [begin, end), or until another one of the key begins."""
+        if begin_ns < end_ns:
+            self._count += 1
+            heapq.heappush(self._changes, (begin_ns, self._count, kind, key, value, end_ns))
+
+    def until(self, t_ns: float) -> Iterator[tuple[int, set[str]]]:
+        """Applies the changes up to a time; yields each instant and the kinds that changed."""
+        while self._changes and self._changes[0][0] <= t_ns:
+            self._last_ns = max(self._last_ns, -(-int(self._changes[0][0]) // RASTER_NS) * RASTER_NS)
+            changed = set()
+            while self._changes and self._changes[0][0] <= self._last_ns:
+                changed |= self._apply(heapq.heappop(self._changes))
+            yield self._last_ns, changed
+
+    def _apply(self, change: _Change) -> set[str]:
+        t_ns, count, kind, key, value, end_ns = change
+        shown = self.now[kind]
+        if t_ns < end_ns:
+            shown[key] = value
+            self._ends[kind, key] = end_ns
+            if end_ns < math.inf:
+                heapq.heappush(self._changes, (end_ns, count, kind, key, None, end_ns))
+        elif self._ends[kind, key] == end_ns and key in shown:
+            del shown[key]
+        else:
+            return set()
+        return {kind}
+
+
+@dataclass(slots=True)
+class _Second:
+    expected: int = 0
+    delivered: int = 0
+    lost: int = 0
+    late: int = 0
+    delays_ms: list[float] = field(default_factory=list)
+
+
+class Seconds:
+    """Sums over each emulated second, for the plots."""
+
+    def __init__(self) -> None:
+        self._open: defaultdict[int, _Second] = defaultdict(_Second)
+        self._next = self._lost = self._late = 0
+
+    def count(self, t_ns: int, row: MessageRow) -> None:
+        """Adds a message to the second in which it arrived, or the first one still open."""
+        second = self._open[max(t_ns // NS, self._next)]
+        second.expected += row.bytes
+        second.late += row.outcome == "late"
+        if not row.delivered:
+            second.lost += 1
+            return
+        second.delivered += row.bytes
+        if row.due_ns is not None:
+            second.delays_ms.append((row.due_ns - row.sent_ns) / 1e6)
+
+    def until(self, t_ns: float) -> Iterator[tuple[int, str, tuple[float, ...]]]:
+        """(time, plot, values) of each second that ended by then; infinity: of all that are left.
+
+        The values are lost and late frames so far; bytes per second sent to all hearers and delivered; the
+        median and the 95 % point of the delays of delivered frames in ms.
+        """
+        while self._open if t_ns == math.inf else (self._next + 1) * NS <= t_ns:
+            second = self._open.pop(self._next, _Second())
+            self._next += 1
+            self._lost += second.lost
+            self._late += second.late
+            end_ns = self._next * NS
+            yield end_ns, "lost", (self._lost, self._late)
+            yield end_ns, "bytes", (second.expected, second.delivered)
+            if second.delays_ms:
+                yield end_ns, "latency", tuple(np.percentile(second.delays_ms, (50, 95)))
+
+
+def rings(centre: Points, covariance: tuple[float, ...]) -> Points:
+    """The outline of the 95 % region of a Gaussian, (1, 33, 2), or (0, 33, 2) where there is none.
+
+    ``centre`` (1, 2) or (0, 2); ``covariance`` 4x4 row by row, position first.
+    """
+    if not len(centre):
+        return np.empty((0, 33, 2))
+    xx, xy, yy = covariance[0], covariance[1], covariance[5]
+    a = math.sqrt(max(xx, 0.0))
+    b = xy / a if a else 0.0
+    root = np.array([[a, b], [0.0, math.sqrt(max(yy - b * b, 0.0))]])  # of Cholesky, for row vectors
+    angle = np.linspace(0.0, 2 * math.pi, 33)
+    # -2 ln(1 - 0.95) is the 95 % point of a chi-square with two degrees of freedom.
+    circle = math.sqrt(-2 * math.log(0.05)) * np.column_stack((np.cos(angle), np.sin(angle)))
+    return np.asarray(centre + circle @ root)[None]
+
+
+def extent(info: FieldInfo) -> float:
+    """The longer side of the area of all places, metres."""
+    at = np.array([(place.x, place.y) for place in info.places])
+    return float(np.max(np.ptp(at, axis=0)))

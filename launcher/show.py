@@ -1,0 +1,179 @@
+"""What a person sees of a run: a live table in a terminal, plain lines elsewhere, and the result. All on stderr."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Final
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from launcher.prepare import remarks
+from launcher.records import Plan
+from launcher.run import Observer, Outcome
+
+PLAIN_EVERY_S: Final = 10.0
+MAX_COMPLAINTS: Final = 3
+console: Final = Console(stderr=True, highlight=False)
+
+
+class Quiet:
+    """Shows nothing."""
+
+    def starting(self, ready: int, of: int) -> None:
+        """Nothing."""
+
+    def running(self, status: dict[str, Any]) -> None:
+        """Nothing."""
+
+
+class Lines:
+    """A line when all are ready, and one every few seconds."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self._next = 0.0
+        self._announced = False
+
+    def starting(self, ready: int, of: int) -> None:
+        """Say once that processes come up."""
+        if not self._announced:
+            self._announced = True
+            console.print(f"starting {of} processes ...")
+
+    def running(self, status: dict[str, Any]) -> None:
+        """Say now and then how it goes."""
+        if status and time.monotonic() >= self._next:
+            self._next = time.monotonic() + PLAIN_EVERY_S
+            errors = ", ".join(f"{name} {_metres(e)}" for name, e in status["errors"].items())
+            counts = ", ".join(f"{outcome} {n}" for outcome, n in sorted(status["outcomes"].items()))
+            console.print(
+                f"t = {status['t_s']:.0f} s of {self.plan.info.end_s:.0f}: {counts}; error: {errors or '-'}"
+            )
+
+
+class Screen:
+    """A table that is redrawn in place."""
+
+    def __init__(self, plan: Plan, live: Live) -> None:
+        self.plan, self.live = plan, live
+
+    def starting(self, ready: int, of: int) -> None:
+        """How many are ready."""
+        self.live.update(f"starting processes: {ready} of {of} ready")
+
+    def running(self, status: dict[str, Any]) -> None:
+        """The table."""
+        if not status:
+            return
+        table = Table(
+            title=f"{self.plan.info.scenario}  t = {status['t_s']:.0f} / {self.plan.info.end_s:.0f} s"
+        )
+        for column in ("nodes", "frames", "error"):
+            table.add_column(column)
+        columns = (
+            [f"{name} {n}" for name, n in sorted(status["states"].items())],
+            [f"sent {status['sent']}", *(f"{o} {n}" for o, n in sorted(status["outcomes"].items()))],
+            [f"{name} {_metres(error)}" for name, error in status["errors"].items()],
+        )
+        table.add_row(*("\n".join(lines) for lines in columns))
+        self.live.update(table)
+
+
+@contextmanager
+def observing(plan: Plan, *, quiet: bool) -> Iterator[Observer]:
+    """Whoever fits the place that stderr goes to."""
+    if quiet:
+        yield Quiet()
+    elif console.is_terminal:
+        with Live(console=console, transient=True, refresh_per_second=4) as live:
+            yield Screen(plan, live)
+    else:
+        yield Lines(plan)
+
+
+def announce(plan: Plan) -> None:
+    """What is about to run."""
+    nodes = sum(p.role == "node" for p in plan.processes)
+    link = plan.run.link["model"]
+    console.print(
+        f"{plan.info.scenario}: {nodes} sensor nodes, {plan.info.end_s:.0f} s, link {link}, seed {plan.run.seed}, "
+        f"trackers {', '.join(plan.info.trackers)}"
+    )
+    for remark in remarks(plan):
+        console.print(f"[yellow]note:[/] {remark}")
+
+
+def conclude(outcome: Outcome) -> None:
+    """The result, what went wrong, and the next command."""
+    metrics = outcome.metrics
+    if metrics.get("trackers"):
+        console.print(_result(metrics))
+    for line in _alarms(metrics):
+        console.print(f"[bold red]{line}[/]")
+    for complaint in outcome.complaints[:MAX_COMPLAINTS]:
+        console.print("[bold red]failed:[/]", Text(complaint))
+    if len(outcome.complaints) > MAX_COMPLAINTS:
+        console.print(
+            f"[bold red]... and {len(outcome.complaints) - MAX_COMPLAINTS} more[/] (metrics.json has all)"
+        )
+    if outcome.signal is not None:
+        console.print("[yellow]ended early; everything up to then is in the run folder[/]")
+    console.print(f"run folder: {outcome.folder}")
+    console.print(f"next: {_program()} view {outcome.folder}")
+
+
+def _result(metrics: dict[str, Any]) -> Table:
+    table = Table()
+    for column in ("tracker", "RMSE", "median error", "velocity RMSE", "steps", ""):
+        table.add_column(column, justify="left" if column in ("tracker", "") else "right")
+    for name, m in metrics["trackers"].items():
+        velocity = m["rmse"]["velocity"]
+        table.add_row(
+            name,
+            _metres(m["rmse"]["position"]),
+            _metres(m["median_error"]),
+            "-" if velocity is None else f"{velocity:.2f} m/s",
+            str(m["steps"]),
+            "[red]lost[/]" if m["lost"] else "",
+        )
+    frames = metrics["frames"]
+    lost = ", ".join(f"{cause} {n}" for cause, n in frames["lost"].items() if n) or "none"
+    table.caption = f"frames: sent {frames['sent']}, delivered {frames['delivered']} (late {frames['late']}); lost: {lost}"
+    return table
+
+
+def _alarms(metrics: dict[str, Any]) -> list[str]:
+    """What makes a run's figures doubtful."""
+    alarms = []
+    frames, timing = metrics.get("frames"), metrics.get("timing")
+    if timing and timing["host_late"]:
+        alarms.append(
+            f"timing: {timing['host_late']} events came too late on this machine to be put in order without a trace "
+            "(timing.host_late): a lower --speed, or --virtual, is exact"
+        )
+    if frames and frames["expected"] and not frames["delivered"]:
+        alarms.append(
+            f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by"
+        )
+    if frames and not frames["expected"]:
+        alarms.append("no frame was sent: no tracker had anything to go by")
+    return alarms
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} m"
+
+
+def _program() -> str:
+    """How to call this program again, as short as it goes."""
+    if shutil.which("trackfield"):
+        return "trackfield"
+    return os.path.relpath(sys.argv[0])

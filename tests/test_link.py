@@ -1,0 +1,263 @@
+"""Links: fates are pure, and distributed as their model says.
+
+Statistical tests compare with the exact distribution. A right answer would fail one of them with probability
+``SURE``, once and for all, since the draws do not change.
+"""
+
+from __future__ import annotations
+
+import random
+import tracemalloc
+from math import exp
+from typing import Any, Final
+
+import pytest
+from scipy.stats import binom, gamma, kstest, nbinom
+
+from trackfield.link import MIN_DELAY_NS, MODELS, Fate, make_link
+from trackfield.link.gilbert_elliott import GilbertElliott
+
+MS: Final = 1_000_000
+S: Final = 1_000_000_000
+SURE: Final = 1e-6
+
+FIXED: Final = {"model": "fixed", "loss": 0.05, "delay_ms": 5}
+BURSTS: Final = {
+    "model": "gilbert_elliott",
+    "good_s": 50,
+    "bad_s": 4,
+    "loss_good": 0.02,
+    "loss_bad": 0.9,
+    "delay_ms": 20,
+    "jitter_ms": 10,
+}
+SPECS: Final[list[dict[str, Any]]] = [{"model": "ideal"}, FIXED, BURSTS]
+every_model = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec["model"])
+
+Frame = tuple[str, str, str, int, int, int]
+
+
+def likely(count: int, distribution: Any) -> bool:
+    return bool(distribution.ppf(SURE / 2) <= count <= distribution.isf(SURE / 2))
+
+
+def frames(n: int, seed: int = 0) -> list[Frame]:
+    """Different frames between a few processes within an hour."""
+    pick = random.Random(seed)
+    names = ["n1", "n2", "n10", "fusion"]
+    return list(
+        {
+            (
+                *pick.sample(names, 2),
+                pick.choice(["doa", "track"]),
+                pick.randrange(3600 * S),
+                pick.randrange(3),
+                12,
+            )
+            for _ in range(n)
+        }
+    )
+
+
+# --- every model ---
+
+
+def test_every_model_is_tested_here() -> None:
+    assert {spec["model"] for spec in SPECS} == set(MODELS)
+
+
+@every_model
+def test_the_order_of_asking_changes_nothing(spec: dict[str, Any]) -> None:
+    """A receiver, the recorder and a replay ask in different orders, about different frames."""
+    asked = frames(2000)
+    link = make_link(spec, seed=3)
+    fates = {frame: link.fate(*frame) for frame in asked}
+    random.Random(1).shuffle(asked)
+    again, fresh = make_link(spec, seed=3), make_link(spec, seed=3)
+    assert {frame: again.fate(*frame) for frame in asked} == fates
+    assert {frame: link.fate(*frame) for frame in reversed(asked)} == fates
+    assert fresh.fate(*asked[0]) == fates[asked[0]]  # a process that hears a single frame
+
+
+@every_model
+def test_every_frame_takes_a_millisecond_at_least(spec: dict[str, Any]) -> None:
+    if "delay_ms" in spec:
+        spec = {**spec, "delay_ms": 0}
+    fates = [make_link(spec, seed=1).fate(*frame) for frame in frames(500)]
+    assert min(fate.delay_ns for fate in fates if fate.cause is None) >= MIN_DELAY_NS == MS
+
+
+@pytest.mark.parametrize("spec", SPECS[1:], ids=lambda spec: spec["model"])
+@pytest.mark.parametrize("changed", ["seed", "src", "dst", "kind", "sent_ns", "copy"])
+def test_each_part_of_the_identity_matters(spec: dict[str, Any], changed: str) -> None:
+    """Two frames that differ in one part are lost independently: at p = 1/2, in half of all cases."""
+    spec = {**spec, "loss": 0.5} if spec["model"] == "fixed" else {**spec, "loss_good": 0.5, "loss_bad": 0.5}
+    one, other = make_link(spec, seed=1), make_link(spec, seed=2 if changed == "seed" else 1)
+    n = 2000
+    differ = 0
+    for i in range(n):
+        frame = {"src": "a", "dst": "b", "kind": "doa", "sent_ns": i * S, "copy": 0}
+        change = {"src": "b", "dst": "a", "kind": "track", "sent_ns": i * S + 1, "copy": 1}
+        twin = frame if changed == "seed" else {**frame, changed: change[changed]}
+        differ += one.fate(**frame, size=12).cause != other.fate(**twin, size=12).cause
+    assert likely(differ, binom(n, 0.5))
+
+
+@every_model
+def test_range_is_not_the_links_business(spec: dict[str, Any]) -> None:
+    near, far = make_link(spec, seed=1), make_link({**spec, "range_m": 100.0}, seed=1)
+    assert all(near.fate(*frame) == far.fate(*frame) for frame in frames(100))
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ({"model": "carrier pigeon"}, "carrier pigeon"),
+        ({}, "not one of ideal, fixed, gilbert_elliott"),
+        ({"model": "ideal", "loss": 0.1}, "loss"),
+        ({"model": "fixed", "los": 0.1}, "los"),
+        ({"model": "fixed", "loss": -0.1}, "loss"),
+        ({"model": "fixed", "loss": 1.1}, "loss"),
+        ({"model": "fixed", "loss": float("nan")}, "loss"),
+        ({"model": "fixed", "loss": "much"}, "fixed"),
+        ({"model": "fixed", "delay_ms": -1}, "delay_ms"),
+        ({"model": "fixed", "delay_ms": float("inf")}, "delay_ms"),
+        ({"model": "gilbert_elliott", "good_s": 1}, "bad_s"),
+        ({"model": "gilbert_elliott", "good_s": 0, "bad_s": 1}, "good_s"),
+        ({"model": "gilbert_elliott", "good_s": 1, "bad_s": -1}, "bad_s"),
+        ({**BURSTS, "loss_bad": 2}, "loss_bad"),
+        ({**BURSTS, "loss_good": -1}, "loss_good"),
+        ({**BURSTS, "jitter_ms": -1}, "jitter_ms"),
+    ],
+    ids=str,
+)
+def test_bad_specifications(spec: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_link(spec, seed=1)
+
+
+# --- ideal and fixed ---
+
+
+def test_ideal_loses_nothing_and_takes_a_millisecond() -> None:
+    link = make_link({"model": "ideal"}, seed=1)
+    assert {link.fate(*frame) for frame in frames(1000)} == {Fate(None, MS)}
+
+
+@pytest.mark.parametrize(("loss", "fate"), [(0, Fate(None, 5 * MS)), (1, Fate("radio"))])
+def test_fixed_at_its_ends(loss: float, fate: Fate) -> None:
+    link = make_link({**FIXED, "loss": loss}, seed=1)
+    assert {link.fate(*frame) for frame in frames(1000)} == {fate}
+
+
+@pytest.mark.parametrize("loss", [0.001, 0.05, 0.5])
+def test_fixed_loses_its_share(loss: float) -> None:
+    link, asked = make_link({**FIXED, "loss": loss}, seed=1), frames(20_000)
+    lost = sum(link.fate(*frame).cause == "radio" for frame in asked)
+    assert likely(lost, binom(len(asked), loss))
+
+
+# --- Gilbert-Elliott: a continuous-time Markov chain with rates 1/good_s and 1/bad_s ---
+
+
+def bursts(seed: int, good_s: float, bad_s: float, **parameters: float) -> GilbertElliott:
+    link = make_link({"model": "gilbert_elliott", "good_s": good_s, "bad_s": bad_s, **parameters}, seed)
+    assert isinstance(link, GilbertElliott)
+    return link
+
+
+@pytest.mark.parametrize("at_s", [0, 0.5, 100])
+def test_the_share_of_bad_links_is_stationary(at_s: float) -> None:
+    link, n = bursts(1, good_s=5, bad_s=2), 5000
+    bad = sum(link.bad(f"n{i}", "fusion", round(at_s * S)) for i in range(n))
+    assert likely(bad, binom(n, 2 / 7))
+
+
+@pytest.mark.parametrize("lag_s", [0.1, 1, 5])
+def test_how_long_a_link_stays_bad(lag_s: float) -> None:
+    """P(bad after lag | bad) = p + (1 - p) exp(-(1/good + 1/bad) lag), with p the stationary share."""
+    link, at, share = bursts(2, good_s=5, bad_s=2), 7 * S, 2 / 7
+    bad = [f"n{i}" for i in range(8000) if link.bad(f"n{i}", "fusion", at)]
+    still = sum(link.bad(name, "fusion", at + round(lag_s * S)) for name in bad)
+    assert likely(still, binom(len(bad), share + (1 - share) * exp(-(1 / 5 + 1 / 2) * lag_s)))
+
+
+def test_the_length_of_bursts() -> None:
+    """Seen every 0.1 s the chain is a discrete one: a burst spans 1 + a geometric number of samples."""
+    link, step_s, share = bursts(3, good_s=1.0, bad_s=0.5), 0.1, 1 / 3
+    stay = share + (1 - share) * exp(-(1 / 1.0 + 1 / 0.5) * step_s)
+    path = [link.bad("a", "b", round(i * step_s * S)) for i in range(30_000)]
+    lengths = [len(run) for run in "".join("x" if bad else " " for bad in path).strip("x").split()]
+    assert len(lengths) > 1000
+    assert likely(sum(lengths) - len(lengths), nbinom(len(lengths), 1 - stay))
+
+
+def test_good_and_bad_dwells_alternate() -> None:
+    """With means a billion apart a link is nearly always in the state of the long one, however it began."""
+    mostly_good, mostly_bad = bursts(4, good_s=1e6, bad_s=0.001), bursts(4, good_s=0.001, bad_s=1e6)
+    assert not any(mostly_good.bad(f"n{i}", "b", S) for i in range(2000))
+    assert all(mostly_bad.bad(f"n{i}", "b", S) for i in range(2000))
+
+
+def test_links_are_independent_of_each_other_and_of_their_reverse() -> None:
+    link, n, share = bursts(5, good_s=5, bad_s=2), 5000, 2 / 7
+    both = sum(link.bad(f"n{i}", "b", S) and link.bad("b", f"n{i}", S) for i in range(n))
+    assert likely(both, binom(n, share**2))
+    both = sum(link.bad(f"n{i}", "b", S) and link.bad(f"n{i + 1}", "b", S) for i in range(0, 2 * n, 2))
+    assert likely(both, binom(n, share**2))
+
+
+def test_all_kinds_suffer_the_same_burst() -> None:
+    link = bursts(6, good_s=1, bad_s=1)
+    for i in range(500):
+        causes = {
+            link.fate("a", "b", kind, i * S, copy, 12).cause for kind in ("doa", "sync") for copy in (0, 1)
+        }
+        assert causes == ({"radio"} if link.bad("a", "b", i * S) else {None})
+
+
+def test_losses_in_each_state() -> None:
+    link, tally = bursts(7, good_s=2, bad_s=1, loss_good=0.1, loss_bad=0.7), {True: [0, 0], False: [0, 0]}
+    for i in range(20_000):
+        frame = (f"n{i}", "b", "doa", i * MS, 0, 12)
+        state = tally[link.bad(*frame[:2], frame[3])]
+        state[0] += 1
+        state[1] += link.fate(*frame).cause == "radio"
+    assert likely(tally[False][1], binom(tally[False][0], 0.1))
+    assert likely(tally[True][1], binom(tally[True][0], 0.7))
+    assert likely(tally[True][0], binom(20_000, 1 / 3))
+
+
+def test_jitter_is_exponential() -> None:
+    link = bursts(8, good_s=1e9, bad_s=1e-9, delay_ms=20, jitter_ms=10)
+    delays = [link.fate("a", "b", "doa", i, 0, 12).delay_ns / MS - 20 for i in range(10_000)]
+    assert min(delays) >= 0
+    assert kstest(delays, "expon", args=(0, 10)).pvalue > SURE
+    assert gamma(len(delays), scale=10).ppf(SURE) < sum(delays) < gamma(len(delays), scale=10).isf(SURE)
+
+
+def test_without_jitter_the_delay_is_constant() -> None:
+    link = bursts(9, good_s=1e9, bad_s=1e-9, delay_ms=20)
+    assert {link.fate(*frame).delay_ns for frame in frames(200)} == {20 * MS}
+
+
+def test_delay_and_loss_are_drawn_apart() -> None:
+    """Were both read off one number, the frames that get through would have other delays."""
+    spec = {**BURSTS, "loss_good": 0.5, "loss_bad": 0.5}
+    fates = [make_link(spec, seed=1).fate("a", "b", "doa", i, 0, 12) for i in range(4000)]
+    delays = [fate.delay_ns / MS - 20 for fate in fates if fate.cause is None]
+    assert kstest(delays, "expon", args=(0, 10)).pvalue > SURE
+
+
+def test_memory_does_not_grow_with_the_length_of_a_run() -> None:
+    link, names = bursts(10, good_s=2, bad_s=1), [f"n{i}" for i in range(200)]
+    for name in names:
+        link.bad(name, "fusion", 0)
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for minute in range(10):
+        for name in names:
+            link.bad(name, "fusion", minute * 60 * S)
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown / len(names) < 300  # bytes; 200 dwells per link went by

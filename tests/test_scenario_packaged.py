@@ -1,0 +1,150 @@
+"""The scenarios that come with the package, the bus ride, and the documentation of all keys."""
+
+import re
+from itertools import pairwise
+from math import hypot
+from pathlib import Path
+
+import gpxpy
+import pytest
+
+from trackfield.scenario import Scenario, names, plan, summary
+from trackfield.scenario.document import BEGIN, END, tables, updated
+from trackfield.scenario.keys import sections_of_file, top_level
+from trackfield.scenario.make_bus import FILE, SPEED_UP, gpx, ride
+from trackfield.scenario.packaged import packaged_file
+
+DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
+
+
+def test_there_are_two() -> None:
+    assert names() == ("bus", "spcpf")
+    for name in names():
+        assert Scenario.load(name).name == name
+        assert 20 < len(summary(name)) < 120
+        assert not summary(name).startswith("#")
+
+
+def test_spcpf_is_the_papers() -> None:
+    scenario = Scenario.load("spcpf", known_trackers=["spcpf", "fix-imm-ukf"])
+    sensor = scenario.sensor
+    assert (sensor.level_db, sensor.alpha, sensor.threshold, sensor.doa_sd_deg) == (70.0, 2.0, 0.75, 3.0)
+    assert sensor.level_sd_db == 0.0
+    assert scenario.plain()["link"] == {"model": "ideal"}
+    assert scenario.fusion.trackers == ("fix-imm-ukf", "spcpf")
+    assert (scenario.fusion.prior, scenario.fusion.prior_sd) == ("paper", (20.0, 20.0, 4.0, 4.0))
+    site = plan(scenario)
+    assert (len(site.sensors), site.steps, site.step_ns, site.centre) == (121, 60, 10**9, (250.0, 250.0))
+    assert plan(scenario.set("target.path", "s2")).steps == 75
+
+
+def test_the_bus_meets_a_real_radio() -> None:
+    link = Scenario.load("bus").plain()["link"]
+    assert link["model"] == "gilbert_elliott"
+    assert link["bad_s"] > 0
+    assert link["delay_ms"] + link["jitter_ms"] >= 20
+    assert Scenario.load("bus").fusion.prior == "none"
+
+
+def test_the_bus_lets_the_demo_end_in_time() -> None:
+    site = plan(Scenario.load("bus"))
+    assert 80 <= site.steps <= 110
+    assert 50 <= len(site.sensors) <= 121
+    assert site.path.gaps == ()
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_key_of_its_kind_is_there_and_has_a_comment(name: str) -> None:
+    text = packaged_file(name).read_text()
+    section, found = "", set()
+    for line in text.splitlines():
+        if header := re.fullmatch(r"\[(\w+)\]", line):
+            section = header[1]
+        elif setting := re.match(r"(?:# )?(\w+) = [^#]+(#.*)?$", line):
+            found.add((section, setting[1]))
+            assert setting[2], f"{section}.{setting[1]} has no comment"
+    plain = Scenario.load(name).plain()
+    kinds = {part: keys.keys(plain[part].get(keys.tag)) for part, keys in sections_of_file().items()}
+    every = {("", key) for key in top_level()} | {(part, key) for part, keys in kinds.items() for key in keys}
+    assert found == every
+
+
+@pytest.mark.parametrize("name", names())
+def test_the_keys_that_are_commented_out_are_right_too(name: str, tmp_path: Path) -> None:
+    text = re.sub(r"^# (\w+ = )", r"\1", packaged_file(name).read_text(), flags=re.MULTILINE)
+    text = text.replace('"bus.gpx"', f'"{FILE}"')
+    (tmp_path / "all.toml").write_text(text)
+    assert plan(Scenario.load(tmp_path / "all.toml")).steps == 60
+
+
+# --- the bus ride ------------------------------------------------------------------------------------------
+
+
+def test_the_ride_is_what_its_script_makes() -> None:
+    assert FILE.read_text() == gpx()
+
+
+def test_a_fix_a_second() -> None:
+    points = gpxpy.parse(FILE.read_text()).tracks[0].segments[0].points
+    assert {(b.time - a.time).total_seconds() for a, b in pairwise(points)} == {1.0}
+
+
+def test_the_bus_drives_like_a_bus() -> None:
+    times, places = ride()
+    speeds = [
+        (hypot(bx - ax, by - ay) / (b - a), (a + b) / 2)
+        for (a, b), ((ax, ay), (bx, by)) in zip(pairwise(times), pairwise(places), strict=True)
+    ]
+    assert 9.0 < max(speed for speed, _ in speeds) <= 13.0
+    waits = [b - a for (a, b), (p, q) in zip(pairwise(times), pairwise(places), strict=True) if p == q]
+    assert waits == pytest.approx([2.0, 6.0, 6.0, 3.0])
+    accelerations = [(v - u) / (t - s) for (u, s), (v, t) in pairwise(speeds) if u > 0 and v > 0 and t > s]
+    assert max(accelerations) == pytest.approx(SPEED_UP, abs=0.05)
+    assert -1.5 <= min(accelerations) < -1.0
+
+
+def test_the_bus_turns_around_three_corners() -> None:
+    path = plan(Scenario.load("bus")).path
+    corners = 0
+    for t in range(5, int(path.end_s) - 10):
+        before, after = path.at(float(t)), path.at(float(t + 10))
+        assert before is not None
+        assert after is not None
+        cross = before[2] * after[3] - before[3] * after[2]
+        speeds = hypot(*before[2:]) * hypot(*after[2:])
+        corners += speeds > 4.0 and abs(cross) > 0.9 * speeds
+    assert corners >= 3
+
+
+# --- documentation -----------------------------------------------------------------------------------------
+
+
+def test_the_document_has_todays_keys() -> None:
+    text = DOCUMENT.read_text()
+    assert updated(text) == text, "run: python -m trackfield.scenario.document docs/scenarios.md"
+
+
+def test_the_tables_have_every_key_with_unit_default_and_range() -> None:
+    text = tables()
+    for name, section in sections_of_file().items():
+        assert f"### `[{name}]`" in text
+        for keys in section.kinds.values():
+            assert all(f"| `{key}` |" in text for key in keys)
+    assert "| `threshold` |  | `0.75` | a number from 0 to 1 |" in text
+    assert "| `delay_ms` | fixed | ms | `5.0` | a number of at least 1 |" in text
+    assert "| `delay_ms` | gilbert_elliott | ms | `20.0` | a number of at least 1 |" in text
+    assert "| `file` | file |  | required | a text |" in text
+    assert all(key.meaning for section in sections_of_file().values() for key in section.keys(None).values())
+
+
+def test_a_document_needs_its_marks() -> None:
+    assert updated(f"a\n{BEGIN}\nold\n{END}\nb\n") == f"a\n{BEGIN}\n\n{tables()}\n\n{END}\nb\n"
+    for text in ("", BEGIN, END, f"{END}{BEGIN}"):
+        with pytest.raises(ValueError, match="needs the marks"):
+            updated(text)
+
+
+def test_the_documents_own_scenario_works(tmp_path: Path) -> None:
+    (block,) = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
+    (tmp_path / "crossing.toml").write_text(block)
+    assert plan(Scenario.load(tmp_path / "crossing.toml")).steps == 45

@@ -1,0 +1,157 @@
+"""The timeline in the real viewer: without a screen, in a browser's server, and where it cannot come up."""
+
+from __future__ import annotations
+
+import re
+import signal
+import struct
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from launcher import view
+from launcher.timeline import Timeline
+from tests import fake_run
+from trackfield.errors import RunFailed, ScenarioError
+from trackfield.role import NS
+
+DRIVERS = [*Path("/usr/share/vulkan/icd.d").glob("*.json"), *Path("/etc/vulkan/icd.d").glob("*.json")]
+with_driver = pytest.mark.skipif(not DRIVERS, reason="no Vulkan driver (apt install mesa-vulkan-drivers)")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    info = fake_run.info(gaps=((20.0, 24.0),))
+    timeline = Timeline(folder / "run.rrd", info)
+    fake_run.play(timeline, fake_run.calls(info))
+    timeline.close()
+    return folder
+
+
+def no_viewer_left() -> bool:
+    return not [p for p in psutil.Process().children(recursive=True) if p.name() == "rerun"]
+
+
+@with_driver
+def test_every_view_is_there_and_has_nothing_to_complain_of(run: Path) -> None:
+    with view.headless(run / "run.rrd") as (viewer, recording):
+        (emu,) = recording.timelines
+        viewer.set_time("emu", duration=36.4, play_state="paused")
+        viewer.take_screenshot()
+        state = viewer.get_state()
+    assert (emu.name, emu.start, emu.end) == ("emu", 0, 61 * NS)
+    assert {(v.name, v.view_class) for v in state.views} == {
+        ("Field (E right, N up)", "2D"),
+        ("Node states", "StateTimeline"),
+        ("All states", "StateTimeline"),
+        ("Network", "Graph"),
+        ("Messages", "TextLog"),
+        ("Error [m]", "TimeSeries"),
+        ("Latency [ms]", "TimeSeries"),
+        ("Frames lost", "TimeSeries"),
+        ("Bytes/s", "TimeSeries"),
+    }
+    assert [(v.name, v.reports) for v in state.views if v.reports] == []
+    assert no_viewer_left()
+
+
+@with_driver
+def test_a_picture_shows_the_moment_asked_for(run: Path, tmp_path: Path) -> None:
+    for name, at_s in (("early", 5.0), ("late", 50.0), ("late again", 50.0)):
+        view.picture(run, tmp_path / name, at_s)
+    early, late, again = ((tmp_path / name).read_bytes() for name in ("early", "late", "late again"))
+    assert early[:8] == b"\x89PNG\r\n\x1a\n"
+    assert struct.unpack(">II", early[16:24]) == (1600, 900)
+    assert min(len(early), len(late)) > 150_000  # an empty window has a tenth of that
+    assert early != late
+    assert len(late) == pytest.approx(len(again), rel=0.02)
+    assert no_viewer_left()
+
+
+@with_driver
+def test_a_picture_needs_no_time(run: Path, tmp_path: Path) -> None:
+    view.picture(run, tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 150_000
+
+
+def test_without_a_vulkan_driver_the_package_is_named(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
+        monkeypatch.setenv(name, "/nonexistent")
+    with pytest.raises(RunFailed, match="mesa-vulkan-drivers") as failure:
+        view.picture(run, tmp_path / "a.png")
+    assert failure.value.process == "viewer"
+    assert not (tmp_path / "a.png").exists()
+    assert no_viewer_left()
+
+
+@with_driver
+def test_a_torn_file_fails_at_once_and_says_why(run: Path, tmp_path: Path) -> None:
+    whole = (run / "run.rrd").read_bytes()
+    for content in (b"not a recording", whole[: len(whole) // 2]):
+        (tmp_path / "run.rrd").write_bytes(content)
+        with pytest.raises(RunFailed, match=r"(?s)no picture: .*run\.rrd: (Not an RRD|Failed to decode)"):
+            view.picture(tmp_path, tmp_path / "a.png")
+    assert no_viewer_left()
+
+
+def test_a_folder_without_a_timeline_is_bad_input(tmp_path: Path) -> None:
+    acts: list[Callable[[], None]] = [
+        lambda: view.open_viewer(tmp_path),
+        lambda: view.open_viewer(tmp_path, web=True),
+        lambda: view.picture(tmp_path, tmp_path / "a.png"),
+    ]
+    for act in acts:
+        with pytest.raises(ScenarioError, match=r"run\.rrd") as failure:
+            act()
+        assert failure.value.file == str(tmp_path)
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="there is always a screen")
+def test_without_a_screen_the_other_ways_are_named(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(RunFailed, match="--web or --png"):
+        view.open_viewer(run)
+
+
+SERVE = """
+import pathlib, signal, sys
+from launcher.view import open_viewer
+signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever runs the tests may ignore it
+open_viewer(pathlib.Path(sys.argv[1]), web=True)
+"""
+
+
+def test_the_web_viewer_serves_this_machine_only_and_ends_on_ctrl_c(run: Path) -> None:
+    command = [sys.executable, "-c", SERVE, str(run)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            (address,) = re.findall(r"http://\S+", process.stderr.readline())
+            ports = {int(port) for port in re.findall(r"(?::|%3A)(\d+)", address)}
+            assert len(ports) == 2
+            listening: set[tuple[str, int]] = set()
+            while len(listening) < 2:  # until the test's time is up
+                time.sleep(0.1)
+                (viewer,) = [p for p in psutil.Process(process.pid).children() if p.name() == "rerun"] or [
+                    None
+                ]
+                sockets = viewer.net_connections() if viewer else []
+                listening = {socket.laddr for socket in sockets if socket.status == psutil.CONN_LISTEN}
+            assert listening == {("127.0.0.1", port) for port in ports}
+            with urllib.request.urlopen(address, timeout=10) as answer:
+                assert b"Rerun" in answer.read()
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=10)
+    assert process.returncode == 0
+    assert viewer is not None and not viewer.is_running()

@@ -1,0 +1,318 @@
+"""Messages, their registry and their bytes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgpack
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from trackfield import wire
+from trackfield.wire import Doa, Scaled, WireError, decode, encode, kind, kind_name, registry
+
+VECTORS = json.loads((Path(__file__).parent / "golden" / "wire.json").read_text())
+
+steps = st.integers(0, 65535)
+bearings = st.floats(0, 360)
+levels = st.floats(-50, 200)
+integers = st.integers(-(2**63), 2**64 - 1)
+values = st.recursive(
+    st.none() | st.booleans() | integers | st.floats() | st.text() | st.binary(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text() | integers, inner),
+    max_leaves=12,
+)
+
+
+@pytest.fixture
+def own_kinds() -> Iterator[None]:
+    """Forget the kinds that a test registers."""
+    kept = dict(registry._by_number), dict(registry._by_class)
+    yield
+    for table, before in zip((registry._by_number, registry._by_class), kept, strict=True):
+        table.clear()
+        table.update(before)  # type: ignore[arg-type]
+
+
+def reason_of(data: Any) -> str:
+    with pytest.raises(WireError) as caught:
+        decode(data)
+    return caught.value.reason
+
+
+# --- golden vectors: written from the MessagePack specification, not from this codec ---
+
+
+@pytest.mark.parametrize("vector", VECTORS["messages"], ids=lambda v: v["hex"])
+def test_golden_messages(vector: dict[str, Any]) -> None:
+    message = Doa(**vector["fields"])
+    assert kind_name(message) == vector["kind"]
+    assert encode(message).hex() == vector["hex"]
+    assert decode(bytes.fromhex(vector["hex"])) == message
+
+
+@pytest.mark.parametrize("vector", VECTORS["spellings"], ids=lambda v: v["what"])
+def test_other_spellings_of_the_same_integers_are_accepted(vector: dict[str, Any]) -> None:
+    assert encode(decode(bytes.fromhex(vector["hex"]))).hex() == vector["canonical"]
+
+
+@pytest.mark.parametrize("vector", VECTORS["refused"], ids=lambda v: v["what"])
+def test_golden_refusals(vector: dict[str, Any]) -> None:
+    assert reason_of(bytes.fromhex(vector["hex"])) == vector["reason"]
+
+
+# --- round trip ---
+
+
+@given(steps, bearings, levels)
+@example(1, 359.996, 0.0)
+@example(1, 360.0, 0.0)
+@example(1, -0.0, -0.004)
+def test_a_report_comes_back_within_half_a_resolution(step: int, bearing: float, level: float) -> None:
+    data = encode(Doa(step, bearing, level))
+    back = decode(data)
+    assert len(data) <= 16
+    assert back.step == step
+    turn = abs(back.bearing_deg - bearing)
+    assert min(turn, 360 - turn) <= 0.005 + 1e-9
+    assert abs(back.level_db - level) <= 0.005 + 1e-9
+    assert 0 <= back.bearing_deg < 360
+    assert encode(back) == data
+
+
+@pytest.mark.parametrize(
+    ("bearing", "decoded"),
+    [(359.994, 359.99), (359.996, 0.0), (360.0, 0.0), (360.004, 0.0), (-0.004, 0.0), (-1e-17 % 360, 0.0)],
+)
+def test_a_bearing_wraps_to_north(bearing: float, decoded: float) -> None:
+    assert decode(encode(Doa(1, bearing, 0.0))).bearing_deg == decoded
+
+
+def test_an_integer_will_do_for_a_float() -> None:
+    back = decode(encode(Doa(3, 90, 70)))
+    assert back == Doa(3, 90.0, 70.0)
+    assert isinstance(back.bearing_deg, float)
+
+
+def test_decoded_decimals_are_the_nearest_floats() -> None:
+    assert [decode(encode(Doa(0, n / 100, 0.0))).bearing_deg for n in range(36000)] == [
+        float(f"{n // 100}.{n % 100:02}") for n in range(36000)
+    ]
+
+
+# --- what cannot be sent ---
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (Doa(-1, 0.0, 0.0), "range"),
+        (Doa(65536, 0.0, 0.0), "range"),
+        (Doa(10**5000, 0.0, 0.0), "range"),
+        (Doa(0, -0.006, 0.0), "range"),
+        (Doa(0, 360.006, 0.0), "range"),
+        (Doa(0, 10**400, 0.0), "range"),
+        (Doa(0, math.nan, 0.0), "range"),
+        (Doa(0, math.inf, 0.0), "range"),
+        (Doa(0, 0.0, -math.inf), "range"),
+        (Doa(0, 0.0, 1.7e308), "range"),
+        (Doa(0, 0.0, -50.006), "range"),
+        (Doa(0, 0.0, 200.006), "range"),
+        (Doa(1.0, 0.0, 0.0), "type"),  # type: ignore[arg-type]
+        (Doa(True, 0.0, 0.0), "type"),
+        (Doa(0, False, 0.0), "type"),
+        (Doa(0, "90", 0.0), "type"),  # type: ignore[arg-type]
+        (Doa(0, 0.0, None), "type"),  # type: ignore[arg-type]
+        (Doa, "kind"),
+        ("doa", "kind"),
+        (None, "kind"),
+        ([1, 1, 0, 0, 0], "kind"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_unsendable(message: object, reason: str) -> None:
+    with pytest.raises(WireError) as caught:
+        encode(message)
+    assert caught.value.reason == reason
+    assert isinstance(caught.value, ValueError)
+
+
+def test_only_messages_have_a_kind() -> None:
+    with pytest.raises(WireError) as caught:
+        kind_name(object())
+    assert caught.value.reason == "kind"
+
+
+# --- what arrives ---
+
+
+def refused_or_canonical(data: bytes) -> None:
+    """Nothing but WireError may come out, and what is accepted is a message that encodes again."""
+    try:
+        message = decode(data)
+    except WireError as error:
+        assert error.reason in {"size", "malformed", "version", "kind", "fields", "type", "range"}
+    else:
+        assert decode(encode(message)) == message
+
+
+@settings(max_examples=1000)
+@given(st.binary(max_size=300))
+@example(b"")
+@example(b"\xc1")
+@example(b"\x91" * 256)
+@example(b"\xdd\xff\xff\xff\xff")
+@example(b"\xc9\xff\xff\xff\xff\x01")
+@example(b"\xd6\xff\xff\xff\xff\xff")
+@example(b"\xd7\xff" + b"\xff" * 8)
+@example(b"\xc7\x0c\xff" + b"\xff" * 12)
+@example(b"\x81\x90\x01")
+@example(b"\x81\xc4\x01\x00\x01")
+@example(b"\xa1\xff")
+def test_no_bytes_crash_the_decoder(data: bytes) -> None:
+    refused_or_canonical(data)
+
+
+@settings(max_examples=300)
+@given(st.lists(values, max_size=7))
+def test_no_messagepack_crashes_the_decoder(array: list[Any]) -> None:
+    refused_or_canonical(_packed(array))
+
+
+@settings(max_examples=300)
+@given(steps, values, values)
+def test_no_field_crashes_the_decoder(step: int, bearing: object, level: object) -> None:
+    refused_or_canonical(_packed([1, 1, step, bearing, level]))
+
+
+@settings(max_examples=500)
+@given(steps, bearings, levels, st.integers(0, 11), st.integers(1, 255))
+def test_a_flipped_byte_never_crashes_the_decoder(
+    step: int, bearing: float, level: float, at: int, mask: int
+) -> None:
+    data = bytearray(encode(Doa(step, bearing, level)))
+    data[at % len(data)] ^= mask
+    refused_or_canonical(bytes(data))
+
+
+def _packed(array: list[Any]) -> bytes:
+    packed: bytes = msgpack.packb(array, unicode_errors="surrogatepass")
+    return packed
+
+
+@pytest.mark.parametrize("data", [None, "\x95", 5, [1, 1, 0, 0, 0], bytearray(b"\x95"), memoryview(b"\x95")])
+def test_only_bytes_are_a_payload(data: object) -> None:
+    assert reason_of(data) == "type"
+
+
+def test_a_long_payload_is_refused_unread() -> None:
+    assert reason_of(bytes(257)) == "size"
+    assert reason_of(bytes(256)) == "malformed"
+
+
+@pytest.mark.parametrize(
+    ("array", "reason"),
+    [
+        (5, "malformed"),
+        ([], "malformed"),
+        ([1], "malformed"),
+        ({1: 1}, "malformed"),
+        ([True, 1, 0, 0, 0], "type"),
+        ([1.0, 1, 0, 0, 0], "type"),
+        ([0, 1, 0, 0, 0], "version"),
+        ([1, True, 0, 0, 0], "type"),
+        ([1, [1], 0, 0, 0], "type"),
+        ([1, 255, 0, 0, 0], "kind"),
+        ([1, -1, 0, 0, 0], "kind"),
+        ([1, 1], "fields"),
+        ([1, 1, 0, 0, "0"], "type"),
+        ([1, 1, 0, 0, b"0"], "type"),
+        ([1, 1, 0, 0, [0]], "type"),
+        ([1, 1, 2**64 - 1, 0, 0], "range"),
+        ([1, 1, -(2**63), 0, 0], "range"),
+        ([1, 1, 0, 0, -5001], "range"),
+    ],
+    ids=str,
+)
+def test_refused(array: object, reason: str) -> None:
+    assert reason_of(msgpack.packb(array)) == reason
+
+
+# --- kinds of one's own ---
+
+
+@pytest.mark.usefixtures("own_kinds")
+def test_a_kind_of_ones_own() -> None:
+    @kind(200, "wind")
+    @dataclass(frozen=True, slots=True)
+    class Wind:
+        speed: Annotated[float, Scaled(0, 100, 0.5, "m/s")]
+        count: Annotated[int, Scaled(-(2**63), 2**63 - 1)]
+
+    gust = Wind(12.3, -(2**63))
+    assert kind_name(gust) == "wind"
+    assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
+    assert decode(encode(gust)) == Wind(12.5, -(2**63))
+    assert [known.name for known in registry.product_kinds()] == ["doa"]
+
+
+@pytest.mark.usefixtures("own_kinds")
+@pytest.mark.parametrize(
+    ("number", "name"), [(1, "other"), (201, "doa"), (0, "zero"), (256, "big"), (-1, "less"), (202, "a/b")]
+)
+def test_a_number_or_name_that_is_taken_or_invalid(number: int, name: str) -> None:
+    @dataclass(frozen=True)
+    class Other:
+        x: Annotated[int, Scaled(0, 1)]
+
+    with pytest.raises(ValueError, match=r"collides|not in 1\.\.255|not an id"):
+        kind(number, name)(Other)
+    with pytest.raises(WireError):
+        encode(Other(0))
+
+
+@pytest.mark.usefixtures("own_kinds")
+@pytest.mark.parametrize(
+    "hint",
+    [
+        int,
+        Annotated[int, "metres"],
+        Annotated[str, Scaled(0, 1)],
+        Annotated[int, Scaled(0, 1), Scaled(0, 1)],
+        Annotated[int, Scaled(0, 1, 0.5)],
+        Annotated[float, Scaled(0, 1, 0.3)],
+        Annotated[float, Scaled(1, 0)],
+        Annotated[float, Scaled(0, 1e18, 0.01)],
+    ],
+    ids=str,
+)
+def test_a_field_that_cannot_be_encoded(hint: Any) -> None:
+    with pytest.raises(TypeError, match=r"^x: "):
+        registry.Field.of("x", hint)
+
+
+@pytest.mark.usefixtures("own_kinds")
+def test_the_largest_message_fits() -> None:
+    hint = Annotated[int, Scaled(-(2**63), 0)]
+    names = [f"f{i}" for i in range(registry.MAX_FIELDS + 1)]
+
+    def make(count: int) -> type:
+        return dataclass(type("Long", (), {"__annotations__": dict.fromkeys(names[:count], hint)}))
+
+    with pytest.raises(TypeError, match="at most 27"):
+        kind(254, "longer")(make(registry.MAX_FIELDS + 1))
+    longest = kind(255, "long")(make(registry.MAX_FIELDS))
+    message = longest(*[-(2**63)] * registry.MAX_FIELDS)
+    assert len(encode(message)) <= wire.MAX_BYTES
+    assert decode(encode(message)) == message
+
+
+def test_an_error_says_what_and_why() -> None:
+    assert str(WireError("range", "step: 7")) == "range: step: 7"
+    assert str(WireError("key")) == "key"

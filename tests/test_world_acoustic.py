@@ -1,0 +1,140 @@
+"""An acoustic sensor: level and bearing from geometry alone, noise from the key alone."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from math import atan2, degrees, hypot, log10
+from statistics import fmean, stdev
+
+import msgpack
+import pytest
+
+from trackfield.world.acoustic import AcousticSensor, Heard
+from trackfield.world.path import Path
+from trackfield.world.targets import s1
+
+S = 1_000_000_000
+# Along y = 40 from x = -100 to x = 100 at 10 m/s, past a sensor at the origin.
+PASSING = Path.of([(0.0, -100.0, 40.0, 10.0, 0.0), (20.0, 100.0, 40.0, 10.0, 0.0)])
+SENSOR = AcousticSensor(
+    id="n007",
+    position=(0.0, 0.0),
+    path=PASSING,
+    windows=((4 * S, 16 * S),),
+    source_db=70.0,
+    alpha=2.0,
+    audible_db=51.0,
+    doa_sd_deg=0.0,
+    level_sd_db=0.0,
+    seed=1,
+)
+
+
+@pytest.mark.parametrize("t", [4.5, 8.0, 10.0, 13.25])
+def test_without_noise_the_reading_is_the_geometry(t: float) -> None:
+    x = -100.0 + 10.0 * t
+    heard = SENSOR.sample(round(t * S))
+    assert heard is not None
+    assert heard.level_db == pytest.approx(70 - 10 * log10(hypot(x, 40)))
+    assert heard.bearing_deg == pytest.approx(degrees(atan2(x, 40)) % 360)
+
+
+@pytest.mark.parametrize(
+    ("place", "bearing"), [((0.0, 5.0), 0.0), ((5.0, 0.0), 90.0), ((0.0, -5.0), 180.0), ((-5.0, 0.0), 270.0)]
+)
+def test_bearings_run_clockwise_from_north(place: tuple[float, float], bearing: float) -> None:
+    still = Path.of([(0.0, *place, 0.0, 0.0), (1.0, *place, 0.0, 0.0)])
+    heard = replace(SENSOR, path=still).sample(0)
+    assert heard is not None
+    assert heard.bearing_deg == pytest.approx(bearing)
+
+
+def test_a_bearing_a_hair_west_of_north_stays_below_a_full_turn() -> None:
+    still = Path.of([(0.0, -1e-17, 5.0, 0.0, 0.0), (1.0, -1e-17, 5.0, 0.0, 0.0)])
+    heard = replace(SENSOR, path=still).sample(0)
+    assert heard == Heard(pytest.approx(70 - 10 * log10(5)), 0.0)
+
+
+def test_it_hears_nothing_below_the_audible_level() -> None:
+    # 51 dB is 79.4 m, which is x = +-68.6 m: t = 3.14 s to 16.86 s
+    assert SENSOR.sample(round(3.13 * S)) is None
+    assert SENSOR.sample(round(3.15 * S)) is not None
+    assert SENSOR.sample(round(16.85 * S)) is not None
+    assert SENSOR.sample(round(16.87 * S)) is None
+
+
+def test_it_hears_nothing_when_the_target_is_not_there() -> None:
+    assert SENSOR.sample(-1) is None
+    assert SENSOR.sample(21 * S) is None
+
+
+def test_a_target_on_top_of_the_sensor_is_heard_at_its_source_level() -> None:
+    still = Path.of([(0.0, 0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0, 0.0)])
+    assert replace(SENSOR, path=still).sample(0) == Heard(70.0, 0.0)
+
+
+def test_noise_has_the_given_spread_and_no_bias() -> None:
+    # the target stands 10 m to the east-south-east, so that no bearing wraps
+    still = Path.of([(0.0, 10.0, -2.0, 0.0, 0.0), (1.0, 10.0, -2.0, 0.0, 0.0)])
+    quiet = replace(SENSOR, path=still)
+    noisy = replace(quiet, doa_sd_deg=3.0, level_sd_db=0.5)
+    exact = quiet.sample(0)
+    heard = [noisy.sample(t) for t in range(4000)]
+    assert exact is not None
+    for name, sd in (("bearing_deg", 3.0), ("level_db", 0.5)):
+        errors = [getattr(one, name) - getattr(exact, name) for one in heard]
+        assert fmean(errors) == pytest.approx(0.0, abs=4 * sd / 4000**0.5)
+        assert stdev(errors) == pytest.approx(sd, rel=0.05)
+
+
+def test_noise_belongs_to_seed_sensor_life_and_instant() -> None:
+    noisy = replace(SENSOR, doa_sd_deg=3.0, level_sd_db=0.5)
+    t = 9 * S
+    assert noisy.sample(t) == noisy.sample(t)  # asking again re-rolls nothing
+    others = [
+        replace(noisy, seed=2).sample(t),
+        replace(noisy, id="n008").sample(t),
+        replace(noisy, incarnation=1).sample(t),
+    ]
+    assert len({noisy.sample(t), *others}) == 4
+    level, angle = (
+        [getattr(one, name) for one in (noisy.sample(t), SENSOR.sample(t))]
+        for name in ("level_db", "bearing_deg")
+    )
+    assert (level[0] - level[1]) / 0.5 != pytest.approx((angle[0] - angle[1]) / 3.0)  # two draws, not one
+
+
+def test_bearings_never_leave_the_circle_however_noisy() -> None:
+    wild = replace(SENSOR, doa_sd_deg=180.0)
+    for t in range(5 * S, 15 * S, S // 50):
+        heard = wild.sample(t)
+        assert heard is not None
+        assert 0.0 <= heard.bearing_deg < 360.0
+
+
+def test_the_next_window_is_the_one_it_is_in_or_the_one_to_come() -> None:
+    twice = replace(SENSOR, windows=((2 * S, 5 * S), (9 * S, 9 * S), (12 * S, 20 * S)))
+    asked = [0, 2 * S, 5 * S, 5 * S + 1, 9 * S, 9 * S + 1, 20 * S, 20 * S + 1]
+    expected = [2 * S, 2 * S, 2 * S, 9 * S, 9 * S, 12 * S, 12 * S, None]
+    assert [twice.next_window(t) for t in asked] == expected
+    assert replace(SENSOR, windows=()).next_window(0) is None
+
+
+def test_it_travels_with_no_more_of_the_path_than_it_needs_and_reads_the_same() -> None:
+    there = replace(SENSOR, path=s1(1), position=(200.0, 200.0), windows=((20 * S, 35 * S),), doa_sd_deg=3.0)
+    packed = msgpack.packb(there.to_plain())
+    back = AcousticSensor.from_plain(msgpack.unpackb(packed))
+    assert len(back.path.t) == 18  # a knot a second, one to either side
+    assert len(packed) < 18 * 5 * 9 + 300
+    assert replace(back, path=there.path) == there
+    for t in range(20 * S, 35 * S + 1, S // 4):
+        assert back.sample(t) == there.sample(t)
+
+
+def test_a_node_can_sense_without_numpy() -> None:
+    code = (
+        "import sys, trackfield.world.acoustic\n"
+        "print(*{'numpy', 'scipy', 'gpxpy', 'pydantic', 'pymap3d'} & sys.modules.keys())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "\n"

@@ -1,0 +1,86 @@
+"""A position from the bearings of one instant: the maximum a posteriori (MAP) point by Gauss-Newton.
+
+With x = m + L u and P = L L^T, the MAP point minimises |u|^2 / 2 + |wrap(z - h(x))|^2 / (2 sigma_w^2). Its
+normal matrix I + J^T J is never singular, even where P is, and its inverse gives the covariance.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackfield.filters.gaussian import root, symmetric
+from trackfield.filters.types import Array, Gaussian, Reports, Update
+from trackfield.models import doa
+from trackfield.models.sound import wrap
+
+_STEPS = 30
+_SETTLED = 1e-9  # of the prior's sd
+
+
+class _Point(NamedTuple):
+    u: Array
+    misses: Array
+    cost: float
+
+
+def intensity_weights(levels: Array) -> Array:
+    """Each sensor's share (K,) in the received power, from levels in dB (Zhai et al. 2009, sec. III-A)."""
+    power = np.power(10.0, (levels - levels.max()) / 10.0)
+    share: Array = power / power.sum()
+    return share
+
+
+def centroid(reports: Reports) -> Array:
+    """Intensity-weighted centroid (2,) of the reporting sensors."""
+    centre: Array = intensity_weights(reports.levels) @ reports.positions
+    return centre
+
+
+def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
+    """The belief after ``prior`` over (x, y, vx, vy) and the bearings of ``reports`` (at least one).
+
+    Gauss-Newton from the intensity-weighted centroid and from the prior's mean; the better end is taken.
+    Covariance and evidence are Laplace's approximation there.
+    """
+    L, eye = root(prior.covariance), np.eye(prior.mean.shape[-1])
+
+    def at(u: Array) -> _Point:
+        misses = wrap(reports.bearings - doa.measure(prior.mean + L @ u, reports.positions)) / sigma_w
+        return _Point(u, misses, float(u @ u + misses @ misses))
+
+    def slopes(u: Array) -> Array:
+        return doa.jacobian(prior.mean + L @ u, reports.positions) @ (L / sigma_w)
+
+    def descend(point: _Point) -> _Point:
+        for _ in range(_STEPS):
+            J = slopes(point.u)
+            step = np.linalg.solve(eye + J.T @ J, J.T @ point.misses - point.u)
+            better = next((p for k in range(10) if (p := at(point.u + step / 2**k)).cost < point.cost), None)
+            if better is None or np.abs(better.u - point.u).max() < _SETTLED:
+                return better or point
+            point = better
+        return point
+
+    # the likeliest state of the prior whose position is the centroid
+    there = np.linalg.pinv(L[:2]) @ (centroid(reports) - prior.mean[:2])
+    best = min((descend(at(u)) for u in (there, np.zeros(len(eye)))), key=lambda point: point.cost)
+    mean = prior.mean + L @ best.u
+    J = slopes(best.u) * _trust(slopes(best.u), L, mean[:2] - reports.positions)[:, None]
+    normal = eye + J.T @ J
+    scale = len(reports) * np.log(2.0 * np.pi * sigma_w**2)
+    log_evidence = -0.5 * (best.cost + np.linalg.slogdet(normal)[1] + scale)
+    return Update(Gaussian(mean, symmetric(L @ np.linalg.solve(normal, L.T))), log_evidence)
+
+
+def _trust(J: Array, L: Array, apart: Array) -> Array:
+    """How much of each bearing's slope (K,) holds over the region where the target may be.
+
+    The slope falls as 1/r with the distance r to the sensor. Over a region of extent s it counts as
+    r / (r^2 + s^2): else a fix next to a sensor would be certain to millimetres.
+    """
+    region = L[:2] @ np.linalg.solve(np.eye(J.shape[1]) + J.T @ J, L[:2].T)
+    square = np.square(apart).sum(axis=-1)
+    share: Array = square / (square + np.trace(region))
+    return share

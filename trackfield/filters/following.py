@@ -1,0 +1,96 @@
+"""Following a target with any tracker: a start from the first reports alone, and again after a loss.
+
+A track is doubted by Page's cumulative sum test (Page 1954): each bearing adds the log ratio of how well "it
+may come from anywhere" explains it to how well the track does, and the sum never falls below zero. When it
+exceeds ``_LOST_AT``, the track is given up; a right track lasts at least e^_LOST_AT bearings on average. A
+share ``_CLUTTER`` of bearings may come from anywhere although the track is right: no single one can end it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from trackfield.filters.fix import centroid, map_fix
+from trackfield.filters.metrics import LOST_M
+from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
+from trackfield.models import doa
+from trackfield.models.sound import wrap
+
+S = TypeVar("S")
+
+_CLUTTER = 0.05
+_LOST_AT = math.log(1e6)
+_ANYWHERE_M, _SPEED_M_S = 1000.0, 10.0
+"""sd per axis of a target nobody knows: wide against any field's spacing; a vehicle in town."""
+
+
+class Followed(NamedTuple, Generic[S]):
+    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior."""
+
+    track: S | None
+    doubt: float
+    alone: bool
+
+
+@dataclass(frozen=True)
+class Following(Generic[S]):
+    """A tracker that needs no prior; given one, it is the bare tracker and never starts anew."""
+
+    tracker: Tracker[S]
+    model: Model
+
+    def begin(self, prior: Gaussian | None) -> Followed[S]:
+        """The state before the first step; without a prior the track starts from the first reports."""
+        if prior is None:
+            return Followed(None, 0.0, alone=True)
+        return Followed(self.tracker.init(prior, self.model), 0.0, alone=False)
+
+    def step(
+        self, state: Followed[S], reports: Reports, dt: float, rng: np.random.Generator
+    ) -> tuple[Followed[S], Estimate | None]:
+        """The state ``dt`` seconds later and the estimate, None while there is no track."""
+        if state.track is None:
+            return self._start(reports)
+        track, estimate = self.tracker.step(state.track, reports, dt, rng)
+        doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
+        if state.alone and (doubt > _LOST_AT or _extent(estimate) > LOST_M):
+            return self._start(reports)
+        return Followed(track, doubt, state.alone), estimate
+
+    def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
+        fix = first_fix(reports, self.model.sigma_w)
+        if fix is None:
+            return Followed(None, 0.0, alone=True), None
+        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True), Estimate(*fix)
+
+
+def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
+    """The belief from the bearings of one step alone, or None if their geometry does not give one.
+
+    A fix must be certain to within half the (rms) distance to its sensors: over that, bearings are no longer
+    nearly linear in the position and the covariance means nothing.
+    """
+    if len(reports) < 2:
+        return None
+    anywhere = np.diag(np.square([_ANYWHERE_M, _ANYWHERE_M, _SPEED_M_S, _SPEED_M_S]))
+    fix, _ = map_fix(Gaussian(np.append(centroid(reports), [0.0, 0.0]), anywhere), reports, sigma_w)
+    distance = np.sqrt(np.square(fix.mean[:2] - reports.positions).sum(axis=1).mean())
+    return fix if _extent(fix) < distance / 2.0 else None
+
+
+def doubts(estimate: Estimate, reports: Reports, sigma_w: float) -> float:
+    """Log of how much likelier the bearings come from anywhere than from the estimate; 0 without reports."""
+    H = doa.jacobian(estimate.mean, reports.positions)
+    variance = np.einsum("ki,ij,kj->k", H, estimate.covariance, H) + sigma_w**2
+    misses = wrap(reports.bearings - doa.measure(estimate.mean, reports.positions))
+    density = np.exp(-0.5 * np.square(misses) / variance) / np.sqrt(2.0 * np.pi * variance)
+    return -float(np.log((1.0 - _CLUTTER) * 2.0 * np.pi * density + _CLUTTER).sum())
+
+
+def _extent(belief: Gaussian | Estimate) -> float:
+    """The largest sd of the position (m)."""
+    return float(np.sqrt(np.linalg.eigvalsh(belief.covariance[:2, :2])[-1]))

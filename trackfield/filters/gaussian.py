@@ -1,0 +1,81 @@
+"""Gaussian beliefs: prediction by a linear model, moment matching, square roots, densities.
+
+All functions take leading batch axes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackfield.filters.types import Array, Gaussian
+from trackfield.models import motion
+
+
+class Motion(NamedTuple):
+    """A linear motion model, x_t = F x_{t-1} + noise of covariance Q; both (..., 4, 4)."""
+
+    F: Array
+    Q: Array
+
+
+def constant_velocity(dt: float, sigma_v: float) -> Motion:
+    """Nearly constant velocity over ``dt`` seconds, acceleration of sd ``sigma_v`` (m/s^2) per axis."""
+    return Motion(np.array(motion.transition(dt)), np.array(motion.process_noise(dt, sigma_v)))
+
+
+def predict(belief: Gaussian, model: Motion) -> Gaussian:
+    """The belief after one step of the motion: F m, F P F^T + Q."""
+    F, Q = model
+    mean = np.einsum("...ij,...j->...i", F, belief.mean)
+    return Gaussian(mean, F @ belief.covariance @ np.swapaxes(F, -1, -2) + Q)
+
+
+def collapse(weights: Array, means: Array, covariances: Array) -> Gaussian:
+    """The Gaussian with the mean and covariance of a mixture.
+
+    ``weights`` (..., M) sum to 1, ``means`` (..., M, n), ``covariances`` (..., M, n, n).
+    """
+    mean = np.einsum("...m,...mi->...i", weights, means)
+    apart = means - mean[..., None, :]
+    spread = covariances + apart[..., :, None] * apart[..., None, :]
+    return Gaussian(mean, np.einsum("...m,...mij->...ij", weights, spread))
+
+
+def moments(weights: Array, points: Array) -> Gaussian:
+    """Mean and covariance of weighted points: ``weights`` (n,) sum to 1, ``points`` (n, d)."""
+    mean = np.einsum("i,ij->j", weights, points)
+    apart = points - mean
+    return Gaussian(mean, np.einsum("i,ij,ik->jk", weights, apart, apart))
+
+
+def symmetric(covariance: Array) -> Array:
+    """``covariance`` (..., n, n) without the asymmetry that rounding leaves."""
+    half: Array = (covariance + np.swapaxes(covariance, -1, -2)) / 2.0
+    return half
+
+
+def root(covariance: Array) -> Array:
+    """L (..., n, n) with L L^T = ``covariance``: Cholesky's if there is one.
+
+    A singular covariance, or one that rounding pushed below zero, gets its principal axes with negative
+    variances taken as zero.
+    """
+    try:
+        return np.asarray(np.linalg.cholesky(covariance))
+    except np.linalg.LinAlgError:
+        variances, axes = np.linalg.eigh(covariance)
+        return np.asarray(axes * np.sqrt(np.maximum(variances, 0.0))[..., None, :])
+
+
+def log_density(points: Array, belief: Gaussian) -> Array:
+    """log N(x; m, P) of ``points`` (..., n) under one Gaussian, up to directions in which P has no extent.
+
+    Variances below 1e-12 of the largest count as that much, so a singular P still ranks points.
+    """
+    variances, axes = np.linalg.eigh(belief.covariance)
+    variances = np.maximum(variances, 1e-12 * variances[-1])
+    along = (points - belief.mean) @ axes
+    density: Array = -0.5 * (np.square(along) / variances + np.log(2.0 * np.pi * variances)).sum(axis=-1)
+    return density

@@ -1,0 +1,47 @@
+"""Interacting multiple models (Blom & Bar-Shalom 1988; Bar-Shalom, Li & Kirubarajan 2001, sec. 11.6).
+
+The filters of the bank are the caller's: ``mix`` before their step, ``reweigh`` after it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from trackfield.filters.gaussian import collapse
+from trackfield.filters.resampling import normalised
+from trackfield.filters.types import Array, Gaussian
+
+
+class Bank(NamedTuple):
+    """M models' ``probability`` (..., M), ``mean`` (..., M, n) and ``covariance`` (..., M, n, n)."""
+
+    probability: Array
+    mean: Array
+    covariance: Array
+
+
+def mix(bank: Bank, switching: Array) -> Bank:
+    """Each model's start: the beliefs of all, by how likely the target came from them.
+
+    ``switching`` (M, M): row i holds the probabilities of going from model i to each model. The result's
+    ``probability`` is that predicted for the coming step.
+    """
+    joint = bank.probability[..., :, None] * switching
+    predicted = joint.sum(axis=-2)
+    likely = np.maximum(predicted, np.finfo(np.float64).tiny)  # nobody goes to an impossible model: no 0 / 0
+    origin = np.swapaxes(joint / likely[..., None, :], -1, -2)
+    mixed = collapse(origin, bank.mean[..., None, :, :], bank.covariance[..., None, :, :, :])
+    return Bank(predicted, mixed.mean, mixed.covariance)
+
+
+def reweigh(predicted: Array, log_evidence: Array) -> Array:
+    """Probabilities (..., M) of the models after measurements, by Bayes' rule."""
+    with np.errstate(divide="ignore"):  # a model of probability 0 keeps it
+        return normalised(np.log(predicted) + log_evidence)
+
+
+def combined(bank: Bank) -> Gaussian:
+    """The estimate over all models."""
+    return collapse(bank.probability, bank.mean, bank.covariance)

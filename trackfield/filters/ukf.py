@@ -1,0 +1,59 @@
+"""Unscented Kalman update for independent measurements (Julier & Uhlmann 2004).
+
+With B the weighted deviations of the sigma points from their mean, and A those of their predicted
+measurements in units of the noise, P = B^T B and the update is P+ = B^T (I + A A^T)^-1 B: symmetric and never
+negative, and its cost grows only linearly with the number of measurements (the transform of ensemble filters;
+Bishop et al. 2001). In the linear case it is the Kalman filter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from trackfield.filters.gaussian import root, symmetric
+from trackfield.filters.types import Array, Gaussian, Update
+
+_KAPPA = 1.0
+"""The central point weighs kappa/(n+kappa). The textbook's 3-n is negative for n=4, and P+ may be then."""
+
+
+def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
+    """Points (..., 2n+1, n), the mean first, and weights (2n+1,) that have the moments of the belief."""
+    n = belief.mean.shape[-1]
+    axes = np.sqrt(n + _KAPPA) * np.swapaxes(root(belief.covariance), -1, -2)
+    offsets = np.concatenate((np.zeros_like(axes[..., :1, :]), axes, -axes), axis=-2)
+    weights = np.full(2 * n + 1, 0.5 / (n + _KAPPA))
+    weights[0] = _KAPPA / (n + _KAPPA)
+    return belief.mean[..., None, :] + offsets, weights
+
+
+def update(
+    prior: Gaussian,
+    z: Array,
+    sd: Array | float,
+    measure: Callable[[Array], Array],
+    residual: Callable[[Array], Array] = lambda difference: difference,
+) -> Update:
+    """Take in measurements ``z`` (K,) of independent noise ``sd`` (scalar or (K,)).
+
+    ``measure`` maps states (..., n) to measurements (..., K); ``residual`` maps their differences into the
+    range where they mean something (for angles, to [-pi, pi)). ``prior`` may have leading batch axes.
+    """
+    points, weights = sigma_points(prior)
+    share = np.sqrt(weights)[:, None]
+    predicted = measure(points)
+    around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
+    centre = np.einsum("p,...pk->...k", weights, around)
+    A = share * (around - centre[..., None, :]) / sd
+    B = share * (points - prior.mean[..., None, :])
+    innovation = residual(z - predicted[..., 0, :] - centre) / sd
+    precision = np.eye(len(weights)) + A @ np.swapaxes(A, -1, -2)
+    shadow = np.einsum("...pk,...k->...p", A, innovation)
+    solved = np.linalg.solve(precision, np.concatenate((shadow[..., None], B), axis=-1))
+    moved = np.swapaxes(B, -1, -2) @ solved
+    posterior = Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:]))
+    nis = np.square(innovation).sum(axis=-1) - np.einsum("...p,...p->...", shadow, solved[..., 0])
+    scale = np.broadcast_to(np.log(2.0 * np.pi * np.square(sd)), z.shape).sum()
+    return Update(posterior, -0.5 * (nis + np.linalg.slogdet(precision)[1] + scale))

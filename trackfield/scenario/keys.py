@@ -1,0 +1,115 @@
+"""All keys of a scenario file as a table, for messages, written files and the documentation."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final, get_args
+
+from trackfield.scenario.sections import Contents, Section
+
+_UNITS: Final = {"m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB"}
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key: its unit, its default in TOML (empty if it has none), what it has to be, and what it means."""
+
+    name: str
+    unit: str
+    default: str
+    expected: str
+    meaning: str
+    required: bool
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """A section: the key ``tag`` that tells its kinds apart, and the keys of each kind.
+
+    With one kind only the tag is empty, and so is that kind's name. ``default`` is the kind of a section that
+    is left out; empty if it may not be.
+    """
+
+    tag: str
+    kinds: Mapping[str, Mapping[str, Key]]
+    default: str
+
+    def keys(self, kind: object) -> Mapping[str, Key]:
+        """The keys of this kind; those of all kinds for one that does not exist."""
+        if isinstance(kind, str) and kind in self.kinds:
+            return self.kinds[kind]
+        return {name: key for keys in self.kinds.values() for name, key in keys.items()}
+
+
+@cache
+def top_level() -> Mapping[str, Key]:
+    """The keys outside any section."""
+    sections = sections_of_file()
+    return {name: key for name, key in _keys(Contents).items() if name not in sections}
+
+
+@cache
+def sections_of_file() -> Mapping[str, Kinds]:
+    """The sections by name."""
+    found = {}
+    for name, field in Contents.model_fields.items():
+        models = [model for model in (field.annotation, *get_args(field.annotation)) if _is_section(model)]
+        if models:
+            tag = str(field.discriminator or "")
+            kinds = {kind: _keys(model) for model in models for kind in _values(model, tag)}
+            found[name] = Kinds(tag, kinds, getattr(field.default, tag, "") if tag else "")
+    return found
+
+
+def _is_section(model: object) -> bool:
+    return isinstance(model, type) and issubclass(model, Section)
+
+
+def _values(model: Any, tag: str) -> tuple[str, ...]:
+    """The values of the tag by which this kind of the section is named."""
+    return get_args(model.model_fields[tag].annotation) if tag else ("",)
+
+
+def _keys(model: type[Section]) -> Mapping[str, Key]:
+    schema = model.model_json_schema(by_alias=True)
+    required = schema.get("required", ())
+    return {name: _key(name, about, name in required) for name, about in schema["properties"].items()}
+
+
+def _key(name: str, about: Mapping[str, Any], required: bool) -> Key:
+    default = about.get("default")
+    return Key(
+        name=name,
+        unit=_UNITS.get(name.rpartition("_")[2], "") if "_" in name else "",
+        default="" if default is None else json.dumps(default),
+        expected=_expected(about),
+        meaning=about.get("description", ""),
+        required=required,
+    )
+
+
+def _expected(about: Mapping[str, Any]) -> str:
+    """A JSON schema in words, unless the key brings its own."""
+    if "expected" in about:
+        return str(about["expected"])
+    about = next((one for one in about.get("anyOf", ()) if one.get("type") != "null"), about)
+    if "enum" in about or "const" in about:
+        return "one of " + ", ".join(map(str, about.get("enum", [about.get("const")])))
+    if about.get("type") == "array":
+        inner = about["prefixItems"][0] if "prefixItems" in about else about["items"]
+        least = "" if "prefixItems" in about else "at least "
+        return f"a list of {least}{about.get('minItems', 0)}, each {_expected(inner)}"
+    names = {"number": "a number", "integer": "a whole number", "string": "a text"}
+    return " ".join([names.get(about.get("type", ""), "a section"), *_limits(about)])
+
+
+def _limits(about: Mapping[str, Any]) -> list[str]:
+    low, above, high = (about.get(limit) for limit in ("minimum", "exclusiveMinimum", "maximum"))
+    if above is not None:
+        return [f"above {above:.9g}", *([] if high is None else [f"and at most {high:.9g}"])]
+    if low is not None and high is not None:
+        return [f"from {low:.9g} to {high:.9g}"]
+    return [] if low is None else [f"of at least {low:.9g}"]

@@ -1,0 +1,64 @@
+"""Changing single keys of a scenario: ``--set link.model=fixed``, or from Python."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any
+
+from trackfield.errors import ScenarioError
+from trackfield.scenario.keys import Kinds, sections_of_file
+
+
+def parse(text: str) -> tuple[str, Any]:
+    """``key.path=value`` as (key path, value): a TOML value, a number like ``.5``, or else bare text.
+
+    Raises ``ScenarioError`` if there is no key or no ``=``.
+    """
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not key or not equals:
+        raise ScenarioError(
+            f"{text!r} sets nothing", file="--set", expected="key=value, like link.model=fixed"
+        )
+    try:
+        return key, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        pass
+    try:
+        return key, float(value)
+    except ValueError:
+        return key, value
+
+
+def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The scenario ``data`` with the ``values`` set, each by its key path.
+
+    A section that changes its kind keeps the keys that the new kind has too. Setting keys that only one kind
+    has chooses that kind: ``link.loss`` the model ``fixed``, ``target.file`` the path ``file``.
+    """
+    changed: dict[str, Any] = deepcopy(dict(data))
+    for name, section in sections_of_file().items():
+        own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith(f"{name}.")}
+        old = changed.get(name, {section.tag: section.default})
+        if own and section.tag and isinstance(old, dict):
+            changed[name] = _of_kind(section, old, own)
+    for key, value in values.items():
+        node: Any = changed
+        *parents, last = key.split(".")
+        for depth, parent in enumerate(parents, start=1):
+            node = node.setdefault(parent, {})
+            if not isinstance(node, dict):
+                raise ScenarioError(f"is {node!r}", key=".".join(parents[:depth]), expected="a section")
+        node[last] = value
+    return changed
+
+
+def _of_kind(section: Kinds, old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """``old`` as the kind that ``own`` names or needs, without the keys that this kind does not have."""
+    now = old.get(section.tag)
+    able = [kind for kind, keys in section.kinds.items() if own.keys() <= keys.keys()]
+    kind = own.get(section.tag, able[0] if len(able) == 1 else now)
+    if kind == now or not isinstance(kind, str) or kind not in section.kinds:
+        return dict(old)
+    return {name: value for name, value in old.items() if name in section.kinds[kind]} | {section.tag: kind}

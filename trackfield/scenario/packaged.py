@@ -1,0 +1,23 @@
+"""The scenarios that come with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+_FOLDER: Final = Path(__file__).parent
+
+
+def names() -> tuple[str, ...]:
+    """The names of all packaged scenarios."""
+    return tuple(sorted(file.stem for file in _FOLDER.glob("*.toml")))
+
+
+def packaged_file(name: str) -> Path:
+    """The file of the packaged scenario ``name``."""
+    return _FOLDER / f"{name}.toml"
+
+
+def summary(name: str) -> str:
+    """What the packaged scenario ``name`` is, in a line: its file's first comment."""
+    return packaged_file(name).read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")

@@ -1,0 +1,133 @@
+"""What a scenario comes to: the target's path, the sensors, and who can hear it when."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+
+from trackfield.errors import ScenarioError
+from trackfield.models.sound import audible_radius
+from trackfield.scenario.layout import Place, layout
+from trackfield.scenario.scenario import Scenario
+from trackfield.scenario.sections import FromFile, Manoeuvre
+from trackfield.world import targets
+from trackfield.world.acoustic import AcousticSensor, Window
+from trackfield.world.path import Path
+from trackfield.world.tracks import read_track
+from trackfield.world.windows import distances, windows
+
+_NS: Final = 1_000_000_000
+_LENGTH_S: Final = {"s1": 60, "s2": 75, "s3": 40}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A scenario worked out; all times in ns since the start of the run.
+
+    The steps are at 0, ``step_ns``, ... up to and including ``steps`` times ``step_ns``. ``windows`` hold
+    each sensor's audible windows; ``centre`` is where the fusion centre stands (m).
+    """
+
+    scenario: Scenario
+    path: Path
+    steps: int
+    step_ns: int
+    sensors: tuple[Place, ...]
+    windows: tuple[tuple[Window, ...], ...]
+    centre: tuple[float, float]
+
+    def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
+        """What the sensor of this index hears."""
+        name, x, y = self.sensors[index]
+        sensor = self.scenario.sensor
+        return AcousticSensor(
+            id=name,
+            position=(x, y),
+            path=self.path,
+            windows=self.windows[index],
+            source_db=sensor.level_db,
+            alpha=sensor.alpha,
+            audible_db=sensor.audible_db,
+            doa_sd_deg=sensor.doa_sd_deg,
+            level_sd_db=sensor.level_sd_db,
+            seed=self.scenario.seed,
+            incarnation=incarnation,
+        )
+
+
+def plan(scenario: Scenario) -> Plan:
+    """Work a scenario out.
+
+    Raises ``ScenarioError`` if the target's file cannot be used, there are no sensors, or the target comes in
+    range of none of them.
+    """
+    steps, path = target_path(scenario)
+    sensors = layout(scenario, path)
+    check(scenario, sensors, path)
+    positions = np.array([place[1:] for place in sensors])
+    sensor = scenario.sensor
+    radius = audible_radius(sensor.level_db, sensor.alpha, sensor.audible_db)
+    east, north = ((positions.min(axis=0) + positions.max(axis=0)) / 2).tolist()
+    x, y = scenario.fusion.x_m, scenario.fusion.y_m
+    return Plan(
+        scenario=scenario,
+        path=path,
+        steps=steps,
+        step_ns=_step_ns(scenario),
+        sensors=tuple(sensors),
+        windows=tuple(windows(positions, path, radius)),
+        centre=(east if x is None else x, north if y is None else y),
+    )
+
+
+def target_path(scenario: Scenario) -> tuple[int, Path]:
+    """The number of steps, and the target's path for as long as they take.
+
+    Raises ``ScenarioError`` if its file cannot be used, or if it is not there long enough for a step.
+    """
+    target, step_ns = scenario.target, _step_ns(scenario)
+    if isinstance(target, Manoeuvre):
+        steps = target.steps or _LENGTH_S[target.path] * _NS // step_ns
+        end_s = steps * step_ns / _NS
+        match target.path:
+            case "s1":
+                return steps, targets.s1(scenario.seed, steps, step_ns / _NS)
+            case "s2":
+                return steps, targets.s2(end_s)
+            case "s3":
+                return steps, targets.s3(end_s)
+    if isinstance(target, FromFile):
+        path = read_track(FilePath(target.file), target.from_, target.to)
+    else:
+        path = targets.waypoints(target.waypoints)
+    steps = min(round(path.end_s * _NS) // step_ns, target.steps or sys.maxsize)
+    end_s = steps * step_ns / _NS
+    if steps < 1 or path.start_s > end_s:
+        there = f"{path.start_s:g} s to {path.end_s:g} s"
+        what = f"the target is there from {there}, and the run ends after {end_s:g} s"
+        raise ScenarioError(what, key="target.steps", expected="some step at which it is there")
+    return steps, path.clip(0.0, end_s)
+
+
+def check(scenario: Scenario, sensors: Sequence[Place], path: Path) -> None:
+    """Raise ``ScenarioError`` unless the target comes near enough to some sensor for a report."""
+    positions = np.array([place[1:] for place in sensors])
+    sensor = scenario.sensor
+    radius = audible_radius(sensor.level_db, sensor.alpha, sensor.threshold_db)
+    if np.isfinite(distances(positions, path, radius)).any():
+        return
+    far = distances(positions, path, np.inf)
+    nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
+    what = f"the target never comes in range: it stays {nearest}"
+    raise ScenarioError(
+        what, key="sensor.threshold", expected=f"a path within the {radius:.0f} m that a sensor hears"
+    )
+
+
+def _step_ns(scenario: Scenario) -> int:
+    return round(scenario.target.step_s * _NS)

@@ -1,0 +1,130 @@
+"""A scenario: loading, changing, writing."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, Self
+
+import tomlkit
+from pydantic import ValidationError
+from tomlkit.items import Item
+
+from trackfield.errors import ScenarioError
+from trackfield.scenario.keys import Key, sections_of_file, top_level
+from trackfield.scenario.nearest import suggestion
+from trackfield.scenario.override import apply
+from trackfield.scenario.packaged import names, packaged_file
+from trackfield.scenario.problems import combined, problems
+from trackfield.scenario.sections import Contents
+
+
+class Scenario(Contents):
+    """A scenario, complete and valid; immutable."""
+
+    @classmethod
+    def load(
+        cls,
+        source: str | Path | Mapping[str, Any],
+        overrides: Mapping[str, Any] | None = None,
+        *,
+        known_trackers: Collection[str] | None = None,
+    ) -> Self:
+        """The scenario of a packaged name, a TOML file or a dict, with some keys set to other values.
+
+        Files that it names lie relative to its own; those in ``overrides`` and in a dict relative to the
+        working directory. The trackers' names are checked if ``known_trackers`` are given. Raises
+        ``ScenarioError``, which tells all that is wrong, a line each.
+        """
+        if isinstance(source, Mapping):
+            return cls._valid(_anchored(source, Path.cwd()), overrides or {}, "", "", known_trackers)
+        file = _file_of(source)
+        try:
+            text = file.read_text(encoding="utf-8")
+            data = tomllib.loads(text)
+        except OSError as error:
+            raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
+        except ValueError as error:  # bytes that are no text, or text that is no TOML
+            raise ScenarioError(f"not a TOML file ({error})", file=str(file)) from None
+        return cls._valid(_anchored(data, file.parent), overrides or {}, str(file), text, known_trackers)
+
+    def set(self, key: str, value: Any) -> Self:
+        """The scenario with one key, like ``link.model``, set to another value; see ``override.apply``.
+
+        Raises ``ScenarioError`` as ``load`` does.
+        """
+        written = self.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        return self._valid(written, {key: value}, "", "", None)
+
+    def plain(self) -> dict[str, Any]:
+        """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    def to_toml(self) -> str:
+        """A scenario file that says the same, with every default written out and every key explained."""
+        document = tomlkit.document()
+        for name, value in self.plain().items():
+            if name in top_level():
+                document.add(name, _setting(top_level()[name], value))
+                continue
+            section = sections_of_file()[name]
+            keys, table = section.keys(value.get(section.tag)), tomlkit.table()
+            for key in sorted(value, key=lambda key: key != section.tag):
+                table.add(key, _setting(keys[key], value[key]))
+            document.add(tomlkit.nl())
+            document.add(name, table)
+        return tomlkit.dumps(document)
+
+    @classmethod
+    def _valid(
+        cls,
+        data: Mapping[str, Any],
+        overrides: Mapping[str, Any],
+        file: str,
+        text: str,
+        known_trackers: Collection[str] | None,
+    ) -> Self:
+        changed = _anchored(apply(data, overrides), Path.cwd())
+        try:
+            return cls.model_validate(_tuples(changed), context={"trackers": known_trackers})
+        except ValidationError as error:
+            raise combined(problems(error, file, text, overrides)) from None
+
+
+def schema() -> dict[str, Any]:
+    """The JSON schema of scenario files, for editors."""
+    return Scenario.model_json_schema(by_alias=True)
+
+
+def _file_of(source: str | Path) -> Path:
+    file = Path(source)
+    if isinstance(source, str):
+        if source in names():
+            return packaged_file(source)
+        if file.suffix != ".toml" and not file.exists():
+            what = f"unknown scenario {source!r}{suggestion(source, names())}"
+            raise ScenarioError(what, expected=f"one of {', '.join(names())}, or a TOML file")
+    return file
+
+
+def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
+    """The same, with the target's file as an absolute path."""
+    target = data.get("target")
+    if isinstance(target, Mapping) and isinstance(target.get("file"), str) and target["file"]:
+        return {**data, "target": {**target, "file": str((base / target["file"]).absolute())}}
+    return dict(data)
+
+
+def _tuples(value: Any) -> Any:
+    """Lists as tuples throughout: a scenario is immutable."""
+    if isinstance(value, Mapping):
+        return {key: _tuples(item) for key, item in value.items()}
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
+
+
+def _setting(key: Key, value: Any) -> Item:
+    """The value as TOML, followed by what the key means, in a column where it fits."""
+    item: Item = tomlkit.item(value).comment(key.meaning)
+    item.trivia.comment_ws = " " * max(2, 36 - len(f"{key.name} = {item.as_string()}"))
+    return item

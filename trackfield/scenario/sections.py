@@ -1,0 +1,290 @@
+"""The sections of a scenario file: keys, units, ranges, defaults.
+
+Units are part of the names. A section that comes in several kinds (a link model, a layout, a kind of target)
+is a union told apart by one of its keys. Descriptions become docs/scenarios.md, the schema for editors and
+the comments of a written scenario.
+"""
+
+from __future__ import annotations
+
+from datetime import date, datetime, time
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    JsonValue,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from trackfield.scenario.nearest import suggestion
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Delay = Annotated[float, Field(ge=1)]
+
+
+class Section(BaseModel):
+    """Immutable; no unknown keys, no silent conversions, no NaN."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def _wrong(what: str, expected: str, key: str = "") -> PydanticCustomError:
+    """An error in words of our own; ``key`` is where, if it is not where it was found."""
+    return PydanticCustomError("own", "{what}", {"what": what, "expected": expected, "key": key})
+
+
+# --- [field]: where the sensors stand -----------------------------------------------------------------------
+
+
+class _Layout(Section):
+    spacing_m: Positive = Field(default=50.0, description="distance between neighbours of the grid")
+    nodes: int | None = Field(
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="about so many sensors at the same spacing, instead of the extent given",
+    )
+
+
+class Grid(_Layout):
+    """A square grid with its first corner at (0, 0)."""
+
+    layout: Literal["grid"] = Field(
+        default="grid", description="a square grid with its first corner at (0, 0)"
+    )
+    extent_m: NotNegative = Field(default=500.0, description="side of the square")
+
+
+class AlongPath(_Layout):
+    """A grid of which only the part near the target's path is there."""
+
+    layout: Literal["along-path"] = Field(
+        default="along-path", description="a grid, but only where the target comes near"
+    )
+    within_m: Positive = Field(default=150.0, description="how near the path has to come")
+
+
+# --- [sensor]: what a sensor hears --------------------------------------------------------------------------
+
+
+class Sensor(Section):
+    """One acoustic array, the same at every node: level and direction of arrival."""
+
+    level_db: float = Field(default=70.0, gt=0, le=200, description="the target's level at 1 m")
+    alpha: float = Field(
+        default=2.0,
+        ge=0.5,
+        le=20,
+        description="decay: the level falls by 5 alpha dB for each tenfold distance",
+    )
+    threshold: Share = Field(default=0.75, description="a sensor reports above this share of level_db")
+    doa_sd_deg: float = Field(
+        default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival"
+    )
+    level_sd_db: float = Field(
+        default=0.0, ge=0, le=100, description="standard deviation of the measured level"
+    )
+    margin_db: float = Field(
+        default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold"
+    )
+
+    @property
+    def threshold_db(self) -> float:
+        """The level above which a sensor reports."""
+        return self.threshold * self.level_db
+
+    @property
+    def audible_db(self) -> float:
+        """The level above which a sensor hears anything."""
+        return self.threshold_db - self.margin_db
+
+
+# --- [target]: what moves -----------------------------------------------------------------------------------
+
+
+def _text(value: Any) -> Any:
+    """TOML has times of its own, and a track may count seconds: all become text."""
+    if isinstance(value, time | date | datetime):
+        return value.isoformat()
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+_MOMENT: dict[str, JsonValue] = {
+    "expected": "HH:MM[:SS], an ISO date and time, or seconds for a file that counts seconds"
+}
+Moment = Annotated[str, BeforeValidator(_text)]
+
+
+class _Target(Section):
+    step_s: float = Field(
+        default=1.0, ge=0.001, le=3600, description="a step: sensors report and the centre fuses once in it"
+    )
+    steps: int | None = Field(
+        default=None,
+        ge=1,
+        le=10_000_000,
+        description="length of the run; unset: as long as the path (s1 60, s2 75, s3 40 s)",
+    )
+
+
+class Manoeuvre(_Target):
+    """One of the three paths of Zhai et al. (2009)."""
+
+    path: Literal["s1", "s2", "s3"] = Field(
+        default="s1",
+        description="straight with random accelerations (s1), two sharp turns (s2), faster, then slower (s3)",
+    )
+
+
+class FromFile(_Target):
+    """A recorded track."""
+
+    path: Literal["file"] = Field(default="file", description="a recorded track")
+    file: str = Field(min_length=1, description="GPX or CSV file, relative to the scenario's own folder")
+    from_: Moment | None = Field(
+        default=None,
+        alias="from",
+        json_schema_extra=_MOMENT,
+        description="t=0; unset: the file's first fix",
+    )
+    to: Moment | None = Field(
+        default=None, json_schema_extra=_MOMENT, description="the end; unset: the file's last fix"
+    )
+
+
+class Waypoints(_Target):
+    """Straight legs at constant speed."""
+
+    path: Literal["waypoints"] = Field(default="waypoints", description="straight legs at constant speed")
+    waypoints: tuple[tuple[NotNegative, float, float], ...] = Field(
+        min_length=2,
+        json_schema_extra={"expected": "a list of at least two [t_s, x_m, y_m], with increasing times"},
+        description="when the target is where, in metres east and north",
+    )
+
+    @field_validator("waypoints")
+    @classmethod
+    def _increasing(
+        cls, points: tuple[tuple[float, float, float], ...]
+    ) -> tuple[tuple[float, float, float], ...]:
+        if any(b[0] <= a[0] for a, b in pairwise(points)):
+            raise _wrong("its times do not increase", "increasing times")
+        return points
+
+
+# --- [link]: the radio from each sensor ---------------------------------------------------------------------
+
+
+class _Link(Section):
+    range_m: Positive | None = Field(
+        default=None, description="who is further away hears nothing; unset: no limit"
+    )
+
+
+class Ideal(_Link):
+    """Loses nothing, takes 1 ms."""
+
+    model: Literal["ideal"] = Field(default="ideal", description="loses nothing, takes 1 ms")
+
+
+class Fixed(_Link):
+    """Independent losses, constant delay."""
+
+    model: Literal["fixed"] = Field(default="fixed", description="independent losses, constant delay")
+    loss: Share = Field(default=0.05, description="share of the frames lost")
+    delay_ms: Delay = Field(default=5.0, description="from sending to arrival")
+
+
+class GilbertElliott(_Link):
+    """Bursts of losses, random delay."""
+
+    model: Literal["gilbert_elliott"] = Field(
+        default="gilbert_elliott", description="losses in bursts, random delay"
+    )
+    good_s: Positive = Field(default=50.0, description="mean time that a link stays good")
+    bad_s: Positive = Field(default=4.0, description="mean time that it stays bad")
+    loss_good: Share = Field(default=0.0, description="share of the frames lost while it is good")
+    loss_bad: Share = Field(default=1.0, description="share of the frames lost while it is bad")
+    delay_ms: Delay = Field(default=20.0, description="shortest time from sending to arrival")
+    jitter_ms: NotNegative = Field(
+        default=10.0, description="mean of the exponentially distributed time on top"
+    )
+
+
+# --- [fusion]: the centre -----------------------------------------------------------------------------------
+
+
+class Fusion(Section):
+    """The fusion centre and its trackers, all of which get the same reports."""
+
+    trackers: tuple[str, ...] = Field(
+        default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
+    )
+    deadline_s: float = Field(
+        default=0.3, gt=0, description="how long a step waits for its reports; at most step_s"
+    )
+    x_m: float | None = Field(
+        default=None, description="where the centre stands, east; unset: the middle of the field"
+    )
+    y_m: float | None = Field(
+        default=None, description="where it stands, north; unset: the middle of the field"
+    )
+    prior: Literal["paper", "none"] = Field(
+        default="none",
+        description="start around the true state (paper), or from the first reports alone (none)",
+    )
+    prior_sd: tuple[Positive, Positive, Positive, Positive] = Field(
+        default=(20.0, 20.0, 4.0, 4.0),
+        description="standard deviations of the paper's prior: x, y in m, vx, vy in m/s",
+    )
+
+    @field_validator("trackers")
+    @classmethod
+    def _known(cls, trackers: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        known = (info.context or {}).get("trackers")
+        for name in trackers:
+            if trackers.count(name) > 1:
+                raise _wrong(f"{name!r} is there twice", "each tracker once")
+            if known is not None and name not in known:
+                raise _wrong(
+                    f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}"
+                )
+        return trackers
+
+
+# --- the whole ----------------------------------------------------------------------------------------------
+
+
+class Contents(Section):
+    """All that a scenario file says."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
+        json_schema_extra={"expected": "letters, digits, and _ . - between them"},
+        description="what runs of this scenario are called",
+    )
+    seed: int = Field(default=1, ge=0, description="of every random draw; another seed, another run")
+    field: Annotated[Grid | AlongPath, Field(discriminator="layout")] = Grid()
+    sensor: Sensor = Sensor()
+    target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
+    link: Annotated[Ideal | Fixed | GilbertElliott, Field(discriminator="model")] = Ideal()
+    fusion: Fusion = Fusion()
+
+    @model_validator(mode="after")
+    def _deadline_within_step(self) -> Self:
+        if self.fusion.deadline_s > self.target.step_s:
+            raise _wrong(
+                f"is {self.fusion.deadline_s:g}",
+                f"at most target.step_s, which is {self.target.step_s:g}",
+                "fusion.deadline_s",
+            )
+        return self

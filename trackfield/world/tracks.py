@@ -1,0 +1,105 @@
+"""Targets from recorded tracks: a window of a GPX or CSV file, laid on a plane.
+
+Latitude and longitude become metres east and north of the window's first fix, on the plane that touches the
+ellipsoid there (heights are left out). Between two fixes the position follows a shape-preserving cubic
+(Fritsch and Carlson 1980), so it never overshoots them. Where fixes are missing for longer, the target is
+taken along a straight line at constant speed, and the stretch is listed in ``Path.gaps``.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, time
+from pathlib import Path as FilePath
+from typing import Final
+
+import numpy as np
+import pymap3d
+from scipy.interpolate import PchipInterpolator
+
+from trackfield.errors import ScenarioError
+from trackfield.world.fixes import Array, Fixes, read_fixes
+from trackfield.world.path import Interval, Knot, Path
+
+GAP_S: Final = 5.0
+"""Fixes further apart than this, and than three of the file's usual intervals, have a gap between them."""
+
+_DAY_S: Final = 86400
+
+
+def read_track(file: FilePath, start: str | None = None, end: str | None = None) -> Path:
+    """The path in a ``.gpx`` or ``.csv`` file between two times; t=0 is ``start``, or else the first fix.
+
+    Times are HH:MM[:SS] or a full ISO date and time, in the file's zone unless they name their own; seconds
+    for a CSV file with a column ``t_s``. The fixes next to the window on either side still shape its ends.
+    Raises ``ScenarioError`` if the file cannot be used, or has no fix inside the window.
+    """
+    fixes = read_fixes(file)
+    from_s, to_s = _window(file, fixes, start, end)
+    inside = np.flatnonzero((fixes.t >= from_s) & (fixes.t <= to_s))
+    if not len(inside):
+        raise ScenarioError("no fix inside the window", file=str(file), expected=f"times in {fixes.span()}")
+    around = slice(max(inside[0] - 1, 0), inside[-1] + 2)
+    xy = _plane(fixes.points[around], fixes.points[inside[0]]) if fixes.geodetic else fixes.points[around]
+    gap_s = max(GAP_S, 3 * float(np.median(np.diff(fixes.t))))
+    return _through(fixes.t[around] - from_s, xy, gap_s).clip(0.0, to_s - from_s)
+
+
+def _plane(degrees: Array, origin: Array) -> Array:
+    """Metres east and north of ``origin`` (2,), for latitudes and longitudes (n, 2)."""
+    east, north, _ = pymap3d.geodetic2enu(degrees[:, 0], degrees[:, 1], 0.0, origin[0], origin[1], 0.0)
+    return np.column_stack([east, north])
+
+
+def _through(t: Array, xy: Array, gap_s: float) -> Path:
+    """The path through positions ``xy`` (n, 2) at increasing times ``t`` (n,)."""
+    knots: list[Knot] = []
+    gaps: list[Interval] = []
+    after = np.flatnonzero(np.diff(t) > gap_s) + 1
+    for times, points in zip(np.split(t, after), np.split(xy, after), strict=True):
+        if knots:
+            ta, xa, ya = knots[-1][:3]
+            tb, xb, yb = float(times[0]), float(points[0, 0]), float(points[0, 1])
+            velocity = (xb - xa) / (tb - ta), (yb - ya) / (tb - ta)
+            knots += [(ta, xa, ya, *velocity), (tb, xb, yb, *velocity)]
+            gaps.append((ta, tb))
+        velocities = PchipInterpolator(times, points)(times, 1) if len(times) > 1 else np.zeros((1, 2))
+        knots += map(tuple, np.column_stack([times, points, velocities]).tolist())
+    return Path.of(knots, gaps)
+
+
+def _window(file: FilePath, fixes: Fixes, start: str | None, end: str | None) -> Interval:
+    """(from, to) on the time scale of the fixes."""
+    from_s = float(fixes.t[0]) if start is None else _moment(file, fixes, "from", start, float(fixes.t[0]))
+    to_s = float(fixes.t[-1]) if end is None else _moment(file, fixes, "to", end, from_s)
+    if to_s <= from_s:
+        raise ScenarioError(
+            "the window ends before it begins",
+            file=str(file),
+            key="target.to",
+            expected=f"times in {fixes.span()}",
+        )
+    return from_s, to_s
+
+
+def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -> float:
+    """A time on the scale of the fixes; a time of day is the first in the file at or after ``after_s``."""
+    zero = fixes.zero
+    try:
+        if zero is None:
+            return float(text)
+        try:
+            clock = time.fromisoformat(text)
+        except ValueError:
+            moment = datetime.fromisoformat(text)
+            return ((moment if moment.tzinfo else moment.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
+    except ValueError:
+        expected = "seconds" if zero is None else "HH:MM[:SS] or an ISO date and time"
+        raise ScenarioError(
+            f"{text!r} is no time", file=str(file), key=f"target.{key}", expected=expected
+        ) from None
+    zone = clock.tzinfo or zero.tzinfo
+    first = (
+        datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero
+    ).total_seconds()
+    later = first + -(-(after_s - first) // _DAY_S) * _DAY_S
+    return later if later <= fixes.t[-1] else first
