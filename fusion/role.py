@@ -15,8 +15,8 @@ import numpy as np
 from immutables import Map
 
 from trackfield.filters.following import Following
-from trackfield.filters.trackers import make_tracker
 from trackfield.filters.rng import generator
+from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 from trackfield.role import (
     NS,
@@ -125,9 +125,7 @@ class Fusion:
     def _deadline(self, step: int) -> SetTimer:
         return SetTimer("deadline", step * self.step_ns + self.deadline_ns)
 
-    def _collect(
-        self, memory: Memory, now: int, report: Doa, sender: str
-    ) -> tuple[Memory, tuple[Effect, ...]]:
+    def _collect(self, memory: Memory, now: int, report: Doa, sender: str) -> tuple[Memory, tuple[Effect, ...]]:
         reports = memory.heard.get(report.step, Map())
         if report.step <= memory.fused:
             return memory, (Ignored("late"),)

@@ -102,10 +102,7 @@ def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
     nearest = np.sort(apart, axis=0)[1 if len(at) > 1 else 0]
     scale = _GRAPH_SPACING / max(float(np.median(nearest)), 1e-3)
     south = [0.0 if place.role == "node" else _GRAPH_SPACING / 2 for place in places]
-    return {
-        place.id: (x, y + down)
-        for place, (x, y), down in zip(places, (at * scale).tolist(), south, strict=True)
-    }
+    return {place.id: (x, y + down) for place, (x, y), down in zip(places, (at * scale).tolist(), south, strict=True)}
 
 
 def layout(info: FieldInfo) -> rrb.Blueprint:
@@ -120,9 +117,7 @@ def layout(info: FieldInfo) -> rrb.Blueprint:
                         origin="/",
                         contents=["/messages/**", "/notes/**"],
                         name="Messages",
-                        columns=rrb.TextLogColumns(
-                            timeline_columns=[EMU], text_log_columns=["LogLevel", "Body"]
-                        ),
+                        columns=rrb.TextLogColumns(timeline_columns=[EMU], text_log_columns=["LogLevel", "Body"]),
                     ),
                     _states(info, "All states", ALL_LANES),
                     active_tab=0,
@@ -146,9 +141,7 @@ def layout(info: FieldInfo) -> rrb.Blueprint:
 
 def _field(info: FieldInfo) -> rrb.Spatial2DView:
     so_far = rrb.VisibleTimeRanges(
-        rrb.VisibleTimeRange(
-            EMU, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
-        )
+        rrb.VisibleTimeRange(EMU, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
     )
     truth = [path("field", "truth", part) for part in ("path", "interpolated")]
     trails = [*truth, *(path("field", name, "track") for name in info.trackers)]

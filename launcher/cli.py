@@ -20,13 +20,9 @@ app = typer.Typer(
 )
 
 Name = Annotated[str, typer.Argument(metavar="SCENARIO", help="A packaged scenario's name, or a TOML file.")]
-Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, as link.loss=0.1.")
-]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, as link.loss=0.1.")]
 Target = Annotated[Path | None, typer.Option("--target", help="The target's track: a GPX or CSV file.")]
-From = Annotated[
-    str | None, typer.Option("--from", help="Start of the window in the track, in the file's zone.")
-]
+From = Annotated[str | None, typer.Option("--from", help="Start of the window in the track, in the file's zone.")]
 To = Annotated[str | None, typer.Option("--to", help="End of the window.")]
 Nodes = Annotated[int | None, typer.Option(help="About how many sensors, at the scenario's own spacing.")]
 LinkModel = Annotated[str | None, typer.Option("--link", help="The link model, with its default parameters.")]
@@ -49,9 +45,7 @@ def run(
     link: LinkModel = None,
     tracker: Trackers = None,
     out: Annotated[Path | None, typer.Option(help="The run folder; new or empty.")] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")] = False,
     connect: Annotated[str, typer.Option(help="Use the Zenoh router at this endpoint.")] = "",
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
@@ -119,9 +113,7 @@ def validate(scenario: Name, overrides: Set = None) -> None:
 def view(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     web: Annotated[bool, typer.Option("--web", help="In the browser.")] = False,
-    png: Annotated[
-        Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")
-    ] = None,
+    png: Annotated[Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")] = None,
     at: Annotated[float | None, typer.Option(help="The emulated second that the picture shows.")] = None,
 ) -> None:
     """Open a run's timeline."""
@@ -150,9 +142,7 @@ def compare(
     from launcher.compare import check_runs, differences, side_by_side
 
     if len(runs) < 2:
-        raise ScenarioError(
-            "there is nothing to compare it with", key="RUN", expected="two run folders or more"
-        )
+        raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")
     check_runs(runs)
     Console().print(side_by_side(runs))
     if exact is None:

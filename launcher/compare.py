@@ -58,9 +58,7 @@ def _number(value: float | None) -> str:
 def _track_differences(a: pa.Table, b: pa.Table, tolerance: float) -> list[str]:
     keys = ("tracker", "target", "step", "status", "reports")
     if a.select(keys) != b.select(keys):
-        return [
-            f"the tracks have other steps, states or numbers of reports ({a.num_rows} and {b.num_rows} points)"
-        ]
+        return [f"the tracks have other steps, states or numbers of reports ({a.num_rows} and {b.num_rows} points)"]
     found = []
     for name in ("x", "y", "vx", "vy", "covariance"):
         old, new = (_floats(table[name]) for table in (a, b))

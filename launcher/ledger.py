@@ -144,8 +144,7 @@ class Ledger:
         """Frames that should have reached a process which says that they did not."""
         due: Counter[str] = Counter(r.dst for r in self.rows if r.delivered or r.outcome == "asleep")
         return sum(
-            max(due[id] - record.get("delivered", 0) - record.get("asleep", 0), 0)
-            for id, record in self.finals.items()
+            max(due[id] - record.get("delivered", 0) - record.get("asleep", 0), 0) for id, record in self.finals.items()
         )
 
     def dropped(self) -> int:

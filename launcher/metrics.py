@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from launcher.ledger import Ledger
-from launcher.records import Plan
-from launcher.records import MessageRow
+from launcher.records import MessageRow, Plan
 from launcher.tables import TrackRow
 from trackfield.drivers.histogram import Histogram
 from trackfield.filters import metrics as score

@@ -14,8 +14,8 @@ from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.errors import ScenarioError
 from trackfield.role import NS
-from trackfield.scenario import Scenario
 from trackfield.scenario import Plan as Site
+from trackfield.scenario import Scenario
 from trackfield.scenario import plan as survey
 
 CENTRE: Final = "fusion"
@@ -42,9 +42,7 @@ def factory(role: str) -> str:
     """Where an installed package makes roles of this name. Raises ``ScenarioError`` if none does."""
     for entry in entry_points(group="trackfield.roles", name=role):
         return entry.value
-    raise ScenarioError(
-        f"no installed package offers the role {role!r}", expected="an entry point in trackfield.roles"
-    )
+    raise ScenarioError(f"no installed package offers the role {role!r}", expected="an entry point in trackfield.roles")
 
 
 def _node(site: Site, index: int) -> ProcessSpec:

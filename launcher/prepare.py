@@ -29,9 +29,7 @@ def load(
 ) -> Scenario:
     """The scenario with what the command line changes in it. Raises ``ScenarioError``."""
     if target is None and (start is not None or end is not None):
-        raise ScenarioError(
-            "there is no track to cut", key="--from, --to", expected="--target FILE beside it"
-        )
+        raise ScenarioError("there is no track to cut", key="--from, --to", expected="--target FILE beside it")
     options: Mapping[str, Any] = {
         "seed": seed,
         "target.path": target and "file",

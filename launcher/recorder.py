@@ -129,9 +129,7 @@ class Recorder:
         life = (address.src, e.incarnation)
         again, self._last_seq[life] = self._last_seq.get(life) == e.seq, e.seq
         to, payload = address.to or NEIGHBOURHOOD, sample.payload.to_bytes()
-        frame = Frame(
-            address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload
-        )
+        frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
         self.ledger.sent(frame, again=again)
 
     def _telemetry(self, key: str, data: bytes) -> None:

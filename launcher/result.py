@@ -9,8 +9,7 @@ from typing import Any
 
 from launcher.ledger import Event, Ledger
 from launcher.metrics import Metrics, run_metrics
-from launcher.records import Plan
-from launcher.records import MessageRow
+from launcher.records import MessageRow, Plan
 from launcher.tables import track_rows, write_messages, write_tracks
 from launcher.timeline import Timeline
 from trackfield.role import NS, Note, Publish, State
@@ -66,11 +65,7 @@ class Journal:
                 t_ns = point.step * self.plan.step_ns
                 truth = self.plan.path.at(t_ns / NS)
                 self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
-                error = (
-                    hypot(point.mean[0] - truth[0], point.mean[1] - truth[1])
-                    if truth and point.mean
-                    else None
-                )
+                error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
 
 

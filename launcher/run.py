@@ -155,9 +155,7 @@ def _complaint(field: Deployment, death: Death) -> str:
     when = "" if death.t_s is None else f" at {death.t_s:.1f} s"
     tail = field.log_tail(death.id)
     log = field.folder / "logs" / f"{death.id}.log"
-    return f"{death.id} died{when}: {death.why}" + (
-        f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})"
-    )
+    return f"{death.id} died{when}: {death.why}" + (f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})")
 
 
 def _pss_mb(field: Deployment) -> float | None:
@@ -184,10 +182,7 @@ def _until_signal() -> Iterator[list[int]]:
     """SIGINT and SIGTERM end the run early instead of the program; the list holds those that came."""
     came: list[int] = []
     try:
-        old = {
-            s: signal.signal(s, lambda number, _: came.append(number))
-            for s in (signal.SIGINT, signal.SIGTERM)
-        }
+        old = {s: signal.signal(s, lambda number, _: came.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
     except ValueError:  # not the main thread: whoever called decides
         yield came
         return

@@ -54,9 +54,7 @@ class Lines:
             self._next = time.monotonic() + PLAIN_EVERY_S
             errors = ", ".join(f"{name} {_metres(e)}" for name, e in status["errors"].items())
             counts = ", ".join(f"{outcome} {n}" for outcome, n in sorted(status["outcomes"].items()))
-            console.print(
-                f"t = {status['t_s']:.0f} s of {self.plan.info.end_s:.0f}: {counts}; error: {errors or '-'}"
-            )
+            console.print(f"t = {status['t_s']:.0f} s of {self.plan.info.end_s:.0f}: {counts}; error: {errors or '-'}")
 
 
 class Screen:
@@ -73,9 +71,7 @@ class Screen:
         """The table."""
         if not status:
             return
-        table = Table(
-            title=f"{self.plan.info.scenario}  t = {status['t_s']:.0f} / {self.plan.info.end_s:.0f} s"
-        )
+        table = Table(title=f"{self.plan.info.scenario}  t = {status['t_s']:.0f} / {self.plan.info.end_s:.0f} s")
         for column in ("nodes", "frames", "error"):
             table.add_column(column)
         columns = (
@@ -121,9 +117,7 @@ def conclude(outcome: Outcome) -> None:
     for complaint in outcome.complaints[:MAX_COMPLAINTS]:
         console.print("[bold red]failed:[/]", Text(complaint))
     if len(outcome.complaints) > MAX_COMPLAINTS:
-        console.print(
-            f"[bold red]... and {len(outcome.complaints) - MAX_COMPLAINTS} more[/] (metrics.json has all)"
-        )
+        console.print(f"[bold red]... and {len(outcome.complaints) - MAX_COMPLAINTS} more[/] (metrics.json has all)")
     if outcome.signal is not None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
     console.print(f"run folder: {outcome.folder}")
@@ -146,7 +140,9 @@ def _result(metrics: dict[str, Any]) -> Table:
         )
     frames = metrics["frames"]
     lost = ", ".join(f"{cause} {n}" for cause, n in frames["lost"].items() if n) or "none"
-    table.caption = f"frames: sent {frames['sent']}, delivered {frames['delivered']} (late {frames['late']}); lost: {lost}"
+    table.caption = (
+        f"frames: sent {frames['sent']}, delivered {frames['delivered']} (late {frames['late']}); lost: {lost}"
+    )
     return table
 
 
@@ -160,9 +156,7 @@ def _alarms(metrics: dict[str, Any]) -> list[str]:
             "(timing.host_late): a lower --speed, or --virtual, is exact"
         )
     if frames and frames["expected"] and not frames["delivered"]:
-        alarms.append(
-            f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by"
-        )
+        alarms.append(f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by")
     if frames and not frames["expected"]:
         alarms.append("no frame was sent: no tracker had anything to go by")
     return alarms

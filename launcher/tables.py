@@ -30,8 +30,7 @@ def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns:
     """The last estimate of each (tracker, target, step), in that order."""
     latest = {(p.tracker, p.target, p.step): (told, p) for told, p in estimates}
     return [
-        TrackRow(told, p.step * step_ns, p, path.at(p.step * step_ns / NS))
-        for _, (told, p) in sorted(latest.items())
+        TrackRow(told, p.step * step_ns, p, path.at(p.step * step_ns / NS)) for _, (told, p) in sorted(latest.items())
     ]
 
 
@@ -58,14 +57,8 @@ def write_tracks(rows: Sequence[TrackRow], file: FilePath) -> None:
         "status": pa.array([r.point.status for r in rows], pa.string()),
         "reports": pa.array([r.point.reports for r in rows], pa.int32()),
         "told_s": pa.array([r.told_ns / NS for r in rows], floats),
-        **{
-            n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats)
-            for i, n in enumerate(STATE)
-        },
+        **{n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats) for i, n in enumerate(STATE)},
         "covariance": pa.array([list(r.point.covariance) or None for r in rows], vector),
-        **{
-            f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats)
-            for i, n in enumerate(STATE)
-        },
+        **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
     }
     pq.write_table(pa.table(columns), file)

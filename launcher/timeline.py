@@ -243,9 +243,7 @@ class Timeline:
     def _picture(self, t_ns: int, changed: set[str]) -> None:
         shown = self._shown.now
         states, lost = shown["state"], shown["lost"]
-        colours = {
-            name: look.STATE_COLOURS.get(states.get(name, "asleep"), look.OTHER_STATE) for name in self._graph
-        }
+        colours = {name: look.STATE_COLOURS.get(states.get(name, "asleep"), look.OTHER_STATE) for name in self._graph}
         if "state" in changed:
             self._add("/field/sensors", _point_colours, t_ns, [colours[name] for name in self._sensors])
         if changed & {"state", "lost"}:

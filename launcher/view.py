@@ -93,9 +93,7 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
 def _timeline(run: Path) -> Path:
     file = run / "run.rrd"
     if not file.is_file():
-        raise ScenarioError(
-            "no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it"
-        )
+        raise ScenarioError("no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it")
     return file.resolve()
 
 

@@ -18,7 +18,6 @@ from typing import Any, Final
 
 from setproctitle import setproctitle
 
-import node.role
 import trackfield.world.acoustic  # noqa: F401
 from trackfield.drivers.process import Process
 from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router

@@ -28,9 +28,7 @@ def update(belief: Gaussian, z: Array, H: Array, R: Array) -> Exact:
     S = H @ belief.covariance @ H.T + R
     K = belief.covariance @ H.T @ np.linalg.inv(S)
     miss = z - H @ belief.mean
-    log_evidence = -0.5 * (
-        miss @ np.linalg.inv(S) @ miss + np.linalg.slogdet(S)[1] + len(z) * np.log(2.0 * np.pi)
-    )
+    log_evidence = -0.5 * (miss @ np.linalg.inv(S) @ miss + np.linalg.slogdet(S)[1] + len(z) * np.log(2.0 * np.pi))
     P = (np.eye(len(belief.mean)) - K @ H) @ belief.covariance
     return Exact(belief.mean + K @ miss, P, float(log_evidence))
 

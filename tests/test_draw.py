@@ -33,9 +33,7 @@ def test_equal_keys_and_only_they_are_equal(seed: int, one: list[int | str], oth
 
 
 def test_chunks_do_not_run_together() -> None:
-    assert (
-        len({draw.bits(1, "ab", "c"), draw.bits(1, "a", "bc"), draw.bits(1, "abc"), draw.bits(11, "c")}) == 4
-    )
+    assert len({draw.bits(1, "ab", "c"), draw.bits(1, "a", "bc"), draw.bits(1, "abc"), draw.bits(11, "c")}) == 4
 
 
 @pytest.mark.parametrize("extreme", [0, 2**64 - 1])

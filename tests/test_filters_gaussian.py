@@ -48,9 +48,7 @@ def test_collapsing_groups_first_changes_nothing():
     weights, means = rng.dirichlet(np.ones(6)), rng.normal(size=(6, 2))
     covariances = np.array([covariance(rng, 2) for _ in range(6)])
     share = weights.reshape(2, 3).sum(axis=1)
-    inner = collapse(
-        weights.reshape(2, 3) / share[:, None], means.reshape(2, 3, 2), covariances.reshape(2, 3, 2, 2)
-    )
+    inner = collapse(weights.reshape(2, 3) / share[:, None], means.reshape(2, 3, 2), covariances.reshape(2, 3, 2, 2))
     nested, direct = collapse(share, *inner), collapse(weights, means, covariances)
     assert nested.mean == pytest.approx(direct.mean)
     assert nested.covariance == pytest.approx(direct.covariance)

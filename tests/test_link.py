@@ -210,9 +210,7 @@ def test_links_are_independent_of_each_other_and_of_their_reverse() -> None:
 def test_all_kinds_suffer_the_same_burst() -> None:
     link = bursts(6, good_s=1, bad_s=1)
     for i in range(500):
-        causes = {
-            link.fate("a", "b", kind, i * S, copy, 12).cause for kind in ("doa", "sync") for copy in (0, 1)
-        }
+        causes = {link.fate("a", "b", kind, i * S, copy, 12).cause for kind in ("doa", "sync") for copy in (0, 1)}
         assert causes == ({"radio"} if link.bad("a", "b", i * S) else {None})
 
 

@@ -43,9 +43,7 @@ def test_level_and_bearing_of_arrays_are_those_of_their_numbers():
     distance = np.hypot(x, y)
     levels, bearings = level_db(distance, 70.0, 2.5, xp=np), bearing(x, y, xp=np)
     assert levels == pytest.approx([level_db(float(d), 70.0, 2.5) for d in distance], rel=1e-15)
-    assert bearings == pytest.approx(
-        [bearing(float(a), float(b)) for a, b in zip(x, y, strict=True)], rel=1e-15
-    )
+    assert bearings == pytest.approx([bearing(float(a), float(b)) for a, b in zip(x, y, strict=True)], rel=1e-15)
     assert wrap(bearings + 4.0) == pytest.approx([wrap(float(b) + 4.0) for b in bearings], rel=1e-15)
 
 
@@ -106,9 +104,7 @@ def test_process_noise_is_gamma_gamma_transposed():
 
 
 def test_a_standing_target_forgets_its_velocity_and_stirs():
-    assert np.array(motion.standing_transition()) @ [1.0, 2.0, 9.0, 9.0] == pytest.approx(
-        [1.0, 2.0, 0.0, 0.0]
-    )
+    assert np.array(motion.standing_transition()) @ [1.0, 2.0, 9.0, 9.0] == pytest.approx([1.0, 2.0, 0.0, 0.0])
     Q = np.array(motion.standing_noise(2.0, 0.5))
     assert Q[0] == pytest.approx([0.25 * 4.0, 0.0, 0.25 * 2.0, 0.0])  # the place moves by velocity times dt
     assert Q[3] == pytest.approx([0.0, 0.25 * 2.0, 0.0, 0.25])

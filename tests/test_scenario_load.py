@@ -205,9 +205,7 @@ def test_a_link_out_of_range(link: dict[str, Any], key: str, expected: str) -> N
         ),
     ],
 )
-def test_what_is_unknown_or_missing_is_told_with_what_would_be_right(
-    section: str, value: Any, message: str
-) -> None:
+def test_what_is_unknown_or_missing_is_told_with_what_would_be_right(section: str, value: Any, message: str) -> None:
     assert failure({**LEAST, section: value}).startswith(message)
 
 
@@ -238,10 +236,7 @@ def test_trackers_are_checked_where_they_are_known() -> None:
     given = {**LEAST, "fusion": {"trackers": ["spcf"]}}
     assert Scenario.load(given).fusion.trackers == ("spcf",)
     message = failure(given, known_trackers=["spcpf", "fix-imm-ukf"])
-    assert (
-        message
-        == "fusion.trackers: unknown tracker 'spcf'; did you mean spcpf?; expected one of fix-imm-ukf, spcpf"
-    )
+    assert message == "fusion.trackers: unknown tracker 'spcf'; did you mean spcpf?; expected one of fix-imm-ukf, spcpf"
     assert Scenario.load("spcpf", known_trackers={"spcpf": 1, "fix-imm-ukf": 2}).name == "spcpf"
 
 
@@ -284,9 +279,7 @@ def test_one_error_names_its_parts(tmp_path: Path) -> None:
 
 
 def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
-    assert (
-        failure("spcpf", {"sensor.threshold": 5}) == "sensor.threshold: is 5; expected a number from 0 to 1"
-    )
+    assert failure("spcpf", {"sensor.threshold": 5}) == "sensor.threshold: is 5; expected a number from 0 to 1"
     assert failure("spcpf", {"lnik.model": "ideal"}).startswith("lnik: unknown; did you mean link?")
     assert failure("spcpf", {"sensor": {"alpha": 0}}).startswith("sensor.alpha: is 0")
 
@@ -298,10 +291,7 @@ def test_an_unknown_scenario_brings_the_nearest_name() -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    assert (
-        failure(tmp_path / "none.toml")
-        == f"{tmp_path / 'none.toml'}: cannot be read (No such file or directory)"
-    )
+    assert failure(tmp_path / "none.toml") == f"{tmp_path / 'none.toml'}: cannot be read (No such file or directory)"
     assert failure(str(tmp_path / "none.toml")).endswith("cannot be read (No such file or directory)")
     assert failure(str(tmp_path)).endswith("cannot be read (Is a directory)")
     assert "not a TOML file (Invalid value" in failure(write(tmp_path / "a.toml", "name ="))

@@ -24,9 +24,7 @@ EASTWARD = waypoints([(0, 0, 0), (10, 500, 0)])
 def mine(field: dict[str, Any] | None = None, **target: Any) -> Scenario:
     target = target or {"path": "waypoints", "waypoints": [[0, 0, 0], [10, 500, 0]]}
     soon = {"deadline_s": 0.001}
-    return Scenario.load(
-        {"name": "mine", "target": target, "field": field or {"layout": "grid"}, "fusion": soon}
-    )
+    return Scenario.load({"name": "mine", "target": target, "field": field or {"layout": "grid"}, "fusion": soon})
 
 
 # --- layouts -----------------------------------------------------------------------------------------------
@@ -40,9 +38,7 @@ def test_the_papers_field_has_121_sensors_numbered_by_row() -> None:
         assert sensors[number] == (f"n{number:03}", 50.0 * column, 50.0 * row)
 
 
-@pytest.mark.parametrize(
-    ("extent", "spacing", "side"), [(0, 50, 1), (49, 50, 1), (120, 50, 3), (0.3, 0.1, 4)]
-)
+@pytest.mark.parametrize(("extent", "spacing", "side"), [(0, 50, 1), (49, 50, 1), (120, 50, 3), (0.3, 0.1, 4)])
 def test_a_grid_fills_its_extent(extent: float, spacing: float, side: int) -> None:
     field = {"layout": "grid", "extent_m": extent, "spacing_m": spacing}
     assert len(layout(mine(field), EASTWARD)) == side**2
@@ -74,9 +70,7 @@ def test_along_a_path_sensors_stand_wherever_it_comes_near_and_nowhere_else(path
     every = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
     states = np.array([path.at(t)[:2] for t in np.linspace(path.start_s, path.end_s, 5000)])
     far = np.array([np.hypot(*(states - place).T).min() for place in every])
-    sure, possible = (
-        {(float(x), float(y)) for x, y in every[far <= limit]} for limit in (130.0 - 0.2, 130.0)
-    )
+    sure, possible = ({(float(x), float(y)) for x, y in every[far <= limit]} for limit in (130.0 - 0.2, 130.0))
     assert sure <= places <= possible
     assert [name for name, *_ in sensors] == [f"n{i:03}" for i in range(len(sensors))]
     assert sensors == sorted(sensors, key=lambda place: (place[2], place[1]))
@@ -94,15 +88,11 @@ def test_so_many_along_a_path_are_those_nearest_to_it(nodes: int) -> None:
 
 def test_a_path_that_comes_near_no_place_of_the_grid_has_no_sensors() -> None:
     field = {"layout": "along-path", "spacing_m": 1000.0, "within_m": 10.0}
-    with pytest.raises(
-        ScenarioError, match=r"field.within_m: no sensors.*; expected more than half the spacing"
-    ):
+    with pytest.raises(ScenarioError, match=r"field.within_m: no sensors.*; expected more than half the spacing"):
         layout(mine(field), EASTWARD)
 
 
-@pytest.mark.parametrize(
-    "field", [{"layout": "grid", "spacing_m": 0.1}, {"layout": "along-path", "spacing_m": 0.1}]
-)
+@pytest.mark.parametrize("field", [{"layout": "grid", "spacing_m": 0.1}, {"layout": "along-path", "spacing_m": 0.1}])
 def test_a_grid_too_fine_for_any_machine(field: dict[str, Any]) -> None:
     with pytest.raises(ScenarioError, match=r"field.spacing_m: the grid has \d{7,} places; expected"):
         layout(mine(field), EASTWARD)

@@ -103,9 +103,7 @@ def test_several_settings_work_together_whatever_their_order() -> None:
     settings = {"link.delay_ms": 3, "link.loss": 0.5}
     for values in (settings, dict(reversed(settings.items())), {**settings, "link.model": "fixed"}):
         assert Scenario.load("spcpf", values).plain()["link"] == expected
-    assert (
-        Scenario.load("spcpf", {"link": {"model": "fixed", "loss": 0.5}}).plain()["link"]["delay_ms"] == 5.0
-    )
+    assert Scenario.load("spcpf", {"link": {"model": "fixed", "loss": 0.5}}).plain()["link"]["delay_ms"] == 5.0
 
 
 def test_loading_with_settings_is_loading_and_then_setting() -> None:

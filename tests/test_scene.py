@@ -140,9 +140,7 @@ def test_a_message_of_a_settled_second_counts_in_the_next_one() -> None:
     assert plots(seconds, math.inf) == {(4, "lost"): (1, 0), (4, "bytes"): (14, 0)}
 
 
-@given(
-    st.floats(0.1, 50), st.floats(0.1, 50), st.floats(-0.99, 0.99), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)
-)
+@given(st.floats(0.1, 50), st.floats(0.1, 50), st.floats(-0.99, 0.99), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
 def test_the_ring_is_where_the_mahalanobis_distance_squared_is_5_99(
     sx: float, sy: float, rho: float, x: float, y: float
 ) -> None:

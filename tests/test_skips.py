@@ -37,16 +37,12 @@ def test_the_ci_refuses_unexpected_skips(policy: pytest.Pytester, monkeypatch: p
     policy.makepyfile(SKIPS)
     result = policy.runpytest_inprocess()
     assert result.ret == 1
-    result.stdout.fnmatch_lines_random(
-        ["*unexpected skip: did not feel like it*", "*unexpected skip: later*"]
-    )
+    result.stdout.fnmatch_lines_random(["*unexpected skip: did not feel like it*", "*unexpected skip: later*"])
     # A skip by mark happens at set-up, which pytest counts as an error.
     result.assert_outcomes(failed=1, errors=1, passed=1, skipped=1, xfailed=1)
 
 
-def test_a_module_that_skips_itself_is_refused_too(
-    policy: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_module_that_skips_itself_is_refused_too(policy: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TRACKFIELD_STRICT_SKIPS", "1")
     policy.makepyfile("import pytest\npytest.importorskip('no_such_module')")
     result = policy.runpytest_inprocess()

@@ -189,9 +189,7 @@ def test_tracks_errors_and_particles(played: Played) -> None:
 
         at = read(played.file, f"/field/{tracker}/position", "Points2D:positions")
         assert [(t, len(value)) for t, value in at] == [(t, int(bool(p.mean))) for t, p, _ in points]
-        assert [value[0] for _, value in at if value] == [
-            pytest.approx(p.mean[:2], abs=1e-3) for _, p, _ in tracking
-        ]
+        assert [value[0] for _, value in at if value] == [pytest.approx(p.mean[:2], abs=1e-3) for _, p, _ in tracking]
         track = read(played.file, f"/field/{tracker}/track", "LineStrips2D:strips")
         assert [value[0][1] for _, value in track] == [value[0] for _, value in at if value][1:]
         rings = read(played.file, f"/field/{tracker}/ellipse", "LineStrips2D:strips")
@@ -488,9 +486,7 @@ def test_no_path_no_sensor_and_one_place_can_be_shown(tmp_path: Path) -> None:
 def test_the_network_is_drawn_at_an_even_scale_with_north_up() -> None:
     """The names would cover each other in a field of 5 m, and be lost in one of 5 km."""
     for spacing in (5.0, 50.0, 500.0):
-        places = tuple(
-            Place(f"n{i}{j}", "node", spacing * i, spacing * j) for i in range(4) for j in range(4)
-        )
+        places = tuple(Place(f"n{i}{j}", "node", spacing * i, spacing * j) for i in range(4) for j in range(4))
         at = look.graph_positions(small_info(places=places))
         east = at["n10"][0] - at["n00"][0]
         assert 45.0 < east < 60.0

@@ -63,9 +63,7 @@ def assert_followed(path, seeds, name, band):
     assert rmse(np.concatenate(errors)) < band
 
 
-@pytest.mark.parametrize(
-    "window", [("07:50:00", "07:53:00"), ("07:58:00", "08:01:00"), ("08:07:00", "08:10:00")]
-)
+@pytest.mark.parametrize("window", [("07:50:00", "07:53:00"), ("07:58:00", "08:01:00"), ("08:07:00", "08:10:00")])
 @pytest.mark.parametrize(("name", "band"), [("fix-imm-ukf", 2.5), ("spcpf", 3.0)])
 def test_a_recorded_bus_is_followed(data_file, window, name, band):
     assert_followed(recorded(data_file("bus_304.gpx"), *window), range(3), name, band)

@@ -142,9 +142,7 @@ def test_the_web_viewer_serves_this_machine_only_and_ends_on_ctrl_c(run: Path) -
             listening: set[tuple[str, int]] = set()
             while len(listening) < 2:  # until the test's time is up
                 time.sleep(0.1)
-                (viewer,) = [p for p in psutil.Process(process.pid).children() if p.name() == "rerun"] or [
-                    None
-                ]
+                (viewer,) = [p for p in psutil.Process(process.pid).children() if p.name() == "rerun"] or [None]
                 sockets = viewer.net_connections() if viewer else []
                 listening = {socket.laddr for socket in sockets if socket.status == psutil.CONN_LISTEN}
             assert listening == {("127.0.0.1", port) for port in ports}

@@ -193,9 +193,7 @@ def test_no_field_crashes_the_decoder(step: int, bearing: object, level: object)
 
 @settings(max_examples=500)
 @given(steps, bearings, levels, st.integers(0, 11), st.integers(1, 255))
-def test_a_flipped_byte_never_crashes_the_decoder(
-    step: int, bearing: float, level: float, at: int, mask: int
-) -> None:
+def test_a_flipped_byte_never_crashes_the_decoder(step: int, bearing: float, level: float, at: int, mask: int) -> None:
     data = bytearray(encode(Doa(step, bearing, level)))
     data[at % len(data)] ^= mask
     refused_or_canonical(bytes(data))

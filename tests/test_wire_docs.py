@@ -74,9 +74,7 @@ def test_the_c_code_produces_the_golden_vectors(tmp_path: Path) -> None:
     calls.append("print(doa, encode_doa(doa, 60, 359.996, 71.24));")
     expected.append("9501013c00cd1bd4")
     for vector in VECTORS["envelopes"]:
-        numbers = ", ".join(
-            f"{value}u" if value < 2**32 else f"{value}" for value in vector["fields"].values()
-        )
+        numbers = ", ".join(f"{value}u" if value < 2**32 else f"{value}" for value in vector["fields"].values())
         calls.append(f"encode_envelope(envelope, {numbers}); print(envelope, sizeof envelope);")
         expected.append(vector["hex"])
     source, program = tmp_path / "node.c", tmp_path / "node"

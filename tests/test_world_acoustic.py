@@ -98,8 +98,7 @@ def test_noise_belongs_to_seed_sensor_life_and_instant() -> None:
     ]
     assert len({noisy.sample(t), *others}) == 4
     level, angle = (
-        [getattr(one, name) for one in (noisy.sample(t), SENSOR.sample(t))]
-        for name in ("level_db", "bearing_deg")
+        [getattr(one, name) for one in (noisy.sample(t), SENSOR.sample(t))] for name in ("level_db", "bearing_deg")
     )
     assert (level[0] - level[1]) / 0.5 != pytest.approx((angle[0] - angle[1]) / 3.0)  # two draws, not one
 

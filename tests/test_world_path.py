@@ -25,9 +25,7 @@ def paths(draw: st.DrawFn) -> Path:
     return Path.of(rows)
 
 
-@pytest.mark.parametrize(
-    ("t", "x"), [(0.0, 0.0), (0.5, 1.75), (1.0, 4.0), (2.0, 10.0), (3.5, 20.5), (6.0, 38.0)]
-)
+@pytest.mark.parametrize(("t", "x"), [(0.0, 0.0), (0.5, 1.75), (1.0, 4.0), (2.0, 10.0), (3.5, 20.5), (6.0, 38.0)])
 def test_constant_acceleration_is_reproduced_exactly(t: float, x: float) -> None:
     at = Path.of(ROWS).at(t)
     assert at == pytest.approx((x, 5.0 - t, min(3.0 + 2.0 * t, 7.0), -1.0), abs=1e-12)
@@ -76,9 +74,7 @@ def test_position_and_velocity_are_those_of_the_knots(path: Path) -> None:
 @given(paths(), st.data())
 def test_a_cut_path_answers_inside_its_intervals_bit_for_bit(path: Path, data: st.DataObject) -> None:
     times = st.floats(path.start_s - 5, path.end_s + 5)
-    intervals = [
-        tuple(sorted(data.draw(st.tuples(times, times)))) for _ in range(data.draw(st.integers(0, 4)))
-    ]
+    intervals = [tuple(sorted(data.draw(st.tuples(times, times)))) for _ in range(data.draw(st.integers(0, 4)))]
     cut = path.cut(intervals)
     assert len(cut.t) <= len(path.t)
     for a, b in intervals:

@@ -71,9 +71,7 @@ def test_s2_is_the_integral_of_its_velocity(t: float) -> None:
     x, y, vx, vy = at(s2(), t)
     corners = [corner for corner in (20.0, 24.0, 45.0, 49.0) if corner < t] or None
     for axis, (place, start) in enumerate(((x, 45.0), (y, 85.0))):
-        way, _ = quad(
-            lambda s, axis=axis: s2_velocity(s)[axis], 0.0, t, points=corners, epsabs=1e-9, limit=200
-        )
+        way, _ = quad(lambda s, axis=axis: s2_velocity(s)[axis], 0.0, t, points=corners, epsabs=1e-9, limit=200)
         assert place == pytest.approx(start + way, abs=1e-5)
     assert (vx, vy) == pytest.approx(s2_velocity(t), abs=1e-3)
 

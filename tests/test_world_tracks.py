@@ -42,9 +42,7 @@ def clock(seconds: float) -> str:
 @pytest.fixture
 def straight(tmp_path: Path) -> Path:
     """Two minutes northward, a fix a second, of which those from 30 s to 50 s are missing."""
-    return gpx(
-        tmp_path / "straight.gpx", [(clock(t), 50.0 + 1e-4 * t, 8.0) for t in range(121) if not 30 < t < 50]
-    )
+    return gpx(tmp_path / "straight.gpx", [(clock(t), 50.0 + 1e-4 * t, 8.0) for t in range(121) if not 30 < t < 50])
 
 
 # --- positions and velocities --------------------------------------------------------------------------
@@ -245,9 +243,7 @@ def test_points_without_a_time_are_left_out_where_others_have_one(tmp_path: Path
 
 @pytest.mark.parametrize(("lat", "lon"), [(91.0, 8.0), (50.0, 181.0), (float("nan"), 8.0)])
 def test_a_point_off_the_globe(tmp_path: Path, lat: float, lon: float) -> None:
-    assert "lies at latitude" in failure(
-        gpx(tmp_path / "a.gpx", [(clock(0), 50.0, 8.0), (clock(1), lat, lon)])
-    )
+    assert "lies at latitude" in failure(gpx(tmp_path / "a.gpx", [(clock(0), 50.0, 8.0), (clock(1), lat, lon)]))
 
 
 def test_a_single_fix(tmp_path: Path) -> None:

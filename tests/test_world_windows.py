@@ -67,9 +67,7 @@ coordinates = st.tuples(st.floats(-400, 400), st.floats(-400, 400))
 
 
 @given(wild_paths(), st.floats(0.5, 500), st.lists(coordinates, min_size=1, max_size=5))
-def test_no_instant_in_range_is_ever_missing(
-    path: Path, radius: float, places: list[tuple[float, float]]
-) -> None:
+def test_no_instant_in_range_is_ever_missing(path: Path, radius: float, places: list[tuple[float, float]]) -> None:
     found = windows(np.array(places), path, radius)
     for t in (*path.t, *np.linspace(path.start_s, path.end_s, 200)):
         state = path.at(float(t))
@@ -127,9 +125,7 @@ def test_a_hundred_thousand_sensors_are_no_burden(seconds: int, radius: float) -
     begin = time.process_time()
     found = windows(field, s1(1, seconds), radius)
     assert time.process_time() - begin < 5.0  # about 0.1 to 0.5 s
-    assert sum(map(bool, found)) == pytest.approx(
-        np.isfinite(distances(field, s1(1, seconds), radius)).sum(), rel=0.1
-    )
+    assert sum(map(bool, found)) == pytest.approx(np.isfinite(distances(field, s1(1, seconds), radius)).sum(), rel=0.1)
 
 
 def test_distances_are_those_to_the_nearest_place() -> None:

@@ -35,9 +35,7 @@ def s2(_: np.random.Generator) -> Array:
     turn = 22.5 * (np.clip(fine - 20.0, 0.0, 4.0) - np.clip(fine - 45.0, 0.0, 4.0))
     heading, speed = np.radians(8.0 + turn), 8.0 + 2.0 * np.sin(2.0 * np.pi * fine / 15.0)
     v = speed[:, None] * np.stack((np.cos(heading), np.sin(heading)), axis=-1)
-    p = np.array([45.0, 85.0]) + np.concatenate(
-        (np.zeros((1, 2)), np.cumsum((v[1:] + v[:-1]) / 200.0, axis=0))
-    )
+    p = np.array([45.0, 85.0]) + np.concatenate((np.zeros((1, 2)), np.cumsum((v[1:] + v[:-1]) / 200.0, axis=0)))
     return np.concatenate((p, v), axis=1)[::100]
 
 
@@ -80,9 +78,7 @@ def prior_around(state: Array, rng: np.random.Generator) -> Gaussian:
     return Gaussian(state + np.sqrt(np.diag(P0)) * rng.standard_normal(4), P0)
 
 
-def follow(
-    tracker: Tracker[S], truth: Array, rng: np.random.Generator, sigma_w: float = SIGMA_W
-) -> Iterator[Estimate]:
+def follow(tracker: Tracker[S], truth: Array, rng: np.random.Generator, sigma_w: float = SIGMA_W) -> Iterator[Estimate]:
     """The tracker's estimates for steps 1, 2, ... of one second along ``truth`` (T+1, 4)."""
     state = tracker.init(prior_around(truth[0], rng), Model(sigma_w))
     for step, target in enumerate(truth[1:], start=1):

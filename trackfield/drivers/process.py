@@ -123,9 +123,7 @@ class Process:
         self._held = [session.declare_subscriber(keys.ORDERS, Callback(self._on_order, indirect=False))]
         joined = join(session, id)
         self.spec, self._end_ns, self._speed = joined.process, joined.run.end_ns, joined.run.speed
-        self.core: Core = build_core(
-            joined.run, joined.process, horizon_ns=round(HORIZON_S * joined.run.speed * 1e9)
-        )
+        self.core: Core = build_core(joined.run, joined.process, horizon_ns=round(HORIZON_S * joined.run.speed * 1e9))
         self._link: Link = make_link(joined.run.link, joined.run.seed)
         self._counts = {"radio": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
         self._seen, self._seq = Seen(), 0

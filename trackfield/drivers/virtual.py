@@ -67,9 +67,7 @@ class Virtual:
 
     def _transmit(self, frame: Frame) -> None:
         to, cell = frame.addresses, self._processes[frame.src].cell
-        hearers = (
-            self._listeners if to is None else [self._processes[id] for id in to if id in self._processes]
-        )
+        hearers = self._listeners if to is None else [self._processes[id] for id in to if id in self._processes]
         for hearer in hearers:
             if hearer.is_addressed(to, frame.src, cell):
                 self._deliver(hearer.id, frame)

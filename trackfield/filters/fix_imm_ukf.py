@@ -45,9 +45,7 @@ class FixImmUkf:
     def init(self, prior: Gaussian, model: Model) -> FixImmUkfState:
         """The state of belief ``prior``, shared by all models, which start as equals."""
         m = len(_SWITCHING)
-        bank = imm.Bank(
-            np.full(m, 1.0 / m), np.tile(prior.mean, (m, 1)), np.tile(prior.covariance, (m, 1, 1))
-        )
+        bank = imm.Bank(np.full(m, 1.0 / m), np.tile(prior.mean, (m, 1)), np.tile(prior.covariance, (m, 1, 1)))
         return FixImmUkfState(model, bank, fixed=False)
 
     def step(

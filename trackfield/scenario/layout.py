@@ -65,15 +65,10 @@ def _along(field: AlongPath, path: Path) -> Array:
 
 def _near(path: Path, spacing: float, within: float) -> tuple[Array, Array]:
     """The places of the shifted grid within reach of the path, (n, 2), and how far they are, (n,)."""
-    axes = [
-        (floor((min(c) - within) / spacing) - 1, ceil((max(c) + within) / spacing) + 1)
-        for c in (path.x, path.y)
-    ]
+    axes = [(floor((min(c) - within) / spacing) - 1, ceil((max(c) + within) / spacing) + 1) for c in (path.x, path.y)]
     _check_number((axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]))
     columns, rows = (np.arange(*axis) for axis in axes)
-    points: Array = (
-        np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5
-    ) * spacing
+    points: Array = (np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5) * spacing
     far = distances(points, path, within)
     return points[np.isfinite(far)], far[np.isfinite(far)]
 

@@ -18,9 +18,7 @@ def parse(text: str) -> tuple[str, Any]:
     """
     key, equals, value = (part.strip() for part in text.partition("="))
     if not key or not equals:
-        raise ScenarioError(
-            f"{text!r} sets nothing", file="--set", expected="key=value, like link.model=fixed"
-        )
+        raise ScenarioError(f"{text!r} sets nothing", file="--set", expected="key=value, like link.model=fixed")
     try:
         return key, tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:

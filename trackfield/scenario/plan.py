@@ -124,9 +124,7 @@ def check(scenario: Scenario, sensors: Sequence[Place], path: Path) -> None:
     far = distances(positions, path, np.inf)
     nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
     what = f"the target never comes in range: it stays {nearest}"
-    raise ScenarioError(
-        what, key="sensor.threshold", expected=f"a path within the {radius:.0f} m that a sensor hears"
-    )
+    raise ScenarioError(what, key="sensor.threshold", expected=f"a path within the {radius:.0f} m that a sensor hears")
 
 
 def _step_ns(scenario: Scenario) -> int:

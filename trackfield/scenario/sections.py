@@ -58,9 +58,7 @@ class _Layout(Section):
 class Grid(_Layout):
     """A square grid with its first corner at (0, 0)."""
 
-    layout: Literal["grid"] = Field(
-        default="grid", description="a square grid with its first corner at (0, 0)"
-    )
+    layout: Literal["grid"] = Field(default="grid", description="a square grid with its first corner at (0, 0)")
     extent_m: NotNegative = Field(default=500.0, description="side of the square")
 
 
@@ -87,15 +85,9 @@ class Sensor(Section):
         description="decay: the level falls by 5 alpha dB for each tenfold distance",
     )
     threshold: Share = Field(default=0.75, description="a sensor reports above this share of level_db")
-    doa_sd_deg: float = Field(
-        default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival"
-    )
-    level_sd_db: float = Field(
-        default=0.0, ge=0, le=100, description="standard deviation of the measured level"
-    )
-    margin_db: float = Field(
-        default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold"
-    )
+    doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
+    level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
+    margin_db: float = Field(default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold")
 
     @property
     def threshold_db(self) -> float:
@@ -173,9 +165,7 @@ class Waypoints(_Target):
 
     @field_validator("waypoints")
     @classmethod
-    def _increasing(
-        cls, points: tuple[tuple[float, float, float], ...]
-    ) -> tuple[tuple[float, float, float], ...]:
+    def _increasing(cls, points: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
         if any(b[0] <= a[0] for a, b in pairwise(points)):
             raise _wrong("its times do not increase", "increasing times")
         return points
@@ -185,9 +175,7 @@ class Waypoints(_Target):
 
 
 class _Link(Section):
-    range_m: Positive | None = Field(
-        default=None, description="who is further away hears nothing; unset: no limit"
-    )
+    range_m: Positive | None = Field(default=None, description="who is further away hears nothing; unset: no limit")
 
 
 class Ideal(_Link):
@@ -207,17 +195,13 @@ class Fixed(_Link):
 class GilbertElliott(_Link):
     """Bursts of losses, random delay."""
 
-    model: Literal["gilbert_elliott"] = Field(
-        default="gilbert_elliott", description="losses in bursts, random delay"
-    )
+    model: Literal["gilbert_elliott"] = Field(default="gilbert_elliott", description="losses in bursts, random delay")
     good_s: Positive = Field(default=50.0, description="mean time that a link stays good")
     bad_s: Positive = Field(default=4.0, description="mean time that it stays bad")
     loss_good: Share = Field(default=0.0, description="share of the frames lost while it is good")
     loss_bad: Share = Field(default=1.0, description="share of the frames lost while it is bad")
     delay_ms: Delay = Field(default=20.0, description="shortest time from sending to arrival")
-    jitter_ms: NotNegative = Field(
-        default=10.0, description="mean of the exponentially distributed time on top"
-    )
+    jitter_ms: NotNegative = Field(default=10.0, description="mean of the exponentially distributed time on top")
 
 
 # --- [fusion]: the centre -----------------------------------------------------------------------------------
@@ -229,15 +213,9 @@ class Fusion(Section):
     trackers: tuple[str, ...] = Field(
         default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
     )
-    deadline_s: float = Field(
-        default=0.3, gt=0, description="how long a step waits for its reports; at most step_s"
-    )
-    x_m: float | None = Field(
-        default=None, description="where the centre stands, east; unset: the middle of the field"
-    )
-    y_m: float | None = Field(
-        default=None, description="where it stands, north; unset: the middle of the field"
-    )
+    deadline_s: float = Field(default=0.3, gt=0, description="how long a step waits for its reports; at most step_s")
+    x_m: float | None = Field(default=None, description="where the centre stands, east; unset: the middle of the field")
+    y_m: float | None = Field(default=None, description="where it stands, north; unset: the middle of the field")
     prior: Literal["paper", "none"] = Field(
         default="none",
         description="start around the true state (paper), or from the first reports alone (none)",
@@ -255,9 +233,7 @@ class Fusion(Section):
             if trackers.count(name) > 1:
                 raise _wrong(f"{name!r} is there twice", "each tracker once")
             if known is not None and name not in known:
-                raise _wrong(
-                    f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}"
-                )
+                raise _wrong(f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}")
         return trackers
 
 

@@ -68,9 +68,7 @@ class Field:
         if isinstance(value, bool) or not isinstance(value, int if self.integral else int | float):
             raise WireError("type", f"{self.name}: {type(value).__name__}")
         steps = value * self.per_unit
-        if (
-            not self.first - 2 <= steps <= self.last + 2
-        ):  # NaN and infinity fail it too, and cannot be rounded
+        if not self.first - 2 <= steps <= self.last + 2:  # NaN and infinity fail it too, and cannot be rounded
             raise WireError("range", f"{self.name}: not in {self.scaled.low}..{self.scaled.high}")
         number = round(steps)
         if self.scaled.cyclic and number == self.last + 1:

@@ -54,9 +54,7 @@ def read_fixes(file: FilePath) -> Fixes:
 
 def _gpx(file: FilePath) -> Fixes:
     """All track points that have a time."""
-    fail = partial(
-        ScenarioError, file=str(file), expected="a GPX file with <trkpt> elements that have a <time>"
-    )
+    fail = partial(ScenarioError, file=str(file), expected="a GPX file with <trkpt> elements that have a <time>")
     try:
         gpx = gpxpy.parse(file.read_text(encoding="utf-8-sig"))
     except (gpxpy.gpx.GPXException, UnicodeDecodeError):

@@ -95,9 +95,7 @@ class Path:
         """
         keep: set[int] = set()
         for a, b in intervals:
-            keep.update(
-                range(max(bisect_left(self.t, a) - 1, 0), min(bisect_right(self.t, b), len(self.t) - 1))
-            )
+            keep.update(range(max(bisect_left(self.t, a) - 1, 0), min(bisect_right(self.t, b), len(self.t) - 1)))
         keep -= set(self.missing)
         knots = sorted(keep | {i + 1 for i in keep}) or [0]
         missing = tuple(n for n, i in enumerate(knots[:-1]) if i not in keep)

@@ -54,9 +54,7 @@ def _s2_velocity(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2, ...) velocities of scenario 2 at times ``t`` (s)."""
     turned = 22.5 * (np.clip(t - 20.0, 0.0, 4.0) - np.clip(t - 45.0, 0.0, 4.0))
     heading = np.radians(8.0 + turned)
-    velocity: NDArray[np.float64] = (8 + 2 * np.sin(2 * pi * t / 15)) * np.stack(
-        [np.cos(heading), np.sin(heading)]
-    )
+    velocity: NDArray[np.float64] = (8 + 2 * np.sin(2 * pi * t / 15)) * np.stack([np.cos(heading), np.sin(heading)])
     return velocity
 
 

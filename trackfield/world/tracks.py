@@ -94,12 +94,8 @@ def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -
             return ((moment if moment.tzinfo else moment.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
     except ValueError:
         expected = "seconds" if zero is None else "HH:MM[:SS] or an ISO date and time"
-        raise ScenarioError(
-            f"{text!r} is no time", file=str(file), key=f"target.{key}", expected=expected
-        ) from None
+        raise ScenarioError(f"{text!r} is no time", file=str(file), key=f"target.{key}", expected=expected) from None
     zone = clock.tzinfo or zero.tzinfo
-    first = (
-        datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero
-    ).total_seconds()
+    first = (datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero).total_seconds()
     later = first + -(-(after_s - first) // _DAY_S) * _DAY_S
     return later if later <= fixes.t[-1] else first

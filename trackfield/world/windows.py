@@ -141,6 +141,4 @@ def _evaluate(ends: Array, h: Array, share: Array) -> Array:
     mean = (p1 - p0) / h
     c2, c3 = (3 * mean - 2 * v0 - v1) / h, (v0 + v1 - 2 * mean) / h**2
     v0, c2, c3, p0, s = v0[:, None], c2[:, None], c3[:, None], p0[:, None], (share * h)[:, :, None]
-    return np.concatenate(
-        [t0[:, None] + s, p0 + s * (v0 + s * (c2 + s * c3)), v0 + s * (2 * c2 + 3 * s * c3)], axis=-1
-    )
+    return np.concatenate([t0[:, None] + s, p0 + s * (v0 + s * (c2 + s * c3)), v0 + s * (2 * c2 + 3 * s * c3)], axis=-1)
