@@ -6,7 +6,7 @@ Several trackers may run side by side on the same reports (Zhai et al., Fig. 2: 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import radians
 from typing import Any, Final, Literal
@@ -31,6 +31,7 @@ from trackfield.role import (
     State,
     Timer,
     TrackPoint,
+    Transitions,
     check_transition,
 )
 from trackfield.wire.messages import Doa
@@ -50,7 +51,7 @@ class Phase(Enum):
 
 _RUNNING: Final = frozenset({Phase.WAITING, Phase.TRACKING, Phase.COASTING})
 
-TRANSITIONS: Final = {
+TRANSITIONS: Final[Transitions] = {
     (Phase.NEW, Started): frozenset({Phase.WAITING}),
     **{(phase, Timer): _RUNNING for phase in _RUNNING},
     **{(phase, Received): frozenset({phase}) for phase in _RUNNING},
@@ -64,7 +65,7 @@ class Memory:
     phase: Phase
     tracks: tuple[Any, ...]
     fused: int = 0
-    heard: Map[int, Map[str, Doa]] = Map()
+    heard: Map[int, Map[str, Doa]] = field(default_factory=Map)
 
 
 class Fusion:

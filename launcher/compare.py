@@ -26,9 +26,8 @@ def check_runs(runs: Sequence[Path]) -> None:
 
 def differences(a: Path, b: Path, tolerance: float) -> list[str]:
     """What tells two runs apart: tracks by more than the tolerance, or the fate of any frame."""
-    return _track_differences(*(pq.read_table(run / "tracks.parquet") for run in (a, b)), tolerance) + (
-        _frame_differences(*(pq.read_table(run / "messages.parquet") for run in (a, b)))
-    )
+    tracks, messages = ([pq.read_table(run / f"{name}.parquet") for run in (a, b)] for name in ("tracks", "messages"))
+    return _track_differences(tracks[0], tracks[1], tolerance) + _frame_differences(messages[0], messages[1])
 
 
 def side_by_side(runs: Sequence[Path]) -> Table:

@@ -90,7 +90,7 @@ class Deployment:
         for child in self._children.values():
             child.join()
         if hasattr(self, "session"):
-            self.session.close()
+            self.session.close()  # type: ignore[no-untyped-call]
         shutil.rmtree(self._sockets, ignore_errors=True)
 
     # --- birth ----------------------------------------------------------------------------------------------------

@@ -43,6 +43,7 @@ class Diary:
     passed: int = 0  # how many of ``told`` were handed on as settled
 
     def undo(self, since: EventKey) -> None:
+        """Forget what it told from this event on."""
         for tail in (self.told, self.radio):
             while tail and tail[-1].key >= since:
                 tail.pop()

@@ -151,4 +151,4 @@ def record(endpoint: str, plan: Plan, folder: Path) -> None:
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
     result = recorder.run()
     session.put(keys.RESULT, msgpack.packb(result), congestion_control=zenoh.CongestionControl.BLOCK)
-    session.close()
+    session.close()  # type: ignore[no-untyped-call]

@@ -40,7 +40,8 @@ class MessageRow:
 
     ``outcome`` is ``delivered``, ``late``, ``duplicate`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
-    ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are a DOA report's.
+    ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
+    of a DOA report.
     """
 
     kind: str

@@ -32,7 +32,7 @@ PSS_SAMPLE: Final = 20
 class Observer(Protocol):
     """Who watches a run: the live table, plain lines, or nobody."""
 
-    def starting(self, ready: int, of: int) -> None:
+    def starting(self, ready: int, of: int) -> object:
         """Processes come up."""
 
     def running(self, status: dict[str, Any]) -> None:
@@ -80,24 +80,27 @@ def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
     return folder
 
 
-def write_manifest(folder: Path, command: Sequence[str], endpoint: str | None) -> None:
-    """Versions, machine and command; ``endpoint`` is where others may join the run."""
+def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
+    """Versions, machine and command; ``run`` and ``endpoint`` are what others join it by."""
     packages = ("trackfield", "eclipse-zenoh", "numpy", "scipy", "rerun-sdk")
-    write_json(
-        {
-            "command": list(command),
-            "started": datetime.now(UTC).isoformat(timespec="seconds"),
-            "versions": {"python": platform.python_version(), **{p: version(p) for p in packages}},
-            "machine": {"system": platform.platform(), "cores": psutil.cpu_count(), "memory_gb": round(psutil.virtual_memory().total / 1e9, 1)},
-            "endpoint": endpoint,
+    manifest = {
+        "command": list(command),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {"python": platform.python_version(), **{p: version(p) for p in packages}},
+        "machine": {
+            "system": platform.platform(),
+            "cores": psutil.cpu_count(),
+            "memory_gb": round(psutil.virtual_memory().total / 1e9, 1),
         },
-        folder / "manifest.json",
-    )  # fmt: skip
+        "run": plan.run.run,
+        "endpoint": endpoint,
+    }
+    write_json(manifest, folder / "manifest.json")
 
 
 def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcome:
     """Run in virtual time."""
-    write_manifest(folder, command, None)
+    write_manifest(folder, plan, command, None)
     begun = time.monotonic()
     ledger = Ledger(plan.run, plan.processes)
     journal = Journal(plan, ledger, folder)
@@ -120,8 +123,8 @@ def run_processes(
     """Run as processes over Zenoh. Raises ``RunFailed`` if they do not come up."""
     begun = time.monotonic()
     with _until_signal() as ended, Deployment(plan, folder, endpoint=endpoint) as field:
-        write_manifest(folder, command, field.endpoint)
-        field.wait_ready(lambda ready, of: observer.starting(ready, of) or bool(ended))
+        write_manifest(folder, plan, command, field.endpoint)
+        field.wait_ready(lambda ready, of: bool(observer.starting(ready, of) or ended))
         ready_s = time.monotonic() - begun
         pss: float | None = None
         if not ended:

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from setproctitle import setproctitle
 
-import trackfield.world.acoustic  # noqa: F401
+import node.role  # noqa: F401  what a node needs is there before it is forked
 from trackfield.drivers.process import Process
 from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router
 

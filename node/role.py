@@ -23,6 +23,7 @@ from trackfield.role import (
     Started,
     State,
     Timer,
+    Transitions,
     check_transition,
 )
 from trackfield.wire.messages import Doa
@@ -40,7 +41,7 @@ class Phase(Enum):
 
 _LISTENED: Final = frozenset({Phase.ASLEEP, Phase.AWAKE, Phase.REPORTING})
 
-TRANSITIONS: Final = {
+TRANSITIONS: Final[Transitions] = {
     (Phase.NEW, Started): frozenset({Phase.ASLEEP}),
     **{(phase, Sampled): _LISTENED for phase in _LISTENED},
     **{(phase, event): frozenset({phase}) for phase in _LISTENED for event in (Timer, Received)},

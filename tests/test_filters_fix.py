@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests import kalman
-from tests.zhai_field import GRID, SIGMA_W, hear
+from tests.zhai_field import GRID, SIGMA_W, hear, only
 from trackfield.filters.fix import centroid, intensity_weights, map_fix
 from trackfield.filters.types import Gaussian, Reports
 from trackfield.models import doa
@@ -108,12 +108,29 @@ def test_one_bearing_leaves_the_range_to_the_prior():
     assert np.sqrt(fix.covariance[0, 0]) == pytest.approx(3.0, rel=0.15)  # 0.05 rad at 60 m
 
 
-def test_a_single_sensor_at_the_centroid_start_does_no_harm():
-    """With one sensor the centroid is the sensor itself, where bearings have no slope."""
-    prior = Gaussian(np.array([30.0, 40.0, 0.0, 0.0]), np.diag([25.0, 25.0, 1.0, 1.0]))
-    heard = reports([(0.0, 0.0)], [np.arctan2(30.0, 40.0) + 0.1])
-    fix = map_fix(prior, heard, 0.05).posterior
-    assert fix.mean[:2] == pytest.approx(brute_force(prior, heard, 0.05), abs=1e-4)
+@pytest.mark.parametrize("seed", range(12))
+def test_with_one_sensor_the_prior_is_the_start(seed):
+    """The centroid is then the sensor itself, where bearings have no slope."""
+    rng = np.random.default_rng(seed)
+    prior = Gaussian(np.array([230.0, 140.0, 0.0, 0.0]), np.diag([60.0, 60.0, 4.0, 4.0]) ** 2)
+    heard = only(hear(prior.mean[:2] + rng.normal(0.0, 20.0, 2), rng), [0])
+    fix = map_fix(prior, heard, SIGMA_W).posterior
+    found = cost(prior, heard, SIGMA_W, np.stack((fix.mean[:2], brute_force(prior, heard, SIGMA_W))))
+    assert found[0] < found[1] + 0.5
+
+
+@pytest.mark.parametrize("sd", [20.0, 60.0, 200.0])
+def test_under_a_prior_that_is_off_the_fix_is_still_likelier_than_the_truth(sd):
+    """Two bearings only, and the prior errs by 2.5 of its sd: no local optimum is taken for the fix."""
+    rng, P = np.random.default_rng(0), np.diag([sd, sd, 4.0, 4.0]) ** 2
+    for _ in range(150):
+        truth, aside = rng.uniform(150.0, 350.0, 2), rng.uniform(-np.pi, np.pi)
+        mean = truth + 2.5 * sd * np.array([np.sin(aside), np.cos(aside)])
+        prior = Gaussian(np.append(mean, [0.0, 0.0]), P)
+        heard = only(hear(truth, rng), [0, -1])
+        fix = map_fix(prior, heard, SIGMA_W).posterior
+        at_fix, at_truth = cost(prior, heard, SIGMA_W, np.stack((fix.mean[:2], truth)))
+        assert at_fix <= at_truth
 
 
 @pytest.mark.parametrize("P", [np.zeros((4, 4)), np.diag([9.0, 0.0, 1.0, 0.0])])

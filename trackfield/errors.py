@@ -23,7 +23,7 @@ class ScenarioError(TrackfieldError):
         return f"{text}; expected {self.expected}" if self.expected else text
 
 
-class RunFailed(TrackfieldError):
+class RunFailed(TrackfieldError):  # noqa: N818  a name that users read
     """A run failed or a process died unplanned (exit code 1)."""
 
     def __init__(self, what: str, *, process: str = "", log: str = "") -> None:

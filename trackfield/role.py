@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final, Literal, Protocol, TypeVar
 
+from trackfield.wire.keys import Medium
+
 NS: Final = 1_000_000_000
 """Nanoseconds in a second; emulated time is an int of nanoseconds since the start of the run."""
-
-Medium = Literal["field", "backbone"]
-"""``field`` is the radio among sensors, ``backbone`` the wired side of a gateway or fusion centre."""
 
 NEIGHBOURHOOD: Final = "*"
 """The address of a broadcast: everybody in radio range who listens."""
@@ -196,7 +195,7 @@ class Role(Protocol[S]):
         ...
 
 
-class IllegalEvent(RuntimeError):
+class IllegalEvent(RuntimeError):  # noqa: N818  the field's word
     """The driver broke the contract (started twice, a timer nobody set, time going back)."""
 
 

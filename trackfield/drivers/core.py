@@ -33,7 +33,6 @@ from trackfield.role import (
     Event,
     Ignored,
     IllegalEvent,
-    Medium,
     Radio,
     Received,
     Role,
@@ -46,6 +45,7 @@ from trackfield.role import (
     Write,
 )
 from trackfield.wire.codec import WireError, decode, encode, kind_name
+from trackfield.wire.keys import Medium
 
 Sense = Callable[[str, int], Any]
 """Reads the sensor of this name at a true time (ns)."""

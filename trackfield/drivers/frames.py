@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-from trackfield.role import NEIGHBOURHOOD, Medium, Note, Publish, Radio, State
+from trackfield.role import NEIGHBOURHOOD, Note, Publish, Radio, State
+from trackfield.wire.keys import Medium
 
 RANK_FAULT: Final = 0
 RANK_FRAME: Final = 1

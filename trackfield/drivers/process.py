@@ -213,7 +213,7 @@ class Process:
 
     def _close(self) -> None:
         self._say("final", msgpack.packb(self.record()))
-        self.session.close()
+        self.session.close()  # type: ignore[no-untyped-call]
 
     def _say(self, what: str, data: bytes) -> None:
         """Telemetry that must arrive."""

@@ -9,7 +9,8 @@ from typing import Any, Self
 
 from trackfield.drivers.core import Core, Sense
 from trackfield.link.clock import Clock
-from trackfield.role import Medium, Role
+from trackfield.role import Role
+from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
 
 Plain = dict[str, Any]

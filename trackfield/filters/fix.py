@@ -41,7 +41,8 @@ def centroid(reports: Reports) -> Array:
 def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     """The belief after ``prior`` over (x, y, vx, vy) and the bearings of ``reports`` (at least one).
 
-    Gauss-Newton from the intensity-weighted centroid and from the prior's mean; the better end is taken.
+    Gauss-Newton from the intensity-weighted centroid and from the prior's mean, and the better end: a single
+    bearing has no slope at the first, which is its sensor, and a prior that is off starts the other astray.
     Covariance and evidence are Laplace's approximation there.
     """
     L, eye = root(prior.covariance), np.eye(prior.mean.shape[-1])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, get_args
 
 from trackfield.wire.error import WireError
 
-MEDIA: Final = ("field", "backbone")
+Medium = Literal["field", "backbone"]
+"""``field`` is the radio among sensors, ``backbone`` the wired side of a gateway or fusion centre."""
+MEDIA: Final[tuple[Medium, ...]] = get_args(Medium)
 
 ALL_DATA: Final = "data/**"
 """Every data frame of the run."""
@@ -47,7 +49,7 @@ def check_id(text: object) -> str:
 class Address:
     """What a data key says; exactly one of ``to`` (a process) and ``cell`` (a neighbourhood) is set."""
 
-    medium: str
+    medium: Medium
     to: str | None
     cell: str | None
     src: str
@@ -100,7 +102,7 @@ def live(process: str) -> str:
     return f"live/{check_id(process)}"
 
 
-def _check_medium(medium: str) -> str:
+def _check_medium(medium: str) -> Medium:
     if medium not in MEDIA:
         raise WireError("key", f"medium {medium!r} is not one of {', '.join(MEDIA)}")
     return medium

@@ -1,0 +1,97 @@
+"""Real runs of the command line, for tests that look at them from outside."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+LISTENER = Path(__file__).with_name("listener.py")
+
+
+class Run:
+    """``trackfield run`` as a subprocess with its output folder."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self.folder = folder
+        command = [sys.executable, "-m", "launcher.cli", "run", *arguments, "--out", str(folder)]
+        self.process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"}
+        )
+
+    def finish(self, timeout: float = 150) -> tuple[int, str]:
+        """Wait for its end: exit code and what it said on stderr."""
+        _, err = self.process.communicate(timeout=timeout)
+        return self.process.returncode, err
+
+    def metrics(self) -> dict[str, Any]:
+        return json.loads((self.folder / "metrics.json").read_text())  # type: ignore[no-any-return]
+
+    def manifest(self) -> dict[str, Any]:
+        return json.loads(until(lambda: (self.folder / "manifest.json").read_text()))  # type: ignore[no-any-return]
+
+    def family(self) -> dict[str, psutil.Process]:
+        """All processes of the run by title, without "trackfield"."""
+        found = {}
+        for child in psutil.Process(self.process.pid).children(recursive=True):
+            try:
+                title = " ".join(child.cmdline()).strip()
+            except psutil.Error:
+                continue
+            if title.startswith("trackfield "):
+                found[title.removeprefix("trackfield ")] = child
+        return found
+
+    def started(self) -> None:
+        """Wait until emulated time goes on (the fusion centre has told something)."""
+        until(lambda: (self.folder / "run.rrd").stat().st_size > 20_000 and bool(self.family()), timeout=60)
+
+
+def until(condition: Callable[[], Any], timeout: float = 30) -> Any:
+    """The first true answer; errors on the way count as not yet."""
+    deadline = time.monotonic() + timeout
+    while True:
+        try:
+            if answer := condition():
+                return answer
+        except (OSError, ValueError, psutil.Error):
+            pass
+        if time.monotonic() > deadline:
+            raise TimeoutError("not within its time")
+        time.sleep(0.05)
+
+
+@contextmanager
+def counting(run: Run) -> Iterator[Callable[[], int]]:
+    """A plain zenoh listener beside the run; call it to end it and get its count."""
+    manifest = run.manifest()
+    listener = subprocess.Popen(
+        [sys.executable, str(LISTENER), manifest["endpoint"], manifest["run"]],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert listener.stdout is not None
+    assert listener.stdout.readline() == "listening\n"
+    try:
+        yield lambda: int(listener.communicate("\n", timeout=20)[0])
+    finally:
+        listener.kill()
+        listener.wait()
+
+
+def leftovers(before: set[int]) -> list[str]:
+    """Titles of Trackfield processes that were not there before."""
+    return [
+        " ".join(p.info["cmdline"])
+        for p in psutil.process_iter(["pid", "cmdline"])
+        if p.info["pid"] not in before and (p.info["cmdline"] or [""])[0].startswith("trackfield ")
+    ]

@@ -1,0 +1,159 @@
+"""Runs as processes over Zenoh, seen from outside: titles, memory, frames, deaths, signals."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pyarrow.parquet as pq
+import pytest
+
+from tests.running import Run, counting, leftovers, until
+from tests.test_timeline import verify
+
+FORBIDDEN = ("numpy", "rerun", "pydantic", "pyarrow", "scipy")
+
+
+@dataclass
+class Seen:
+    """One watched run of the paper's scenario over a link that loses frames in bursts."""
+
+    titles: set[str]
+    maps: dict[str, str]
+    counted: int
+    exit_code: int
+    said: str
+    metrics: dict[str, Any]
+    folder: Path
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+    folder = tmp_path_factory.mktemp("runs") / "watched"
+    run = Run(folder, "spcpf", "--speed", "5", "--link", "gilbert_elliott", "--seed", "3")
+    with counting(run) as count:
+        run.started()
+        family = run.family()
+        maps = {t: Path(f"/proc/{family[t].pid}/maps").read_text() for t in ("node n060", "fusion")}
+        exit_code, said = run.finish()
+        counted = count()
+    return Seen(set(family), maps, counted, exit_code, said, run.metrics(), folder)
+
+
+def test_every_process_says_what_it_is(seen: Seen) -> None:
+    nodes = {f"node n{i:03}" for i in range(121)}
+    assert nodes | {"fusion", "router", "recorder"} <= seen.titles
+
+
+def test_a_node_carries_nothing_that_it_does_not_need(seen: Seen) -> None:
+    """Its memory map shows none of the libraries that others of the run have (the fusion centre has numpy)."""
+    assert "numpy" in seen.maps["fusion"]
+    assert [name for name in FORBIDDEN if name in seen.maps["node n060"]] == []
+
+
+def test_a_bystander_counts_the_same_frames(seen: Seen) -> None:
+    frames = seen.metrics["frames"]
+    assert seen.exit_code == 0, seen.said
+    assert seen.counted == frames["sent"] > 100
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values())
+    assert frames["lost"]["radio"] > 0
+    assert frames["host_lost"] == 0
+    assert seen.metrics["recorder"]["dropped"] == 0
+
+
+def test_a_finished_run_names_its_folder_and_the_next_command(seen: Seen) -> None:
+    last = seen.said.strip().splitlines()[-2:]
+    assert last[0] == f"run folder: {seen.folder}"
+    assert last[1].endswith(f"view {seen.folder}")
+    assert verify(seen.folder / "run.rrd").returncode == 0
+    assert seen.metrics["processes"]["died"] == []
+
+
+# --- deaths and signals: nothing hangs, nothing is left behind ---------------------------------------------------
+
+
+def mid_run(folder: Path, *options: str) -> tuple[Run, set[int]]:
+    before = set(psutil.pids())
+    run = Run(folder, "spcpf", "--nodes", "16", "--set", "target.steps=40", *options)
+    run.started()
+    return run, before
+
+
+def test_a_killed_node_is_named_and_the_run_goes_on_without_it(tmp_path: Path) -> None:
+    run, before = mid_run(tmp_path / "run", "--speed", "4")
+    run.family()["node n005"].kill()
+    exit_code, said = run.finish()
+    metrics = run.metrics()
+    assert exit_code == 1
+    assert "n005 died" in said
+    assert str(tmp_path / "run" / "logs" / "n005.log") in said.replace("\n", "")
+    [death] = metrics["processes"]["died"]
+    assert (death["id"], death["why"]) == ("n005", "signal 9")
+    assert 0 < death["t"] < 41
+    assert max(pq.read_table(tmp_path / "run" / "tracks.parquet")["step"].to_pylist()) == 40
+    assert metrics["frames"]["host_lost"] == 0
+    assert leftovers(before) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) -> None:
+    run, before = mid_run(tmp_path / "run")
+    run.process.send_signal(number)
+    exit_code, said = run.finish(20)
+    assert exit_code == 128 + number, said
+    assert verify(tmp_path / "run" / "run.rrd").returncode == 0
+    metrics = run.metrics()
+    frames = metrics["frames"]
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values())
+    assert frames["host_lost"] == 0
+    assert 0 < len(pq.read_table(tmp_path / "run" / "tracks.parquet")) < 2 * 40
+    until(lambda: leftovers(before) == [], timeout=5)
+
+
+def test_ctrl_c_at_the_terminal_reaches_the_launcher_alone(tmp_path: Path) -> None:
+    """The terminal signals the whole process group; the nodes are not in it."""
+    run, _ = mid_run(tmp_path / "run")
+    groups = {os.getpgid(process.pid) for process in run.family().values()}
+    assert os.getpgid(run.process.pid) not in groups
+    run.process.send_signal(signal.SIGINT)
+    run.finish(20)
+
+
+def test_a_killed_launcher_leaves_no_process_behind(tmp_path: Path) -> None:
+    run, before = mid_run(tmp_path / "run")
+    assert len(leftovers(before)) > 16
+    run.process.kill()
+    run.process.wait()
+    until(lambda: leftovers(before) == [], timeout=5)
+
+
+def test_a_killed_recorder_or_centre_does_not_hold_up_the_rest(tmp_path: Path) -> None:
+    for title in ("recorder", "fusion"):
+        run, before = mid_run(tmp_path / title, "--speed", "8")
+        begun = time.monotonic()
+        run.family()[title].kill()
+        exit_code, said = run.finish(60)
+        assert (exit_code, f"{title} died" in said) == (1, True), said
+        assert time.monotonic() - begun < 45
+        assert (tmp_path / title / "metrics.json").is_file()
+        assert leftovers(before) == []
+
+
+def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> None:
+    """Threshold 0: everybody hears the target in every step and reports in the same instant."""
+    run = Run(tmp_path / "run", "spcpf", "--nodes", "1000", "--set", "sensor.threshold=0", "--set", "target.steps=6")
+    with counting(run) as count:
+        exit_code, said = run.finish()
+        counted = count()
+    frames = run.metrics()["frames"]
+    assert exit_code == 0, said
+    assert run.metrics()["processes"]["started"] > 900
+    assert frames["sent"] == counted == 6 * (run.metrics()["processes"]["started"] - 1)
+    assert frames["expected"] == frames["delivered"] == frames["sent"]
+    assert (frames["host_lost"], run.metrics()["recorder"]["dropped"]) == (0, 0)
+    assert run.metrics()["processes"]["pss_mb_per_node"] < 5.0
