@@ -50,7 +50,7 @@ class Lines:
 
     def running(self, status: dict[str, Any]) -> None:
         """Say now and then how it goes."""
-        if status and time.monotonic() >= self._next:
+        if status and status["t_s"] > 0 and time.monotonic() >= self._next:
             self._next = time.monotonic() + PLAIN_EVERY_S
             errors = ", ".join(f"{name} {_metres(e)}" for name, e in status["errors"].items())
             counts = ", ".join(f"{outcome} {n}" for outcome, n in sorted(status["outcomes"].items()))

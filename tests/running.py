@@ -23,14 +23,13 @@ class Run:
     def __init__(self, folder: Path, *arguments: str) -> None:
         self.folder = folder
         command = [sys.executable, "-m", "launcher.cli", "run", *arguments, "--out", str(folder)]
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"}
-        )
+        self._said = folder.with_suffix(".stderr")
+        with self._said.open("w") as stderr:
+            self.process = subprocess.Popen(command, stderr=stderr, env={**os.environ, "COLUMNS": "200"})
 
     def finish(self, timeout: float = 150) -> tuple[int, str]:
         """Wait for its end: exit code and what it said on stderr."""
-        _, err = self.process.communicate(timeout=timeout)
-        return self.process.returncode, err
+        return self.process.wait(timeout), self._said.read_text()
 
     def metrics(self) -> dict[str, Any]:
         return json.loads((self.folder / "metrics.json").read_text())  # type: ignore[no-any-return]
@@ -51,8 +50,8 @@ class Run:
         return found
 
     def started(self) -> None:
-        """Wait until emulated time goes on (the fusion centre has told something)."""
-        until(lambda: (self.folder / "run.rrd").stat().st_size > 20_000 and bool(self.family()), timeout=60)
+        """Wait until emulated time goes on."""
+        until(lambda: "t = " in self._said.read_text(), timeout=60)
 
 
 def until(condition: Callable[[], Any], timeout: float = 30) -> Any:

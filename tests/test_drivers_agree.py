@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import time
+from dataclasses import replace
 from pathlib import Path as FilePath
+from threading import Event, Thread
 from typing import Any
 
+import psutil
 import pytest
 
+from launcher.compare import differences
+from launcher.prepare import load, planned
 from launcher.records import FieldInfo, Place, Plan
-from launcher.run import run_processes, run_virtual
+from launcher.run import Outcome, run_processes, run_virtual
+from launcher.show import Quiet
 from tests.toys import party
+from trackfield.errors import RunFailed
 from trackfield.role import NS
 from trackfield.world.path import Path
 
@@ -17,14 +25,15 @@ LINKS: dict[str, dict[str, Any]] = {
     "ideal": {"model": "ideal"},
     "fixed": {"model": "fixed", "loss": 0.1, "delay_ms": 5},
     "gilbert_elliott": {
-        "model": "gilbert_elliott", "good_s": 5, "bad_s": 1, "loss_good": 0, "loss_bad": 1, "delay_ms": 20, "jitter_ms": 10,
+        "model": "gilbert_elliott",
+        "good_s": 5,
+        "bad_s": 1,
+        "loss_good": 0,
+        "loss_bad": 1,
+        "delay_ms": 20,
+        "jitter_ms": 10,
     },
-}  # fmt: skip
-
-
-class Nobody:
-    def starting(self, ready: int, of: int) -> None: ...
-    def running(self, status: dict[str, Any]) -> None: ...
+}
 
 
 def plan_of(link: str, *, talkers: int = 8, steps: int = 20, speed: float = 1.0) -> Plan:
@@ -42,20 +51,68 @@ def plan_of(link: str, *, talkers: int = 8, steps: int = 20, speed: float = 1.0)
     )
 
 
+def both(plan: Plan, folder: FilePath) -> tuple[Outcome, list[str]]:
+    """The plan under both drivers: how the processes fared, and what tells the two runs apart."""
+    folders = [folder / "processes", folder / "virtual"]
+    for each in folders:
+        (each / "logs").mkdir(parents=True)
+    real = run_processes(plan, folders[0], Quiet())
+    run_virtual(plan, folders[1])
+    return real, differences(*folders, 0.0)
+
+
 @pytest.mark.parametrize("link", LINKS)
 def test_roles_that_talk_back_tell_the_same_story(link: str, tmp_path: FilePath) -> None:
-    """Requests, replies and feedback whose order decides everything after: equal to the last bit."""
-    import pyarrow.parquet as pq
-
-    folders = [tmp_path / "processes", tmp_path / "virtual"]
-    for folder in folders:
-        (folder / "logs").mkdir(parents=True)
-    plan = plan_of(link, speed=5)
-    real = run_processes(plan, folders[0], Nobody())
-    run_virtual(plan, folders[1])
-    print(real.metrics["timing"], real.metrics["frames"])
+    """Requests, replies and feedback, where a wrong order decides everything after: equal to the last bit."""
+    real, found = both(plan_of(link, speed=5), tmp_path)
     assert real.exit_code == 0
     assert real.metrics["timing"]["host_late"] == 0
-    for table in ("tracks", "messages"):
-        a, b = (pq.read_table(folder / f"{table}.parquet") for folder in folders)
-        assert a.equals(b), table
+    assert real.metrics["frames"]["sent"] > 200
+    assert found == []
+
+
+def test_a_receiver_that_stalls_comes_to_the_same_tracks(tmp_path: FilePath) -> None:
+    """Every half second the hub is stopped for 50 ms: what it missed it puts in its place afterwards."""
+    done = Event()
+    stalls = 0
+
+    def stall() -> None:
+        nonlocal stalls
+        while not done.wait(0.5):
+            for process in psutil.process_iter(["cmdline"]):
+                if (process.info["cmdline"] or [""])[0] == "trackfield hub":
+                    process.suspend()
+                    time.sleep(0.05)
+                    process.resume()
+                    stalls += 1
+
+    thread = Thread(target=stall)
+    thread.start()
+    try:
+        real, found = both(plan_of("fixed", steps=12), tmp_path)
+    finally:
+        done.set()
+        thread.join()
+    assert stalls > 10
+    assert real.exit_code == 0
+    assert real.metrics["timing"]["slip_ms"]["p99"] > 5
+    assert found == []
+
+
+@pytest.mark.parametrize("link", ["ideal", "fixed", "gilbert_elliott"])
+def test_the_paper_scenario_is_the_same_under_both_drivers(link: str, tmp_path: FilePath) -> None:
+    plan = planned(load("spcpf", link=link, seed=1), speed=5)
+    real, found = both(plan, tmp_path)
+    assert real.metrics["timing"]["host_late"] == 0
+    assert real.metrics["frames"]["host_lost"] == 0
+    assert found == []
+
+
+def test_a_process_that_dies_at_start_is_named_with_its_log(tmp_path: FilePath) -> None:
+    (tmp_path / "logs").mkdir()
+    plan = plan_of("ideal", talkers=3)
+    broken = replace(plan.processes[1], factory="tests.toys:no_such_role")
+    with pytest.raises(RunFailed, match=r"t00 died at start.*exit code 1") as failure:
+        run_processes(replace(plan, processes=(plan.processes[0], broken)), tmp_path, Quiet())
+    assert "no_such_role" in failure.value.log
+    assert failure.value.process == "t00"

@@ -103,6 +103,7 @@ def test_a_killed_node_is_named_and_the_run_goes_on_without_it(tmp_path: Path) -
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) -> None:
     run, before = mid_run(tmp_path / "run")
+    time.sleep(4)
     run.process.send_signal(number)
     exit_code, said = run.finish(20)
     assert exit_code == 128 + number, said
