@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
+from trackfield.errors import ScenarioError, TrackfieldError
 
 app = typer.Typer(
     name="trackfield",
@@ -50,7 +50,7 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a scenario and leave a run folder with its timeline, tables and metrics."""
-    from launcher.prepare import load, planned
+    from launcher.prepare import keep, load, planned
     from launcher.run import prepare_folder, run_processes, run_virtual
     from launcher.show import announce, conclude, observing
 
@@ -67,7 +67,7 @@ def run(
     )
     plan = planned(resolved, speed)
     folder = prepare_folder(out, resolved.name, resolved.seed)
-    (folder / "scenario.toml").write_text(resolved.to_toml())
+    keep(resolved, folder)
     if not quiet:
         announce(plan)
     if virtual:
@@ -132,6 +132,7 @@ def compare(
         float | None,
         typer.Option(
             metavar="TOL",
+            min=0.0,
             help="Fail unless tracks are equal to within this, and the fate of every frame is the same.",
         ),
     ] = None,
@@ -144,7 +145,7 @@ def compare(
     if len(runs) < 2:
         raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")
     check_runs(runs)
-    Console().print(side_by_side(runs))
+    Console(markup=False, emoji=False).print(side_by_side(runs))
     if exact is None:
         return
     found = [f"{other}: {what}" for other in runs[1:] for what in differences(runs[0], other, exact)]
@@ -158,18 +159,21 @@ def compare(
 def main() -> NoReturn:
     """The program: exit 2 with one message for bad input, 1 for a failed run, never a traceback for either."""
     try:
-        app()
+        raise SystemExit(app(prog_name="trackfield", standalone_mode=False))
+    except typer.TyperException as error:  # an unknown or incomplete command or option
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "trackfield"
+        if message := error.format_message().rstrip("."):
+            _end(f"{message}; see {command} --help", 2)
+        raise SystemExit(2) from None  # nothing was asked for, and typer has shown the help
     except ScenarioError as error:
-        _end(f"trackfield: {error}", 2)
-    except RunFailed as error:
-        _end(f"trackfield: {error}", 1)
+        _end(str(error), 2)
     except TrackfieldError as error:
-        _end(f"trackfield: {error}", 1)
-    raise AssertionError("a typer app ends by itself")
+        _end(str(error), 1)
 
 
 def _end(message: str, code: int) -> NoReturn:
-    print(message, file=sys.stderr)
+    print(f"trackfield: {message}", file=sys.stderr)
     raise SystemExit(code)
 
 

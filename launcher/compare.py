@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pyarrow as pa
@@ -13,15 +14,23 @@ from rich.table import Table
 
 from trackfield.errors import ScenarioError
 
-FILES = ("metrics.json", "tracks.parquet", "messages.parquet")
+FILES: Final[Mapping[str, Callable[[Path], object]]] = {
+    "metrics.json": lambda file: json.loads(file.read_bytes()),
+    "tracks.parquet": pq.read_metadata,
+    "messages.parquet": pq.read_metadata,
+}
+"""What a comparison needs of a run folder, and what fails where it is damaged."""
 
 
 def check_runs(runs: Sequence[Path]) -> None:
     """Raise ``ScenarioError`` for a folder that is no finished run."""
     for run in runs:
-        for file in FILES:
-            if not (run / file).is_file():
-                raise ScenarioError(f"has no {file}", file=str(run), expected="the folder of a finished run")
+        for name, read in FILES.items():
+            try:
+                read(run / name)
+            except (OSError, ValueError) as error:
+                what = f"has no {name}" if isinstance(error, OSError) else f"its {name} is damaged"
+                raise ScenarioError(what, file=str(run), expected="the folder of a finished run") from None
 
 
 def differences(a: Path, b: Path, tolerance: float) -> list[str]:

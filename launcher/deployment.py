@@ -15,11 +15,11 @@ from dataclasses import asdict, dataclass
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
-from threading import Event
 from types import ModuleType
 from typing import Any, Final, Self
 
 import msgpack
+import psutil
 import zenoh
 from zenoh.handlers import Callback
 
@@ -38,6 +38,7 @@ OVERDUE_S: Final = 20.0
 """After the end, how long (wall time) a process may take to say that it has reached it."""
 POLL_S: Final = 0.1
 STOP_TIMEOUT_S: Final = 10.0
+WRITE_TIMEOUT_S: Final = 60.0
 RECORDER: Final = "recorder"
 ROUTER: Final = "router"
 LOG_TAIL: Final = 12
@@ -55,15 +56,15 @@ class Death:
 class Deployment:
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
-    ``on_status`` gets what the recorder says of itself twice a second. Raises ``RunFailed`` where a process does not
-    come up; processes that die later are listed in ``deaths``.
+    ``status`` is what the recorder said of the run last.
+    Raises ``RunFailed`` where a process does not come up; processes that die later are listed in ``deaths``.
     """
 
     def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
         self.plan, self.folder = plan, folder
         self.deaths: list[Death] = []
         self.status: dict[str, Any] = {}
-        self.result: dict[str, Any] | None = None
+        self.router_cpu_s = 0.0
         self._own_router = not endpoint
         self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
         self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
@@ -73,7 +74,6 @@ class Deployment:
         self._gone: set[str] = set()
         self._live: set[str] = set()
         self._reached: set[str] = set()
-        self._got_result = Event()
 
     def __enter__(self) -> Self:
         try:
@@ -125,7 +125,6 @@ class Deployment:
             self.session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),
             subscribe(keys.telemetry_of_all("reached"), Callback(self._on_reached, indirect=False)),
             subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
-            subscribe(keys.RESULT, Callback(self._on_result, indirect=False)),
             self.session.liveliness().declare_subscriber(
                 keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
             ),
@@ -150,10 +149,6 @@ class Deployment:
 
     def _on_status(self, sample: zenoh.Sample) -> None:
         self.status = msgpack.unpackb(sample.payload.to_bytes())
-
-    def _on_result(self, sample: zenoh.Sample) -> None:
-        self.result = msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False)
-        self._got_result.set()
 
     # --- life -----------------------------------------------------------------------------------------------------
 
@@ -195,6 +190,8 @@ class Deployment:
         roles, end_ns, ending = {p.id for p in self.plan.processes}, self.plan.run.end_ns, False
         while missing := roles - self._reached - self._gone:
             self._bury()
+            if self._router_is_gone():
+                return
             if tick() and not ending:
                 ending = True
                 end_ns = max(self.now_ns, 0) + round(LEAD_S * self.plan.run.speed * 1e9)
@@ -205,25 +202,29 @@ class Deployment:
             time.sleep(POLL_S)
 
     def finish(self) -> None:
-        """Stop the roles, let the recorder close its files, and end the rest."""
-        time.sleep(LINGER_S)
-        self._order(keys.STOP, b"")
-        roles = [self._children[p.id] for p in self.plan.processes]
-        _join(roles, STOP_TIMEOUT_S)
-        for child in roles:
-            if child.is_alive():
+        """Stop the roles, let the recorder close its files, and end the router. Without a router, force them."""
+        roles, recorder = [self._children[p.id] for p in self.plan.processes], self._children[RECORDER]
+        if self._router_is_gone():
+            for child in roles:
                 child.kill()
-                self.deaths.append(Death(child.name, "did not stop when told", None))
-        self._order(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
-        recorder = self._children[RECORDER]
-        while recorder.is_alive() and not self._got_result.wait(0.1):
-            pass
-        _join([recorder], STOP_TIMEOUT_S)
-        if self.result is None and RECORDER not in self._gone:
+            recorder.terminate()  # it closes its files all the same
+        else:
+            time.sleep(LINGER_S)
+            self._order(keys.STOP, b"")
+            _join(roles, STOP_TIMEOUT_S)
+            self.deaths += [Death(c.name, "did not stop when told", None) for c in roles if c.is_alive()]
+            self._order(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
+        _join([recorder], WRITE_TIMEOUT_S)
+        if recorder.exitcode != 0 and RECORDER not in self._gone:
             self.deaths.append(Death(RECORDER, self._why(RECORDER), None))
-        if self._own_router:
+        if self._own_router and not self._router_is_gone():
+            times = psutil.Process(self._children[ROUTER].pid).cpu_times()
+            self.router_cpu_s = times.user + times.system
             self._children[ROUTER].terminate()
             _join([self._children[ROUTER]], STOP_TIMEOUT_S)
+
+    def _router_is_gone(self) -> bool:
+        return self._own_router and not self._children[ROUTER].is_alive()
 
     def pids(self) -> dict[str, int]:
         """The process ids of the roles."""

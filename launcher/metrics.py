@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from math import isfinite
@@ -26,7 +27,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
         "seed": plan.run.seed,
         "driver": None,
         "wall_s": None,
-        "cpu_s": None,
+        "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(tracks, plan.info.trackers),
         "bound": {"position": None},
         "processes": {"started": len(plan.processes), "ready_s": None, "died": [], "pss_mb_per_node": None},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
+from trackfield.scenario.sections import FromFile
 
 
 def load(
@@ -49,6 +51,16 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     if not 0 < speed <= 100:
         raise ScenarioError(f"is {speed}", key="--speed", expected="more than 0, at most 100")
     return make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
+
+
+def keep(scenario: Scenario, folder: Path) -> None:
+    """Write ``scenario.toml`` into the run folder, and its track beside it: to be run again, wherever the folder is."""
+    if isinstance(scenario.target, FromFile):
+        track = Path(scenario.target.file)
+        copy = shutil.copyfile(track, folder / f"target{track.suffix}")
+        target = scenario.target.model_copy(update={"file": copy.name})
+        scenario = scenario.model_copy(update={"target": target})
+    (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
 
 
 def remarks(plan: Plan) -> list[str]:

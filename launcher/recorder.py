@@ -20,7 +20,7 @@ from zenoh.handlers import Callback
 
 from launcher.ledger import Ledger
 from launcher.records import Plan
-from launcher.result import Journal, summary
+from launcher.result import METRICS, Journal, summary, write_json
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.process import Inbox, take_in
 from trackfield.drivers.session import open_client
@@ -72,8 +72,8 @@ class Recorder:
         self.dead = [p.id for p in self.plan.processes if p.id not in self.ledger.finals]
         self._finish.set()
 
-    def run(self) -> dict[str, Any]:
-        """Record until told to finish; returns the metrics that the recorder knows."""
+    def run(self) -> None:
+        """Record until told to finish, then close the books."""
         status_at = 0.0
         while not self._finish.wait(FLUSH_S):
             self._drain()
@@ -84,7 +84,8 @@ class Recorder:
                 status_at = time.monotonic() + STATUS_S
                 self.session.put(keys.telemetry(RECORDER, "status"), msgpack.packb(self._status()))
         self._await_finals()
-        return self.journal.close(self.dead, messages=self._received)
+        metrics = self.journal.close(self.dead, messages=self._received)
+        write_json(metrics, self.journal.folder / METRICS)
 
     def _now_ns(self) -> int:
         assert self._start_ns is not None
@@ -149,6 +150,5 @@ def record(endpoint: str, plan: Plan, folder: Path) -> None:
     session = open_client(endpoint, plan.run.run)
     recorder = Recorder(session, plan, folder)
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
-    result = recorder.run()
-    session.put(keys.RESULT, msgpack.packb(result), congestion_control=zenoh.CongestionControl.BLOCK)
+    recorder.run()
     session.close()  # type: ignore[no-untyped-call]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.world.path import Path
@@ -34,11 +35,15 @@ class FieldInfo:
     end_s: float
 
 
+ARRIVED: Final = ("delivered", "late", "ignored")
+"""Outcomes of frames that reached their hearer, of use or not."""
+
+
 @dataclass(frozen=True, slots=True)
 class MessageRow:
     """One (frame, hearer) with its settled outcome; a row of messages.parquet.
 
-    ``outcome`` is ``delivered``, ``late``, ``duplicate`` or ``ignored`` (all of them delivered), or a cause of loss:
+    ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
     of a DOA report.
@@ -61,7 +66,7 @@ class MessageRow:
     @property
     def delivered(self) -> bool:
         """Whether the frame reached its hearer, of use or not."""
-        return self.outcome in ("delivered", "late", "duplicate", "ignored")
+        return self.outcome in ARRIVED
 
 
 @dataclass(frozen=True, slots=True)

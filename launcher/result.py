@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from math import hypot
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Final
 
 from launcher.ledger import Event, Ledger
 from launcher.metrics import Metrics, run_metrics
@@ -14,7 +14,8 @@ from launcher.tables import track_rows, write_messages, write_tracks
 from launcher.timeline import Timeline
 from trackfield.role import NS, Note, Publish, State
 
-TIMELINE = "run.rrd"
+TIMELINE: Final = "run.rrd"
+METRICS: Final = "metrics.json"
 
 
 class Journal:

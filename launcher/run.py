@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import platform
-import resource
 import signal
 import statistics
 import time
@@ -19,9 +19,9 @@ import psutil
 
 from launcher.deployment import RECORDER, ROUTER, Death, Deployment
 from launcher.ledger import Ledger
-from launcher.metrics import Metrics
+from launcher.metrics import Metrics, run_metrics
 from launcher.records import Plan
-from launcher.result import Journal, write_json
+from launcher.result import METRICS, Journal, write_json
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import ScenarioError
 
@@ -112,7 +112,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
     for id, core in virtual.cores.items():
         ledger.final(id, {"sent": ledger.sent_by[id], **core.tally})
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
-    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": _cpu_s()}
+    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time()}
     metrics["timing"]["speed"] = None
     return _close(folder, metrics, [], ended)
 
@@ -137,20 +137,34 @@ def run_processes(
 
             field.watch(tick)
         field.finish()
-    metrics = field.result if field.result is not None else {}
-    metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": _cpu_s()}
+    metrics = _recorded(plan, folder)
+    cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() + field.router_cpu_s
+    metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
     died = [{"id": d.id, "host": platform.node(), "why": d.why, "t": d.t_s} for d in field.deaths]
-    metrics.setdefault("processes", {}).update(
-        started=len(plan.processes), ready_s=ready_s, died=died, pss_mb_per_node=pss
-    )
+    metrics["processes"] |= {"ready_s": ready_s, "died": died, "pss_mb_per_node": pss}
     return _close(folder, metrics, [_complaint(field, d) for d in field.deaths], ended)
 
 
+def _recorded(plan: Plan, folder: Path) -> Metrics:
+    """What the recorder wrote; every key, but no values, if it did not live to write."""
+    file = folder / METRICS
+    if file.exists():
+        metrics: Metrics = json.loads(file.read_text())
+        return metrics
+    known = run_metrics(plan, Ledger(plan.run, plan.processes), [])
+    kept = {key: known[key] for key in ("scenario", "seed", "processes")}
+    return {key: _blank(value) for key, value in known.items()} | kept
+
+
+def _blank(value: object) -> Any:
+    return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
+
+
 def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
-    frames = metrics.get("frames", {})
-    if frames.get("host_lost"):
+    frames = metrics["frames"]
+    if frames["host_lost"]:
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself (frames.host_lost)")
-    write_json(metrics, folder / "metrics.json")
+    write_json(metrics, folder / METRICS)
     return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None)
 
 
@@ -170,14 +184,6 @@ def _pss_mb(field: Deployment) -> float | None:
         except psutil.Error:
             continue
     return statistics.fmean(sizes) if sizes else None
-
-
-def _cpu_s() -> float:
-    """CPU time of this process and of all it has waited for."""
-    return sum(
-        usage.ru_utime + usage.ru_stime
-        for usage in map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    )
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from launcher.prepare import remarks
-from launcher.records import Plan
+from launcher.records import ARRIVED, Plan
 from launcher.run import Observer, Outcome
 
 PLAIN_EVERY_S: Final = 10.0
@@ -53,8 +53,8 @@ class Lines:
         if status and status["t_s"] > 0 and time.monotonic() >= self._next:
             self._next = time.monotonic() + PLAIN_EVERY_S
             errors = ", ".join(f"{name} {_metres(e)}" for name, e in status["errors"].items())
-            counts = ", ".join(f"{outcome} {n}" for outcome, n in sorted(status["outcomes"].items()))
-            console.print(f"t = {status['t_s']:.0f} s of {self.plan.info.end_s:.0f}: {counts}; error: {errors or '-'}")
+            t, end = status["t_s"], self.plan.info.end_s
+            console.print(f"t = {t:.0f} s of {end:.0f}: {'; '.join(_fates(status))}; error: {errors or '-'}")
 
 
 class Screen:
@@ -76,7 +76,7 @@ class Screen:
             table.add_column(column)
         columns = (
             [f"{name} {n}" for name, n in sorted(status["states"].items())],
-            [f"sent {status['sent']}", *(f"{o} {n}" for o, n in sorted(status["outcomes"].items()))],
+            _fates(status),
             [f"{name} {_metres(error)}" for name, error in status["errors"].items()],
         )
         table.add_row(*("\n".join(lines) for lines in columns))
@@ -110,10 +110,10 @@ def announce(plan: Plan) -> None:
 def conclude(outcome: Outcome) -> None:
     """The result, what went wrong, and the next command."""
     metrics = outcome.metrics
-    if metrics.get("trackers"):
+    if metrics["frames"]["sent"] is not None:  # it was recorded
         console.print(_result(metrics))
-    for line in _alarms(metrics):
-        console.print(f"[bold red]{line}[/]")
+        for line in _alarms(metrics):
+            console.print(f"[bold red]{line}[/]")
     for complaint in outcome.complaints[:MAX_COMPLAINTS]:
         console.print("[bold red]failed:[/]", Text(complaint))
     if len(outcome.complaints) > MAX_COMPLAINTS:
@@ -122,6 +122,14 @@ def conclude(outcome: Outcome) -> None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
     console.print(f"run folder: {outcome.folder}")
     console.print(f"next: {_program()} view {outcome.folder}")
+
+
+def _fates(status: dict[str, Any]) -> list[str]:
+    """What became of the frames so far, that are settled."""
+    outcomes = status["outcomes"]
+    arrived = sum(n for outcome, n in outcomes.items() if outcome in ARRIVED)
+    lost = [f"lost ({outcome}) {n}" for outcome, n in sorted(outcomes.items()) if outcome not in ARRIVED]
+    return [f"frames sent {status['sent']}", f"delivered {arrived}", *lost]
 
 
 def _result(metrics: dict[str, Any]) -> Table:
@@ -149,15 +157,15 @@ def _result(metrics: dict[str, Any]) -> Table:
 def _alarms(metrics: dict[str, Any]) -> list[str]:
     """What makes a run's figures doubtful."""
     alarms = []
-    frames, timing = metrics.get("frames"), metrics.get("timing")
-    if timing and timing["host_late"]:
+    frames, timing = metrics["frames"], metrics["timing"]
+    if timing["host_late"]:
         alarms.append(
             f"timing: {timing['host_late']} events came too late on this machine to be put in order without a trace "
             "(timing.host_late): a lower --speed, or --virtual, is exact"
         )
-    if frames and frames["expected"] and not frames["delivered"]:
+    if frames["expected"] and not frames["delivered"]:
         alarms.append(f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by")
-    if frames and not frames["expected"]:
+    if not frames["expected"]:
         alarms.append("no frame was sent: no tracker had anything to go by")
     return alarms
 

@@ -59,10 +59,12 @@ def open_viewer(run: Path, web: bool = False) -> None:
 def picture(run: Path, png: Path, at_s: float | None = None) -> None:
     """Saves the timeline of a run folder as a PNG of 1600 x 900, at ``at_s`` (emulated s; None: at 60 %).
 
-    Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline,
-    ``RunFailed`` if there is no driver or the viewer fails otherwise.
+    Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline or a file that cannot
+    be written, ``RunFailed`` if there is no driver or the viewer fails otherwise.
     """
-    with headless(_timeline(run)) as (viewer, recording):
+    timeline = _timeline(run)
+    _check_writable(png)
+    with headless(timeline) as (viewer, recording):
         if at_s is None:
             emu = next(line for line in recording.timelines if line.name == EMU)
             at_s = 0.6 * (emu.end or 0) / NS
@@ -95,6 +97,17 @@ def _timeline(run: Path) -> Path:
     if not file.is_file():
         raise ScenarioError("no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it")
     return file.resolve()
+
+
+def _check_writable(png: Path) -> None:
+    is_new = not png.exists()
+    try:
+        png.open("ab").close()
+    except OSError as error:
+        what = f"cannot be written ({error.strerror})"
+        raise ScenarioError(what, file=str(png), key="--png", expected="a file in a writable folder") from None
+    if is_new:
+        png.unlink()
 
 
 def _free_port() -> int:

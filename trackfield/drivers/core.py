@@ -123,6 +123,7 @@ class Core:
         self._history: deque[Handled] = deque()
         self._inverted: list[Arrival] = []
         self._last: EventKey = (start_ns - 1,)
+        self._forgotten: EventKey = self._last
         self._ghosts: set[tuple[Any, ...]] = set()
         self._outputs: list[Output] = []
 
@@ -159,34 +160,41 @@ class Core:
 
     def handle_next(self) -> list[Output]:
         """Handle the next event and return what leaves because of it."""
-        key = self.next_key()
-        if key is None:
-            raise IllegalEvent("nothing is due")
-        before, self._outputs = self._life, []
-        arrival = self._handle(key)
-        outputs, self._last = self._outputs, key
-        if self.horizon_ns:
-            self._history.append(Handled(key, before, arrival, outputs))
-            while self._history[0].key[0] < key[0] - self.horizon_ns:
-                self._history.popleft()
-        return outputs
+        outputs = self._step()
+        return [o for o in outputs if not isinstance(o, Sent) or o.frame.identity not in self._ghosts]
 
     def catch_up(self) -> list[Output]:
-        """Put the frames that came too late in their place; what leaves because of that."""
-        outputs: list[Output] = []
-        oldest = self._history[0].key if self._history else self._last
+        """Put the frames that came too late in their place; what leaves because of that.
+
+        One that is older than what can be undone is put after all that was handled, and counted.
+        """
         for arrival in self._inverted:
-            if arrival.key < oldest:
-                outputs += self._too_late(arrival)
+            if arrival.key < self._forgotten:
+                self.host_late += 1
+                late = Arrival(self._last[0] + 1, arrival.frame)
+                heappush(self._arrivals, (late.key, late))
             else:
                 self.inversions += 1
                 heappush(self._arrivals, (arrival.key, arrival))
         self._inverted = []
         if self._arrivals and self._arrivals[0][0] < self._last:
-            outputs += self._replay(self._arrivals[0][0])
-        return outputs
+            return self._replay(self._arrivals[0][0])
+        return []
 
     # --- one event ---------------------------------------------------------------------------------------------
+
+    def _step(self) -> list[Output]:
+        key = self.next_key()
+        if key is None:
+            raise IllegalEvent("nothing is due")
+        before, self._outputs = self._life, []
+        arrival = self._handle(key)
+        # A timer set for this very instant may have a smaller key than the one that set it.
+        outputs, self._last = self._outputs, max(self._last, key)
+        self._history.append(Handled(key, before, arrival, outputs))
+        while self._history and self._history[0].key[0] <= key[0] - self.horizon_ns:
+            self._forgotten = self._history.popleft().key
+        return outputs
 
     def _next_alarm(self) -> EventKey | None:
         alarms = self._alarms
@@ -254,12 +262,14 @@ class Core:
 
     def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
         t, kind = key[0], kind_name(message)
-        address = to if isinstance(to, str) else ",".join(sorted(to))
+        addresses = [to] if isinstance(to, str) else sorted(to)
+        if not addresses:
+            return
         since, counts = self._copies
         counts = counts if since == t else {}
-        copy = counts.get((kind, address), 0)
-        self._copies = (t, {**counts, (kind, address): copy + 1})
-        frame = Frame(self.owner, self.incarnation, kind, t, copy, address, medium, encode(message))
+        copy = max(counts.get((kind, address), 0) for address in addresses)
+        self._copies = (t, {**counts, **{(kind, address): copy + 1 for address in addresses}})
+        frame = Frame(self.owner, self.incarnation, kind, t, copy, ",".join(addresses), medium, encode(message))
         self._outputs.append(Sent(key, frame))
 
     def _switch(self, on: bool, medium: Medium, t: int) -> None:
@@ -282,22 +292,15 @@ class Core:
         while self._history and self._history[-1].key > since:
             undone.append(self._history.pop())
         undone.reverse()
-        reached, self._life = self._last, undone[0].before
+        if undone:  # else all that came after it vanished in an earlier replay
+            self._life = undone[0].before
         for handled in undone:
             if handled.arrival is not None:
                 heappush(self._arrivals, (handled.key, handled.arrival))
         new: list[Output] = []
-        while (key := self.next_key()) is not None and key <= reached:
-            new += self.handle_next()
-        self._last = reached
+        while (key := self.next_key()) is not None and key <= self._last:
+            new += self._step()
         return self._difference([o for h in undone for o in h.outputs], new, since)
-
-    def _too_late(self, arrival: Arrival) -> list[Output]:
-        """Older than the history: handled now, out of its order, and counted."""
-        self.host_late += 1
-        self._outputs = []
-        self._receive(arrival.frame, arrival.key)
-        return self._outputs
 
     def _difference(self, old: list[Output], new: list[Output], since: EventKey) -> list[Output]:
         """What must leave after a replay: frames that are new, and telemetry again if it changed."""

@@ -28,7 +28,6 @@ STOP: Final = "control/stop"
 """All roles leave."""
 FINISH: Final = "control/finish"
 """The recorder closes its books."""
-RESULT: Final = "control/result"
 """What the recorder found."""
 
 _ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}")

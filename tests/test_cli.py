@@ -1,0 +1,159 @@
+"""What the command line says when all is well, to people on stderr and to scripts on stdout."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.command_line import Call, trackfield
+
+__all__ = ["trackfield"]
+
+BUS = Path(__file__).parents[1] / "trackfield" / "scenario" / "bus.gpx"
+SHORT = ("--virtual", "--set", "target.steps=8")
+
+
+def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, tmp_path: Path) -> None:
+    said = trackfield("run", "spcpf", *SHORT, "--out", "mine")
+    assert (said.code, said.out) == (0, "")
+    first, *_, folder, following = said.err.splitlines()
+    assert first == "spcpf: 121 sensor nodes, 9 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf"
+    assert (folder, following) == ("run folder: mine", "next: trackfield view mine")
+    for tracker in ("fix-imm-ukf", "spcpf"):
+        assert re.search(rf"{tracker} +│ +\d\.\d\d m ", said.err)
+    files = {file.name for file in (tmp_path / "mine").iterdir()}
+    assert files == {
+        "scenario.toml", "manifest.json", "run.rrd", "messages.parquet", "tracks.parquet", "metrics.json", "logs",
+    }  # fmt: skip
+
+
+def test_a_folder_of_its_own_carries_scenario_seed_and_time(trackfield: Call, tmp_path: Path) -> None:
+    assert trackfield("run", "spcpf", *SHORT, "--seed", "7", "--quiet").code == 0
+    (run,) = (tmp_path / "runs").iterdir()
+    assert re.fullmatch(r"spcpf-7-\d{8}T\d{6}", run.name)
+
+
+def test_an_empty_folder_will_do(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    assert trackfield("run", "spcpf", *SHORT, "--quiet", "--out", "mine").code == 0
+    assert (tmp_path / "mine" / "metrics.json").is_file()
+
+
+def test_json_is_all_of_stdout(trackfield: Call, tmp_path: Path) -> None:
+    said = trackfield("run", "spcpf", *SHORT, "--json", "--out", "mine")
+    assert said.code == 0
+    assert said.out == (tmp_path / "mine" / "metrics.json").read_text()
+    assert json.loads(said.out)["driver"] == "virtual"
+    assert said.err.endswith("next: trackfield view mine\n")
+
+
+def test_quiet_says_nothing_but_errors(trackfield: Call) -> None:
+    said = trackfield("run", "spcpf", *SHORT, "--quiet", "--out", "mine")
+    assert (said.code, said.out, said.err) == (0, "", "")
+    said = trackfield("run", "spcpf", *SHORT, "--quiet", "--out", "mine")
+    assert (said.code, said.out) == (2, "")
+    assert "mine" in said.err
+    said = trackfield("run", "spcpf", *SHORT, "--quiet", "--json", "--out", "other")
+    assert (said.code, said.err) == (0, "")
+    assert json.loads(said.out)["scenario"] == "spcpf"
+
+
+def test_a_link_that_loses_all_says_so(trackfield: Call, tmp_path: Path) -> None:
+    said = trackfield("run", "spcpf", "--virtual", "--set", "link.loss=1", "--out", "mine")
+    assert said.code == 0
+    metrics = json.loads((tmp_path / "mine" / "metrics.json").read_text())
+    frames = metrics["frames"]
+    assert frames["expected"] == frames["sent"] == frames["lost"]["radio"] > 200
+    assert frames["delivered"] == 0
+    assert f"the link delivered none of {frames['sent']} frames" in said.err
+    assert [tracker["lost"] for tracker in metrics["trackers"].values()] == [True, True]
+    assert len(re.findall(r"│ lost │", said.err)) == 2
+
+
+def test_list_names_scenarios_and_trackers(trackfield: Call) -> None:
+    said = trackfield("list")
+    assert (said.code, said.err) == (0, "")
+    *scenarios, trackers = said.out.splitlines()
+    assert [line.split()[0] for line in scenarios] == ["bus", "spcpf"]
+    assert trackers == "trackers: spcpf, fix-imm-ukf, bootstrap"
+
+
+def test_the_schema_knows_every_section(trackfield: Call) -> None:
+    said = trackfield("list", "--schema")
+    assert (said.code, said.err) == (0, "")
+    schema = json.loads(said.out)
+    assert {"name", "seed", "field", "sensor", "target", "link", "fusion"} <= schema["properties"].keys()
+    assert schema["additionalProperties"] is False
+
+
+def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp_path: Path) -> None:
+    said = trackfield("validate", "bus", "--set", "link.model=ideal", "--set", "target.from=08:00:30")
+    assert (said.code, said.out) == (0, "")
+    assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf\n", said.err)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_validate_names_the_gaps_of_a_track(trackfield: Call, tmp_path: Path) -> None:
+    rows = [f"{t},{10 * t},0" for t in (*range(20), *range(50, 60))]
+    (tmp_path / "ride.csv").write_text("\n".join(["t_s,x,y", *rows]))
+    said = trackfield("validate", "bus", "--set", "target.file=ride.csv")
+    note = "note: the track has no fixes from 19.0 s to 50.0 s (31 s): a straight line stands in"
+    assert note in " ".join(said.err.split())
+
+
+def test_help_is_there_for_who_asks_for_nothing(trackfield: Call) -> None:
+    asked, silent = trackfield("--help"), trackfield()
+    assert (asked.code, silent.code) == (0, 2)
+    for said in (asked, silent):
+        assert said.err == ""
+        assert all(command in said.out for command in ("run", "list", "validate", "view", "compare"))
+
+
+# --- running it again -------------------------------------------------------------------------------------------------
+
+
+def same(trackfield: Call, a: str, b: str) -> bool:
+    said = trackfield("compare", a, b, "--exact", "0")
+    assert (said.code == 0) == said.out.endswith("equal to within 0, and the fate of every frame is the same\n")
+    assert (said.code == 0) == (said.err == "")
+    assert said.code in (0, 1)
+    return said.code == 0
+
+
+def test_the_resolved_scenario_gives_the_same_run_again(trackfield: Call, tmp_path: Path) -> None:
+    options = ("--virtual", "--seed", "3", "--set", "link.loss=0.2", "--set", "sensor.doa_sd_deg=5", "--nodes", "100")
+    assert trackfield("run", "spcpf", *options, "--tracker", "spcpf", "--out", "a").code == 0
+    assert trackfield("run", "a/scenario.toml", "--virtual", "--out", "b").code == 0
+    assert same(trackfield, "a", "b")
+    assert (tmp_path / "a/scenario.toml").read_text() == (tmp_path / "b/scenario.toml").read_text()
+    assert trackfield("run", "a/scenario.toml", "--virtual", "--seed", "4", "--out", "c").code == 0
+    assert not same(trackfield, "a", "c")
+
+
+@pytest.mark.parametrize(
+    ("name", "window"),
+    [("ride.gpx", ("--from", "08:00:20", "--to", "08:00:50")), ("ride.CSV", ("--from", "5", "--to", "25.5"))],
+)
+def test_the_track_goes_into_the_run_folder_and_moves_with_it(
+    trackfield: Call, tmp_path: Path, name: str, window: tuple[str, ...]
+) -> None:
+    track = tmp_path / name
+    if track.suffix == ".gpx":
+        shutil.copy(BUS, track)
+    else:
+        track.write_text("\n".join(["t_s,x,y", *(f"{t},{9 * t},{t * t / 7}" for t in range(40))]))
+    assert trackfield("run", "bus", "--virtual", "--target", name, *window, "--out", "a").code == 0
+    content = track.read_bytes()
+    track.unlink()
+    (tmp_path / "elsewhere").mkdir()
+    shutil.move(tmp_path / "a", tmp_path / "elsewhere" / "b")
+    copy = tmp_path / "elsewhere" / "b" / f"target{track.suffix}"
+    assert copy.read_bytes() == content
+    assert f'file = "{copy.name}"' in copy.with_name("scenario.toml").read_text()
+    assert trackfield("run", "elsewhere/b/scenario.toml", "--virtual", "--out", "c").code == 0
+    assert same(trackfield, "elsewhere/b", "c")
+    assert (tmp_path / "c/scenario.toml").read_text() == copy.with_name("scenario.toml").read_text()

@@ -1,0 +1,164 @@
+"""A role made of roles: one process that is several things at once, as a node that may become a cluster head.
+
+A process has one address, one radio and one set of sensors, whatever it hosts. Therefore the host
+
+- gives a frame to every role that consumes its kind, in order; it is ignored only if none of them has a use for it;
+- puts the role's name before its timers, ports and lanes (``node/step``), and takes it off again;
+- keeps the receiver of a medium on while any role wants it on (at first all do);
+- hands a message to the process's own id to the other roles that consume its kind: at the same instant, after all
+  else that the event in hand causes, and whether or not the radio is on. It passes through its bytes all the same,
+  so that its reader sees the numbers that a distant one would. Of a set of ids only the own one is taken out. What no
+  other role consumes is sent like any other message. A broadcast is never handed over: a radio does not hear itself.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from trackfield.role import (
+    CancelTimer,
+    Effect,
+    Event,
+    Ignored,
+    IllegalEvent,
+    Note,
+    PortRead,
+    Radio,
+    Received,
+    Role,
+    Sample,
+    Sampled,
+    Send,
+    SetTimer,
+    State,
+    Timer,
+    Write,
+)
+from trackfield.wire.codec import decode, encode, kind_name
+from trackfield.wire.keys import Medium, check_id
+
+MAX_HANDED: Final = 1000
+"""Messages handed over because of one event; with more, the roles go round in circles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hosted:
+    """The states of the roles, and the (role, medium) of receivers that they do not want.
+
+    While a sensor is read: the role that asked, the sensor, and the ``work`` that waits for the answer, which is what
+    roles ask for and what is to be handed over to them.
+    """
+
+    states: Mapping[str, Any]
+    off: frozenset[tuple[str, Medium]] = frozenset()
+    asked: tuple[str, str] | None = None
+    work: tuple[tuple[str, Effect | Received], ...] = ()
+
+
+class Host:
+    """The roles of the process ``id``, by name; raises ``WireError`` for a name or id that cannot be one."""
+
+    def __init__(self, roles: Mapping[str, Role[Any]], *, id: str) -> None:
+        self.id, self.roles = check_id(id), {check_id(name): role for name, role in roles.items()}
+        self.kinds = frozenset(kind for role in roles.values() for kind in role.kinds)
+
+    def begin(self) -> Hosted:
+        """Every role's state before ``Started``."""
+        return Hosted({name: role.begin() for name, role in self.roles.items()})
+
+    def handle(self, state: Hosted, event: Event) -> tuple[Hosted, tuple[Effect, ...]]:
+        """See ``trackfield.role.Role``; a ``Sample`` is always the last effect, so that its answer follows at once.
+
+        Raises ``IllegalEvent`` for a timer or port of no role, for any event but the answer of a sensor that is being
+        read, and if the roles never stop handing messages to each other.
+        """
+        asked = state.asked[1] if state.asked else None
+        if asked != (event.sensor if isinstance(event, Sampled) else None):
+            raise IllegalEvent(f"{event} while sensor {asked!r} is read")
+        takers = [state.asked[0]] if state.asked else list(self.roles)
+        match event:
+            case Received():
+                takers = self.consumers(event.message)
+            case Timer(name=prefixed) | PortRead(port=prefixed):
+                name, _, own = prefixed.partition("/")
+                if name not in self.roles:
+                    raise IllegalEvent(f"{prefixed!r} belongs to none of {', '.join(self.roles)}")
+                takers = [name]
+                event = replace(event, name=own) if isinstance(event, Timer) else replace(event, port=own)
+        return _Turn(self, state, event.now).run(takers, event)
+
+    def consumers(self, message: Any) -> list[str]:
+        """The names of the roles that consume a message."""
+        return [name for name, role in self.roles.items() if kind_name(message) in role.kinds]
+
+
+class _Turn:
+    """An event on its way through the roles, to its end or to the next reading of a sensor."""
+
+    def __init__(self, host: Host, state: Hosted, now: int) -> None:
+        self.host, self.now, self.states, self.off = host, now, dict(state.states), state.off
+        self.work, self.effects, self.handed = deque(state.work), list[Effect](), 0
+
+    def run(self, takers: list[str], event: Event) -> tuple[Hosted, tuple[Effect, ...]]:
+        self._feed(takers, event, on_air=isinstance(event, Received))
+        while self.work:
+            name, item = self.work.popleft()
+            if isinstance(item, Received):
+                self._feed([name], item, on_air=False)
+            elif isinstance(item, Sample):
+                waiting = Hosted(self.states, self.off, (name, item.sensor), tuple(self.work))
+                return waiting, (*self.effects, item)
+            else:
+                self._do(name, item)
+        return Hosted(self.states, self.off), tuple(self.effects)
+
+    def _feed(self, takers: list[str], event: Event, *, on_air: bool) -> None:
+        """Let roles handle an event; what they ask for comes before all other work."""
+        asked: list[tuple[str, Effect]] = []
+        for name in takers:
+            self.states[name], effects = self.host.roles[name].handle(self.states[name], event)
+            asked += [(name, effect) for effect in effects]
+        reasons = [(name, effect.reason) for name, effect in asked if isinstance(effect, Ignored)]
+        if on_air and len(reasons) == len(takers):
+            self.effects.append(Ignored(reasons[0][1] if reasons else "unexpected"))
+        else:  # another role has a use for the frame, or it came by hand
+            self.effects += [Note(f"{name} ignored a message: {reason}") for name, reason in reasons]
+        self.work.extendleft(item for item in reversed(asked) if not isinstance(item[1], Ignored))
+
+    def _do(self, name: str, effect: Effect) -> None:
+        match effect:
+            case Send():
+                self._send(name, effect)
+            case Radio(on, medium):
+                self._switch(name, on, medium)
+            case SetTimer() | CancelTimer():
+                self.effects.append(replace(effect, name=f"{name}/{effect.name}"))
+            case Write():
+                self.effects.append(replace(effect, port=f"{name}/{effect.port}"))
+            case State(lane=lane):
+                self.effects.append(replace(effect, lane=f"{name}/{lane}" if lane else name))
+            case _:
+                self.effects.append(effect)
+
+    def _send(self, name: str, send: Send) -> None:
+        ids = frozenset({send.to}) if isinstance(send.to, str) else send.to
+        takers = [n for n in self.host.consumers(send.message) if n != name] if self.host.id in ids else []
+        if takers:
+            self.handed += len(takers)
+            if self.handed > MAX_HANDED:
+                raise IllegalEvent(f"{self.host.id}: over {MAX_HANDED} messages between its roles at one instant")
+            received = Received(self.now, decode(encode(send.message)), self.host.id)
+            self.work.extend((taker, received) for taker in takers)
+            send = replace(send, to=ids - {self.host.id})
+        if send.to:
+            self.effects.append(send)
+
+    def _switch(self, name: str, on: bool, medium: Medium) -> None:
+        off = self.off - {(name, medium)} if on else self.off | {(name, medium)}
+        everybody = {(role, medium) for role in self.host.roles}
+        if (everybody <= off) != (everybody <= self.off):
+            self.effects.append(Radio(on, medium))
+        self.off = off
