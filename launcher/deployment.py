@@ -31,7 +31,8 @@ from trackfield.wire import keys
 
 READY_TIMEOUT_S: Final = 60.0
 LEAD_S: Final = 0.5
-"""Between the start order and the start, so that every process has the order in time."""
+LEAD_PER_PROCESS_S: Final = 0.001
+"""Between an order and what it orders, so that every process has it in time."""
 LINGER_S: Final = 0.3
 """For frames that are still on their way when all have reached the end."""
 OVERDUE_S: Final = 20.0
@@ -70,6 +71,7 @@ class Deployment:
         self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
         self._answers = {p.id: p.plain() for p in plan.processes}
         self._start_ns: int | None = None
+        self._lead_ns = round((LEAD_S + LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._children: dict[str, ForkServerProcess] = {}
         self._gone: set[str] = set()
         self._live: set[str] = set()
@@ -106,6 +108,8 @@ class Deployment:
         def fork(name: str, target: Callable[..., None], *args: Any) -> None:
             child = context.Process(target=target, name=name, args=args)
             child.start()
+            # Each start polls all children that multiprocessing knows of; we watch ours ourselves.
+            multiprocessing.process._children.discard(child)  # type: ignore[attr-defined]
             self._children[name] = child
 
         with _no_main_module(), _zygote_environment():
@@ -173,7 +177,7 @@ class Deployment:
 
     def begin(self) -> None:
         """Order the start of emulated time."""
-        self._start_ns = time.monotonic_ns() + round(LEAD_S * 1e9)
+        self._start_ns = time.monotonic_ns() + self._lead_ns
         self._order(keys.START, str(self._start_ns))
 
     def _order(self, key: str, payload: str | bytes) -> None:
@@ -194,7 +198,7 @@ class Deployment:
                 return
             if tick() and not ending:
                 ending = True
-                end_ns = max(self.now_ns, 0) + round(LEAD_S * self.plan.run.speed * 1e9)
+                end_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
                 self._order(keys.END, str(end_ns))
             if self.now_ns > end_ns + OVERDUE_S * self.plan.run.speed * 1e9:
                 self.deaths += [Death(id, "did not reach the end", None) for id in sorted(missing)]

@@ -164,6 +164,8 @@ def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[in
     frames = metrics["frames"]
     if frames["host_lost"]:
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself (frames.host_lost)")
+    if dropped := metrics["recorder"]["dropped"]:
+        complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
     return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None)
 

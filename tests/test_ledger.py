@@ -274,9 +274,11 @@ def test_rows_settle_once_in_the_order_in_which_they_are_due() -> None:
 
 def test_who_died_got_what_it_had_counted_and_no_more() -> None:
     book = ledger()
-    for t_ms in (300, 100, 200, 400):
+    for t_ms in (300, 100, 400):
         book.sent(frame(t_ms))
-    book.sent(frame(150, to="c"))
+    book.settle(350 * MS)
+    for t_ms, to in ((200, "b"), (150, "c")):  # recorded when later ones had been settled
+        book.sent(frame(t_ms, to=to))
     book.counts["b"] = {"delivered": 2}
     book.close(dead=["b"])
     assert {(row.dst, row.sent_ns // MS): row.outcome for row in book.rows} == {

@@ -36,8 +36,9 @@ SEEN: Final = 10_000
 """Identities of frames that are remembered to tell a duplicate."""
 CHANNEL: Final = 100_000
 """Samples that wait in a channel before Zenoh's thread would block."""
-FLUSH_NS: Final = 1_000_000_000
-"""How often counters are told, if they changed (wall time)."""
+REPEAT_NS: Final = 1_000_000_000
+"""How often counters that change are told, and the end that was reached (wall time)."""
+NEVER: Final = 1 << 62
 JOIN_TIMEOUT_S: Final = 60.0
 JOIN_RETRY_S: Final = 0.2
 
@@ -127,8 +128,7 @@ class Process:
         self._link: Link = make_link(joined.run.link, joined.run.seed)
         self._counts = {"radio": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
         self._seen, self._seq = Seen(), 0
-        self._flush_ns = self._replay_ns = 0
-        self._told_counts = msgpack.packb(self._counts)
+        self._counts_ns, self._reached_ns, self._replay_ns = NEVER, 0, 0
         self._slip, self._latency = Histogram(), Histogram()
         for key in self._inboxes():
             self._held.append(
@@ -178,10 +178,8 @@ class Process:
 
     def _work(self, now: int) -> int:
         """Do at most one thing that is due; when (wall) the next may be."""
-        if now >= self._flush_ns:
-            self._flush(now)
         key = self.core.next_key()
-        due = self._flush_ns if key is None or key[0] >= self._end_ns else self._wall(key[0])
+        due = NEVER if key is None or key[0] >= self._end_ns else self._wall(key[0])
         if self.core.behind:
             # Replays take at most a quarter of the time, but a timer's outputs do not wait for them.
             if now < self._replay_ns and (now < due or (key is not None and key[1] != RANK_TIMER)):
@@ -190,22 +188,22 @@ class Process:
             after = time.monotonic_ns()
             self._replay_ns = after + 3 * (after - now)
         elif now < due:
-            return min(due, self._flush_ns)
+            return min(due, self._report(now))
         else:
             self._slip.add(now - due)
             self._release(self.core.handle_next())
         return now
 
-    def _flush(self, now: int) -> None:
-        """Tell the counters, if they changed, and that the end is reached, if it is."""
-        end = self._wall(self._end_ns)
-        if now >= end:
-            self._say("reached", b"")
-        self._flush_ns = now + FLUSH_NS if now >= end else min(now + FLUSH_NS, end)
-        counts = msgpack.packb({**self._counts, **self.core.tally})
-        if counts != self._told_counts:
-            self._told_counts = counts
+    def _report(self, now: int) -> int:
+        """Tell counters that changed, and the end when it is reached; when (wall) to do so again."""
+        if now >= self._counts_ns:
+            self._counts_ns = NEVER
+            counts = msgpack.packb({**self._counts, **self.core.tally})
             self.session.put(keys.telemetry(self.id, "counts"), counts)
+        if now >= self._wall(self._end_ns) and now >= self._reached_ns:
+            self._reached_ns = now + REPEAT_NS
+            self._say("reached", b"")
+        return min(self._counts_ns, max(self._wall(self._end_ns), self._reached_ns))
 
     def _wall(self, t_ns: int) -> int:
         assert self._start_ns is not None
@@ -237,6 +235,7 @@ class Process:
     # --- frames in and out ----------------------------------------------------------------------------------------
 
     def _accept(self, arrived_ns: int, sample: zenoh.Sample) -> None:
+        self._counts_ns = min(self._counts_ns, arrived_ns + REPEAT_NS)
         try:
             address = keys.parse(str(sample.key_expr))
             envelope = self._envelope(arrived_ns, sample)

@@ -1,0 +1,198 @@
+"""Comparing run folders: every difference is found, and none where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from launcher.compare import check_runs, differences, side_by_side
+from launcher.metrics import run_metrics
+from launcher.records import MessageRow
+from launcher.result import write_json
+from launcher.tables import TrackRow, write_messages, write_tracks
+from tests.simulated import simulated, spcpf
+from trackfield.errors import ScenarioError
+from trackfield.role import NS, TrackPoint
+
+COVARIANCE = tuple(float(i) for i in range(16))
+TRACKS = [
+    TrackRow(NS, NS, TrackPoint("t", "target", 1, "waiting"), None),
+    *(
+        TrackRow(n * NS, n * NS, TrackPoint("t", "target", n, "tracking", (n, 2.0, 3.0, 4.0), COVARIANCE, 5), None)
+        for n in (2, 3, 4)
+    ),
+]
+FRAMES = [MessageRow("doa", "n0", "fusion", "field", n * NS, n * NS + 1, "delivered", 12) for n in (1, 2, 3)]
+
+
+def folder(at: Path, tracks: Sequence[TrackRow] = TRACKS, frames: Sequence[MessageRow] = FRAMES) -> Path:
+    at.mkdir()
+    write_tracks(tracks, at / "tracks.parquet")
+    write_messages(frames, at / "messages.parquet")
+    return at
+
+
+def with_point(index: int, **changes: Any) -> list[TrackRow]:
+    rows = list(TRACKS)
+    rows[index] = replace(rows[index], point=replace(rows[index].point, **changes))
+    return rows
+
+
+def with_frame(index: int, **changes: Any) -> list[MessageRow]:
+    rows = list(FRAMES)
+    rows[index] = replace(rows[index], **changes)
+    return rows
+
+
+def test_a_run_equals_itself_and_its_copy(tmp_path: Path) -> None:
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b")
+    assert differences(a, a, 0.0) == differences(a, b, 0.0) == []
+
+
+def test_runs_in_which_nothing_happened_are_equal(tmp_path: Path) -> None:
+    assert differences(folder(tmp_path / "a", [], []), folder(tmp_path / "b", [], []), 0.0) == []
+
+
+@pytest.mark.parametrize(("at", "name"), list(enumerate(("x", "y", "vx", "vy"))))
+def test_a_point_that_moved_is_found_unless_the_tolerance_covers_it(tmp_path: Path, at: int, name: str) -> None:
+    mean = [3.0, 2.0, 3.0, 4.0]
+    mean[at] += 1e-6
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b", with_point(2, mean=tuple(mean)))
+    for one, other in ((a, b), (b, a)):
+        assert differences(one, other, 0.0) == [f"tracks: {name} differs by up to 1e-06"]
+        assert differences(one, other, 0.9e-6) == [f"tracks: {name} differs by up to 1e-06"]
+        assert differences(one, other, 1.1e-6) == []
+
+
+def test_the_last_bit_counts_where_the_tolerance_is_zero(tmp_path: Path) -> None:
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b", with_point(2, mean=(3.0000000000000004, 2.0, 3.0, 4.0)))
+    assert differences(a, b, 0.0) == ["tracks: x differs by up to 4.44e-16"]
+
+
+def test_a_tolerance_is_absolute(tmp_path: Path) -> None:
+    far = [with_point(2, mean=(1e6 + d, 2.0, 3.0, 4.0)) for d in (0.0, 0.1)]
+    a, b = folder(tmp_path / "a", far[0]), folder(tmp_path / "b", far[1])
+    assert differences(a, b, 0.2) == []
+    assert len(differences(a, b, 0.05)) == 1
+
+
+def test_another_covariance_is_found(tmp_path: Path) -> None:
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b", with_point(3, covariance=(0.5, *COVARIANCE[1:])))
+    assert differences(a, b, 0.1) == ["tracks: covariance differs by up to 0.5"]
+    c = folder(tmp_path / "c", with_point(3, covariance=()))
+    assert differences(a, c, 0.1) == ["tracks: covariance is there for other steps"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        TRACKS[:-1],
+        TRACKS[1:],
+        with_point(2, step=9),
+        with_point(2, status="coasting"),
+        with_point(2, reports=4),
+        with_point(2, tracker="u"),
+        with_point(2, target="other"),
+        [],
+    ],
+)
+def test_other_steps_states_or_reports_are_found(tmp_path: Path, other: list[TrackRow]) -> None:
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b", other)
+    (what,) = differences(a, b, 1e9)
+    assert what == f"the tracks have other steps, states or numbers of reports (4 and {len(other)} points)"
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        with_frame(1, outcome="radio", due_ns=None),
+        with_frame(1, outcome="late"),
+        with_frame(1, due_ns=2 * NS + 2),
+        with_frame(1, bytes=13),
+        with_frame(1, copy=1),
+        with_frame(1, incarnation=1),
+    ],
+)
+def test_another_fate_of_one_frame_is_found_and_named(tmp_path: Path, other: list[MessageRow]) -> None:
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b", frames=other)
+    assert differences(a, b, 1e9) == [
+        "frames: 1 only in the first run, 1 only in the second; the first doa from n0 to fusion at 2.000 s"
+    ]
+
+
+def test_a_frame_too_few_or_too_many_is_found(tmp_path: Path) -> None:
+    a, b = folder(tmp_path / "a"), folder(tmp_path / "b", frames=FRAMES[:2])
+    assert differences(a, b, 0.0)[0].startswith("frames: 1 only in the first run, 0 only in the second")
+    assert differences(b, a, 0.0)[0].startswith("frames: 0 only in the first run, 1 only in the second")
+
+
+def test_tracks_and_frames_are_told_together(tmp_path: Path) -> None:
+    a = folder(tmp_path / "a")
+    b = folder(tmp_path / "b", with_point(1, mean=(9.0, 9.0, 3.0, 4.0)), FRAMES[:2])
+    assert [what.partition(":")[0] for what in differences(a, b, 0.0)] == ["tracks", "tracks", "frames"]
+
+
+# --- side by side -----------------------------------------------------------------------------------------------------
+
+
+def finished(at: Path, *settings: str, change: Callable[[dict[str, Any]], object] = lambda metrics: None) -> Path:
+    """The folder of a real run of a few steps."""
+    plan = spcpf(1, ["target.steps=5", *settings])
+    ledger, tracks = simulated(plan)
+    metrics = run_metrics(plan, ledger, tracks)
+    change(metrics)
+    write_json(metrics, folder(at, tracks, ledger.rows) / "metrics.json")
+    return at
+
+
+def shown(*runs: Path) -> dict[str, list[str]]:
+    console = Console(width=200, markup=False)
+    with console.capture() as said:
+        console.print(side_by_side(runs))
+    rows = [[cell.strip() for cell in line.strip("│").split("│")] for line in said.get().splitlines() if "│" in line]
+    return {row[0]: row[1:] for row in rows}
+
+
+def test_figures_stand_side_by_side(tmp_path: Path) -> None:
+    def known(metrics: dict[str, Any]) -> None:
+        metrics["trackers"]["spcpf"]["rmse"]["position"] = 1.25
+        metrics["trackers"]["spcpf"]["lost"] = True
+        metrics["timing"]["host_late"] = 17
+
+    a = finished(tmp_path / "a", change=known)
+    b = finished(tmp_path / "b", "link.loss=1", 'fusion.trackers=["fix-imm-ukf"]')
+    table = shown(a, b)
+    assert table["spcpf RMSE [m]"] == ["1.250", "-"]
+    assert table["spcpf lost"] == ["yes", "-"]
+    assert table["host late"] == ["17", "0"]
+    assert table["frames delivered"][1] == "0"
+    assert table["frames lost"][1] == table["frames expected"][1] == table["frames sent"][1] != "0"
+    assert table["frames lost"][0] == "0"
+
+
+def test_as_many_runs_as_one_likes(tmp_path: Path) -> None:
+    a = finished(tmp_path / "a")
+    assert len(shown(a, a, a, a)["frames sent"]) == 4
+
+
+def test_what_is_no_run_is_named(tmp_path: Path) -> None:
+    a = finished(tmp_path / "a")
+    check_runs([a, a])
+    for name, content, what in (
+        ("metrics.json", b"{", "its metrics.json is damaged"),
+        ("tracks.parquet", b"PAR1", "its tracks.parquet is damaged"),
+        ("messages.parquet", None, "has no messages.parquet"),
+    ):
+        broken = finished(tmp_path / name)
+        if content is None:
+            (broken / name).unlink()
+        else:
+            (broken / name).write_bytes(content)
+        with pytest.raises(ScenarioError) as failure:
+            check_runs([a, broken])
+        assert (failure.value.file, failure.value.what) == (str(broken), what)

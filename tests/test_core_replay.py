@@ -1,0 +1,477 @@
+"""Putting frames in their place: whatever order the host hands them over in, the story is the one they were due in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
+from tests.toys import Feedback, Reply, Request, mix
+from trackfield.drivers.core import Core
+from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Sent, Told, Undone
+from trackfield.role import (
+    NEIGHBOURHOOD,
+    NS,
+    CancelTimer,
+    Effect,
+    Event,
+    Ignored,
+    Note,
+    Radio,
+    Received,
+    Role,
+    Sample,
+    Sampled,
+    Send,
+    SetTimer,
+    Started,
+    State,
+    Timer,
+)
+from trackfield.wire.codec import decode
+
+START = Started(0)
+CALL = Received(2 * MS, Request(1), "peer")
+"""The frame that comes too late in most of these stories."""
+
+
+def caught_up(core: Core, *late: Arrival) -> list[Output]:
+    for frame in late:
+        core.offer(frame)
+    assert core.behind
+    outputs = core.catch_up()
+    assert not core.behind
+    return outputs
+
+
+def payloads(outputs: Iterable[Output]) -> list[object]:
+    return [decode(frame.payload) for frame in frames(outputs)]
+
+
+# --- one frame in the wrong order ---------------------------------------------------------------------------------
+
+
+def test_a_frame_that_comes_after_a_later_one_is_put_before_it() -> None:
+    core = core_of(Puppet())
+    core.offer(arrival(3 * MS, Request(2)))
+    run(core, 5 * MS)
+    assert caught_up(core, arrival(2 * MS, Request(1))) == []
+    assert core.state == (START, CALL, Received(3 * MS, Request(2), "peer"))
+    assert (core.inversions, core.host_late, core.tally) == (1, 0, {"delivered": 2})
+
+
+def test_a_frame_due_at_a_deadline_that_comes_after_it_still_counts() -> None:
+    core = core_of(script({START: (SetTimer("deadline", 2 * MS),)}))
+    run(core, 5 * MS)
+    caught_up(core, arrival(2 * MS, Request(1)))
+    assert core.state == (START, CALL, Timer(2 * MS, "deadline"))
+
+
+def test_several_are_put_in_their_places_at_once() -> None:
+    core = core_of(script({START: (SetTimer("end", 9 * MS),)}))
+    run(core, NS)
+    caught_up(core, *(arrival(t * MS, Request(t)) for t in (7, 3, 5)))
+    assert [e.now // MS for e in core.state] == [0, 3, 5, 7, 9]
+    assert core.inversions == 3
+
+
+def test_a_frame_that_is_not_late_waits_its_turn() -> None:
+    """It came together with a late one, but is due only after all that was handled."""
+    core = core_of(script({START: (SetTimer("a", 5 * MS),)}))
+    run(core, 5 * MS)
+    core.offer(arrival(6 * MS, Request(2)))
+    caught_up(core, arrival(2 * MS, Request(1)))
+    assert core.state == (START, CALL, Timer(5 * MS, "a"))
+    assert core.next_key() == arrival(6 * MS, Request(2)).key
+
+
+def test_without_late_frames_nothing_is_done_again() -> None:
+    core = core_of(script({START: (SetTimer("a", 5 * MS), Note("hello"))}))
+    run(core, NS)
+    state = core.state
+    assert not core.behind
+    assert core.catch_up() == []
+    assert core.state is state
+
+
+# --- what left already --------------------------------------------------------------------------------------------
+
+
+def test_what_left_is_not_sent_again_and_what_is_new_goes_out_with_its_logical_time() -> None:
+    """A node reported at 5 ms; a request due at 2 ms turns up afterwards and is answered as of 2 ms."""
+    core = core_of(script({
+        START: (SetTimer("report", 5 * MS),),
+        Timer(5 * MS, "report"): (Send(Feedback(1, 1), NEIGHBOURHOOD), Note("reported")),
+        CALL: (Send(Reply(1), "peer"),),
+    }))  # fmt: skip
+    assert payloads(run(core, 5 * MS)) == [Feedback(1, 1)]
+    (sent,) = caught_up(core, arrival(2 * MS, Request(1)))
+    assert isinstance(sent, Sent)
+    assert (sent.frame.sent_ns, sent.frame.kind, sent.frame.copy) == (2 * MS, "reply", 0)
+    assert core.host_late == 0
+
+
+def test_telemetry_that_changes_is_taken_back_and_told_anew() -> None:
+    class Counter:
+        kinds = frozenset({"request"})
+
+        def begin(self) -> int:
+            return 0
+
+        def handle(self, state: int, event: Event) -> tuple[int, tuple[Effect, ...]]:
+            return state + 1, (State(f"{state}"),)
+
+    core = core_of(Counter())
+    for t in (1, 4):
+        core.offer(arrival(t * MS, Request(t)))
+    run(core, NS)
+    first, second, third = (arrival(t * MS, Request(t)).key for t in (1, 2, 4))
+    assert caught_up(core, arrival(2 * MS, Request(2))) == [
+        Undone(second), Told(second, State("2")), Told(third, State("3"))
+    ]  # fmt: skip
+    assert first < second
+
+
+def test_telemetry_that_stays_the_same_is_not_told_again() -> None:
+    core = core_of(script({START: (SetTimer("a", 5 * MS),), Timer(5 * MS, "a"): (Note("a"), Ignored("twice"))}))
+    run(core, NS)
+    assert caught_up(core, arrival(2 * MS, Request(1))) == []
+    assert core.tally == {"delivered": 1, "ignored": 1}
+
+
+CANCELLED = {
+    START: (SetTimer("report", 5 * MS),),
+    Timer(5 * MS, "report"): (Send(Feedback(1, 1), "hub"),),
+    CALL: (CancelTimer("report"),),
+}
+"""A report at 5 ms, unless the call of 2 ms says that it is not wanted."""
+
+
+def test_what_left_and_should_not_have_is_host_late() -> None:
+    """The report is out when the call that would have stopped it turns up: nothing can recall it."""
+    core = core_of(script(CANCELLED))
+    assert payloads(run(core, NS)) == [Feedback(1, 1)]
+    assert caught_up(core, arrival(2 * MS, Request(1))) == []
+    assert core.state == (START, CALL)
+    assert core.host_late == 1
+
+
+def test_what_left_by_mistake_is_not_sent_again_when_it_comes_back() -> None:
+    """A second late frame makes the role want the report after all; it is out already."""
+    again = Received(3 * MS, Request(2), "peer")
+    core = core_of(script({**CANCELLED, again: (SetTimer("report", 5 * MS),)}))
+    run(core, NS)
+    caught_up(core, arrival(2 * MS, Request(1)))
+    assert caught_up(core, arrival(3 * MS, Request(2))) == []
+    assert core.state == (START, CALL, again, Timer(5 * MS, "report"))
+    assert core.host_late == 1
+
+
+@pytest.mark.parametrize("name", ["another", "later"])
+def test_nothing_takes_the_identity_of_what_left_by_mistake(name: str) -> None:
+    """Instead of the report, the role now sends something else to the same place at the same instant.
+
+    To its hearers that would be the report once more; whether its timer comes before or after the one that is no
+    longer there, it does not leave.
+    """
+    other = Timer(5 * MS, name)
+    core = core_of(script({
+        **CANCELLED,
+        CALL: (CancelTimer("report"), SetTimer(name, 5 * MS)),
+        other: (Send(Feedback(2, 2), "hub"), Send(Feedback(3, 3), "hub")),
+    }))  # fmt: skip
+    run(core, NS)
+    outputs = caught_up(core, arrival(2 * MS, Request(1))) + run(core, NS)
+    assert core.state == (START, CALL, other)
+    assert [(decode(f.payload), f.copy) for f in frames(outputs)] == [(Feedback(3, 3), 1)]
+    assert core.host_late == 1
+
+
+# --- all of a life is undone --------------------------------------------------------------------------------------
+
+
+def test_the_radio_is_undone() -> None:
+    """The call at 2 ms switches the radio off: what was heard at 4 ms was not, after all."""
+    core = core_of(script({CALL: (Radio(False),)}))
+    core.offer(arrival(4 * MS, Request(2)))
+    run(core, NS)
+    assert core.tally == {"delivered": 1}
+    caught_up(core, arrival(2 * MS, Request(1)))
+    assert core.state == (START, CALL)
+    assert core.tally == {"delivered": 1, "asleep": 1}
+
+
+def test_timers_are_undone() -> None:
+    """The call at 2 ms moves a timer from 5 to 7 ms, past all that was handled."""
+    core = core_of(script({START: (SetTimer("a", 5 * MS),), CALL: (SetTimer("a", 7 * MS),)}))
+    run(core, 6 * MS)
+    caught_up(core, arrival(2 * MS, Request(1)))
+    assert core.state == (START, CALL)
+    assert core.next_key() == (7 * MS, 2, 7 * MS, "a")
+
+
+def test_copies_are_undone() -> None:
+    """Two frames at one instant, each answered alike: handled in the wrong order, the first answer has copy 0 still."""
+    core = core_of(Puppet(lambda event: (Send(Reply(1), "hub"),) if isinstance(event, Received) else ()))
+    core.offer(arrival(2 * MS, Request(1), src="q"))
+    assert [f.copy for f in frames(run(core, NS))] == [0]
+    assert [f.copy for f in frames(caught_up(core, arrival(2 * MS, Request(1), src="p")))] == [1]
+    assert core.host_late == 0
+
+
+def test_a_sensor_is_read_again_at_the_same_time() -> None:
+    core = core_of(
+        Puppet(lambda event: (Sample("sound"),) if isinstance(event, Received) else ()),
+        sense=lambda name, t_ns: (name, t_ns),
+    )
+    core.offer(arrival(3 * MS, Request(2)))
+    run(core, NS)
+    caught_up(core, arrival(2 * MS, Request(1)))
+    assert core.state[2::2] == tuple(Sampled(t * MS, "sound", ("sound", t * MS)) for t in (2, 3))
+
+
+def test_a_late_malformed_frame_takes_its_place_in_the_account_only() -> None:
+    core = core_of(script({START: (SetTimer("a", 5 * MS),)}))
+    run(core, NS)
+    late = arrival(2 * MS, b"nonsense")
+    outputs = caught_up(core, late)
+    assert [type(o) for o in outputs] == [Undone, Refused]
+    assert core.state == (START, Timer(5 * MS, "a"))
+    assert core.tally == {"delivered": 1, "ignored": 1}
+
+
+def test_events_that_vanished_leave_no_hole() -> None:
+    """The timer was the last event, and is gone; another frame then belongs where it was."""
+    core = core_of(script(CANCELLED))
+    run(core, NS)
+    caught_up(core, arrival(2 * MS, Request(1)))
+    caught_up(core, arrival(3 * MS, Request(2)))
+    assert core.state == (START, CALL, Received(3 * MS, Request(2), "peer"))
+    assert core.inversions == 2
+
+
+def test_timers_set_for_their_own_instant_are_all_handled_again() -> None:
+    """``b`` sets ``a`` for now: the last event handled has not the largest key."""
+    core = core_of(script({
+        START: (SetTimer("b", 5 * MS),),
+        Timer(5 * MS, "b"): (SetTimer("a", 5 * MS), Send(Reply(1), "hub")),
+    }))  # fmt: skip
+    run(core, NS)
+    assert caught_up(core, arrival(2 * MS, Request(1))) == []
+    assert core.state == (START, CALL, Timer(5 * MS, "b"), Timer(5 * MS, "a"))
+    assert core.host_late == 0
+
+
+# --- how far back -------------------------------------------------------------------------------------------------
+
+
+def steady(horizon_ns: int) -> Core:
+    """An engine at 1 s that handled a timer every 10 ms."""
+    every = Puppet(lambda event: (SetTimer("tick", event.now + 10 * MS),) if not isinstance(event, Received) else ())
+    core = core_of(every, horizon_ns=horizon_ns)
+    run(core, NS)
+    return core
+
+
+def test_a_frame_older_than_the_horizon_is_handled_at_once_and_counted() -> None:
+    core = steady(100 * MS)
+    late = caught_up(core, arrival(899 * MS, Request(1)))
+    assert (late, core.host_late, core.inversions) == ([], 1, 0)
+    run(core, NS + 1)
+    assert core.state[-2:] == (Timer(NS, "tick"), Received(NS + 1, Request(1), "peer"))
+
+
+def test_a_frame_within_the_horizon_is_not_late() -> None:
+    core = steady(100 * MS)
+    caught_up(core, arrival(901 * MS, Request(1)))
+    assert (core.host_late, core.inversions) == (0, 1)
+    assert core.state[-12:-9] == (
+        Timer(900 * MS, "tick"), Received(901 * MS, Request(1), "peer"), Timer(910 * MS, "tick")
+    )  # fmt: skip
+
+
+def test_a_frame_before_the_first_event_in_a_long_time_is_not_late() -> None:
+    """A listener heard nothing for 10 s; then two frames come 1 ms apart, in the wrong order."""
+    core = core_of(Puppet(), horizon_ns=100 * MS)
+    run(core, 0)
+    core.offer(arrival(10 * NS, Request(2)))
+    run(core, 10 * NS)
+    caught_up(core, arrival(10 * NS - MS, Request(1)))
+    assert [e.now for e in core.state] == [0, 10 * NS - MS, 10 * NS]
+    assert core.host_late == 0
+
+
+def test_a_frame_that_was_too_old_is_not_forgotten_by_what_is_undone_later() -> None:
+    core = steady(100 * MS)
+    caught_up(core, arrival(500 * MS, Request(1)), arrival(NS - MS, Request(2)))
+    run(core, NS + MS)
+    caught_up(core, arrival(NS - 2 * MS, Request(3)))
+    assert [e.message.chain for e in core.state if isinstance(e, Received)] == [3, 2, 1]
+    assert core.tally == {"delivered": 3}
+    assert (core.host_late, core.inversions) == (1, 2)
+
+
+def test_without_a_horizon_nothing_is_ever_undone() -> None:
+    core = core_of(Puppet(), horizon_ns=0)
+    core.offer(arrival(2 * MS, Request(2)))
+    run(core, NS)
+    caught_up(core, arrival(1 * MS, Request(1)))
+    run(core, NS)
+    assert [e.message.chain for e in core.state[1:]] == [2, 1]
+    assert core.host_late == 1
+
+
+# --- any order ----------------------------------------------------------------------------------------------------
+
+
+class Chaos:
+    """Whatever happens changes a number, and the number decides what the role does next: it forgives no disorder."""
+
+    kinds = frozenset({"request"})
+
+    def begin(self) -> int:
+        return 1
+
+    def handle(self, state: int, event: Event) -> tuple[int, tuple[Effect, ...]]:
+        match event:
+            case Received(now, Request(value), _):
+                chain, delays, other = mix(state, value), (0, MS, 3 * MS), "b"
+            case Timer(now, "b"):
+                chain, delays, other = mix(state, 3), (-MS, 0, MS), "a"
+            case Timer(now):
+                chain, delays, other = mix(state, 5), (MS, 2 * MS, 5 * MS), "b"
+            case _:
+                return mix(state, 7), (SetTimer("a", event.now + 2 * MS),)
+        soon = now + delays[chain % 3]
+        choices: tuple[tuple[Effect, ...], ...] = (
+            (Send(Reply(chain), "hub"), SetTimer("a", now + MS)),
+            (Send(Reply(chain), NEIGHBOURHOOD), Send(Reply(7), frozenset({"hub", "x"})), Note(f"{chain}")),
+            (CancelTimer("a"), SetTimer(other, soon)),
+            (Radio(False), SetTimer("c", now + 2 * MS), State("off")),
+            (Radio(True), Sample("sound"), SetTimer("a", now + 4 * MS)),
+            (Ignored("late"), CancelTimer("b")),
+            (),
+        )
+        return chain, choices[chain % len(choices)]
+
+
+class Echo:
+    """Its number hangs on the order of all that happened and it tells it, but what it sends does not."""
+
+    kinds = frozenset({"request"})
+
+    def begin(self) -> int:
+        return 1
+
+    def handle(self, state: int, event: Event) -> tuple[int, tuple[Effect, ...]]:
+        match event:
+            case Received(_, Request(value), sender):
+                chain = mix(state, value)
+                return chain, (Send(Reply(value), sender), State(f"{chain}"))
+            case Timer(now):
+                chain = mix(state, 5)
+                return chain, (Send(Feedback(1, now // MS), "hub"), SetTimer("a", now + 3 * MS), Note(f"{chain}"))
+        return state, (SetTimer("a", 3 * MS),)
+
+
+@dataclass(frozen=True)
+class Story:
+    """All that anybody can see of a life."""
+
+    state: int
+    tally: dict[str, int]
+    sent: tuple[Frame, ...]
+    told: list[Told | Refused]
+    host_late: int
+    inversions: int
+
+
+LAST, BEYOND = 20 * MS, 30 * MS
+"""Handling never runs ahead of the last frame's surroundings; all is compared a while later."""
+
+
+def live(role: Role[int], batches: Sequence[tuple[Sequence[Arrival], int, bool]], horizon_ns: int = NS) -> Story:
+    """Batches of frames, the number of events handled after each, and whether what is late is caught up with then."""
+    core = core_of(role, sense=lambda _, t_ns: t_ns, horizon_ns=horizon_ns)
+    outputs: list[Output] = []
+    for batch, steps, catch in batches:
+        for frame in batch:
+            core.offer(frame)
+        if catch:
+            outputs += core.catch_up()
+        for _ in range(steps):
+            if (key := core.next_key()) is not None and key[0] <= LAST:
+                outputs += core.handle_next()
+    outputs += core.catch_up()
+    outputs += run(core, BEYOND)
+    told: list[Told | Refused] = []
+    for output in outputs:
+        if isinstance(output, Undone):
+            told = [t for t in told if t.key < output.key]
+        elif isinstance(output, Told | Refused):
+            told.append(output)
+    return Story(core.state, core.tally, tuple(frames(outputs)), told, core.host_late, core.inversions)
+
+
+arrivals = st.lists(
+    st.builds(lambda t, value, src: arrival(t * MS, Request(value), src=src),
+              st.integers(1, 12), st.integers(0, 50), st.sampled_from("pqr")),
+    max_size=10,
+    unique_by=lambda a: (a.due_ns, a.frame.src),
+)  # fmt: skip
+
+
+@st.composite
+def disorders(draw: st.DrawFn) -> list[tuple[list[Arrival], int, bool]]:
+    """Any frames, cut into batches in any order, with any number of events handled in between."""
+    rest, batches = draw(arrivals), []
+    while rest:
+        size = draw(st.integers(1, len(rest)))
+        batches.append((rest[:size], draw(st.integers(0, 6)), draw(st.booleans())))
+        rest = rest[size:]
+    return [([], draw(st.integers(0, 6)), False), *batches]
+
+
+def in_order(role: Role[int], batches: Sequence[tuple[Sequence[Arrival], int, bool]]) -> Story:
+    return live(role, [([a for batch, _, _ in batches for a in batch], 0, False)])
+
+
+@settings(max_examples=400)
+@given(disorders())
+def test_any_order_gives_the_same_life(batches: list[tuple[list[Arrival], int, bool]]) -> None:
+    """State, counters and telemetry are those of a life in order; so are the frames, unless one left by mistake."""
+    right, real = in_order(Chaos(), batches), live(Chaos(), batches)
+    assert (right.host_late, right.inversions) == (0, 0)
+    assert (real.state, real.tally, real.told) == (right.state, right.tally, right.told)
+    identities = [frame.identity for frame in real.sent]
+    assert len(set(identities)) == len(identities)
+    assert {frame.identity for frame in right.sent} <= set(identities)
+    if real.host_late == 0:
+        assert set(real.sent) == set(right.sent)
+
+
+@settings(max_examples=200)
+@given(disorders())
+def test_order_leaves_no_trace_if_what_is_sent_does_not_hang_on_it(
+    batches: list[tuple[list[Arrival], int, bool]],
+) -> None:
+    right, real = in_order(Echo(), batches), live(Echo(), batches)
+    assert real.host_late == 0
+    assert len(real.sent) == len(right.sent)
+    assert set(real.sent) == set(right.sent)
+    assert (real.state, real.tally, real.told) == (right.state, right.tally, right.told)
+
+
+@settings(max_examples=200)
+@given(disorders(), st.integers(0, 6))
+def test_however_short_the_memory_every_frame_is_accounted_for(
+    batches: list[tuple[list[Arrival], int, bool]], horizon_ms: int
+) -> None:
+    real = live(Chaos(), batches, horizon_ns=horizon_ms * MS)
+    due = sum(len(batch) for batch, _, _ in batches)
+    assert real.tally.get("delivered", 0) + real.tally.get("asleep", 0) == due
+    assert len({frame.identity for frame in real.sent}) == len(real.sent)

@@ -1,0 +1,228 @@
+"""A host under the drivers: it lives like the roles that it is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.puppet import MS, arrival, core_of, frames, run
+from tests.toys import Feedback, Reply, Request, mix
+from trackfield.drivers.core import Core
+from trackfield.drivers.frames import Frame, Output, Refused, Told, Undone
+from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.drivers.virtual import Virtual
+from trackfield.host import Host
+from trackfield.role import (
+    NEIGHBOURHOOD,
+    NS,
+    CancelTimer,
+    Effect,
+    Event,
+    Ignored,
+    IllegalEvent,
+    Note,
+    Publish,
+    Radio,
+    Received,
+    Role,
+    Sample,
+    Sampled,
+    Send,
+    SetTimer,
+    Started,
+    Timer,
+    TrackPoint,
+)
+from trackfield.wire.messages import Doa
+
+# --- a host is a role like any other ------------------------------------------------------------------------------
+
+
+class Chain:
+    """Answers whatever happens as its number decides, and counts it in."""
+
+    def __init__(self, number: int, *, kinds: Iterable[str]) -> None:
+        self.number, self.kinds = number, frozenset(kinds)
+
+    def begin(self) -> int:
+        return self.number
+
+    def handle(self, state: int, event: Event) -> tuple[int, tuple[Effect, ...]]:
+        chain = mix(state, event.message.chain if isinstance(event, Received) else len(type(event).__name__))
+        choices: tuple[tuple[Effect, ...], ...] = (
+            (Send(Reply(chain), "me"), Note(f"{chain}"), Sample("sound"), Send(Reply(1), "far")),
+            (Send(Request(chain), frozenset({"me", "far"})), SetTimer("t", event.now + 3 * MS)),
+            (Radio(False), SetTimer("t", event.now + 2 * MS)),
+            (Radio(True), CancelTimer("t")),
+            (Ignored("late"),) if isinstance(event, Received) else (),
+            (Send(Request(chain), NEIGHBOURHOOD), SetTimer("u", event.now)) if isinstance(event, Received) else (),
+        )
+        return chain, choices[chain % len(choices)]
+
+
+requests = st.lists(
+    st.tuples(st.integers(1, 9), st.integers(0, 99), st.sampled_from("pqr")),
+    max_size=12,
+    unique_by=lambda request: (request[0], request[2]),
+)
+
+
+def life(role: Role[Any], calls: Sequence[tuple[int, int, str]]) -> tuple[Core, list[Output]]:
+    """A life with these requests (due in ms, number, sender), handed over in this order and late."""
+    core = core_of(role, sense=lambda _, t_ns: t_ns)
+    outputs = run(core, 5 * MS)
+    for t, number, src in calls:
+        core.offer(arrival(t * MS, Request(number), src=src))
+    outputs += core.catch_up()
+    return core, outputs + run(core, 20 * MS)
+
+
+@given(requests)
+def test_a_host_of_one_role_lives_the_life_of_that_role(calls: list[tuple[int, int, str]]) -> None:
+    """The same frames at the same times, the same account, and the same way to undo things."""
+    role = Chain(1, kinds=["request"])
+    (bare, said), (hosted, told) = life(role, calls), life(Host({"a": role}, id="me"), calls)
+    assert hosted.state.states == {"a": bare.state}
+    assert frames(told) == frames(said)
+    assert hosted.tally == bare.tally
+    assert (hosted.inversions, hosted.host_late) == (bare.inversions, bare.host_late)
+
+
+@given(requests)
+def test_a_host_is_pure(calls: list[tuple[int, int, str]]) -> None:
+    """The same event in the same state gives the same answer, and leaves that state as it was."""
+    hosting = Host({"a": Chain(1, kinds=["request"]), "b": Chain(2, kinds=["request", "reply"])}, id="me")
+    state = hosting.begin()
+    to_come = [Started(0), *(Received(t, Request(number), src) for t, number, src in calls)]
+    while state.asked or to_come:
+        event = Sampled(0, "sound", 1) if state.asked else to_come.pop(0)
+        before = replace(state, states=dict(state.states))
+        first, second = hosting.handle(state, event), hosting.handle(state, event)
+        assert first == second
+        assert state == before
+        state = first[0]
+
+
+# --- the same story as in two processes ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Sum:
+    """What a role made of all that it heard, and the step it is at."""
+
+    total: float = 0.0
+    step: int = 0
+
+
+class Teller:
+    """Tells its centre something every second; what it says hangs on the reply to what it said before."""
+
+    kinds = frozenset({"reply"})
+
+    def begin(self) -> Sum:
+        return Sum()
+
+    def handle(self, state: Sum, event: Event) -> tuple[Sum, tuple[Effect, ...]]:
+        match event:
+            case Received(_, Reply(chain)):
+                return replace(state, total=state.total + chain / 7), ()
+            case Started() | Timer():
+                step = state.step + 1
+                report = Doa(step, (state.total * 13 + step) % 359, (state.total % 97) + 1 / 3)
+                return replace(state, step=step), (Send(report, "centre"), SetTimer("step", step * NS))
+        raise IllegalEvent(str(event))
+
+
+class Centre:
+    """Adds up what it is told, replies to it, and half a second later publishes and broadcasts where it is."""
+
+    kinds = frozenset({"doa", "request"})
+
+    def begin(self) -> Sum:
+        return Sum()
+
+    def handle(self, state: Sum, event: Event) -> tuple[Sum, tuple[Effect, ...]]:
+        match event:
+            case Started():
+                return state, (SetTimer("step", NS // 2),)
+            case Timer(now):
+                state = replace(state, step=state.step + 1)
+                point = TrackPoint("centre", "t", state.step, "tracking", (state.total,))
+                broadcast = Send(Feedback(state.step, int(state.total)), NEIGHBOURHOOD)
+                return state, (Publish(point), broadcast, SetTimer("step", now + NS))
+            case Received(_, Doa(_, bearing_deg, level_db), sender):
+                state = replace(state, total=(state.total + bearing_deg * level_db) % 9973)
+                return state, (Send(Reply(int(state.total)), sender),)
+            case Received(_, Request(chain), sender):
+                state = replace(state, total=(state.total + chain) % 9973)
+                return state, (Send(Reply(int(state.total)), sender),)
+        raise IllegalEvent(str(event))
+
+
+class Listener:
+    """A distant role: hears the broadcasts, asks about each, and publishes what it was told."""
+
+    kinds = frozenset({"feedback", "reply"})
+
+    def begin(self) -> Sum:
+        return Sum()
+
+    def handle(self, state: Sum, event: Event) -> tuple[Sum, tuple[Effect, ...]]:
+        match event:
+            case Received(_, Feedback(step, chain)):
+                return Sum(state.total + chain, step), (Send(Request(chain % 100), "centre"),)
+            case Received(_, Reply(chain)):
+                state = replace(state, total=state.total + 3 * chain)
+                return state, (Publish(TrackPoint("listener", "t", state.step, "tracking", (state.total,))),)
+        return state, ()
+
+
+def teller_and_centre() -> Host:
+    return Host({"teller": Teller(), "centre": Centre()}, id="centre")
+
+
+class Witness:
+    """Sees all that is sent and told."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+        self.points: list[tuple[int, TrackPoint]] = []
+
+    def sent(self, frame: Frame) -> None:
+        self.frames.append(frame)
+
+    def told(self, process: str, output: Told | Refused | Undone) -> None:
+        if isinstance(output, Told) and isinstance(output.effect, Publish):
+            self.points.append((output.key[0], output.effect.estimate))
+
+
+def play(*processes: tuple[str, str]) -> tuple[Virtual, Witness]:
+    """Ten seconds of these (id, role of this module) beside the listener, over an ideal link."""
+    specs = [ProcessSpec(id, id, f"tests.test_host_story:{role}") for id, role in processes]
+    specs.append(ProcessSpec("listener", "listener", "tests.test_host_story:Listener", cells=("c0",)))
+    witness = Witness()
+    virtual = Virtual(RunSpec("host", 1, 10 * NS, {"model": "ideal"}), specs, witness)
+    virtual.run()
+    return virtual, witness
+
+
+def test_two_roles_in_one_process_tell_the_story_that_they_tell_in_two() -> None:
+    """A teller and its centre under one roof, or a link of 1 ms apart, which nothing that they do hangs on.
+
+    The states at the end, what is published when, and all frames from and to others are the same. Only the frames
+    between the two are gone from the air.
+    """
+    together, one = play(("centre", "teller_and_centre"))
+    apart, two = play(("teller", "Teller"), ("centre", "Centre"))
+    hosted = together.cores["centre"].state.states
+    assert hosted == {name: apart.cores[name].state for name in ("teller", "centre")}
+    assert together.cores["listener"].state == apart.cores["listener"].state
+    assert len(one.points) == 20
+    assert one.points == two.points
+    between = [f for f in two.frames if {f.src, f.to} == {"teller", "centre"}]
+    assert len(between) == 20
+    assert one.frames == [f for f in two.frames if f not in between]

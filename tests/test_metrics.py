@@ -1,0 +1,291 @@
+"""metrics.json: every key, exact figures of a tiny run, and never a figure that JSON does not have."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path as FilePath
+from typing import Any
+
+import pytest
+
+from launcher.ledger import Ledger
+from launcher.metrics import Metrics, run_metrics, tracker_metrics
+from launcher.records import FieldInfo, MessageRow, Plan
+from launcher.result import write_json
+from launcher.tables import TrackRow
+from tests.simulated import simulated, spcpf
+from trackfield.drivers.frames import Frame, Refused
+from trackfield.drivers.histogram import Histogram
+from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.role import NS, TrackPoint
+from trackfield.wire.codec import encode
+from trackfield.wire.messages import Doa
+from trackfield.world.path import Path
+
+DOCUMENT = FilePath(__file__).parents[1] / "docs" / "metrics.md"
+MS = 1_000_000
+
+KEYS = """
+scenario seed driver wall_s cpu_s
+trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,lost,steps}
+bound.position
+processes.{started,ready_s,died,pss_mb_per_node}
+frames.{sent,expected,delivered,late,duplicate,ignored}
+frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
+frames.host_lost frames.by_kind.<kind>.{sent,payload_bytes_max}
+bytes.{payload,on_air}
+latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
+host_latency_ms.{p50,p99}
+timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late}
+energy_j.{total,max_node,by,by_accounting}
+lifetime_s.{first_death,half_dead,coverage_lost,extrapolated}
+clock_error_ms.{rms,max}
+recorder.{messages,dropped}
+"""
+
+
+def expanded(keys: str) -> Iterator[str]:
+    for key in keys.split():
+        before, _, choices = key.partition("{")
+        yield from (before + choice for choice in choices.rstrip("}").split(","))
+
+
+def paths(metrics: Metrics, before: str = "") -> Iterator[str]:
+    """The path of each value; names of trackers and kinds as ``<name>`` and ``<kind>``."""
+    for name, value in metrics.items():
+        key = f"{before}{ {'trackers.': '<name>', 'frames.by_kind.': '<kind>'}.get(before, name) }"
+        if isinstance(value, dict):
+            yield from paths(value, f"{key}.")
+        else:
+            yield key
+
+
+# --- the keys ---------------------------------------------------------------------------------------------------------
+
+
+def test_every_key_is_there_and_no_other() -> None:
+    plan = spcpf(1, ["target.steps=5"])
+    metrics = run_metrics(plan, *simulated(plan))
+    assert set(paths(metrics)) == set(expanded(KEYS))
+    assert metrics["trackers"].keys() == {"fix-imm-ukf", "spcpf"}
+    assert metrics["frames"]["by_kind"].keys() == {"doa"}
+
+
+def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
+    plan = tiny()
+    metrics = run_metrics(plan, Ledger(plan.run, plan.processes), [])
+    by_kind = set(expanded("frames.by_kind.<kind>.{sent,payload_bytes_max}"))
+    assert set(paths(metrics)) == set(expanded(KEYS)) - by_kind
+    assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}
+    assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
+    assert metrics["trackers"]["t"] == {
+        "rmse": {"x": None, "y": None, "position": None, "velocity": None},
+        "median_error": None, "nees": None, "lost": True, "steps": 0,
+    }  # fmt: skip
+
+
+def table(heading: str) -> list[list[str]]:
+    """The cells of the table under a heading of the document, without its two head rows."""
+    text = DOCUMENT.read_text().partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip("` ") for cell in row] for row in rows[2:]]
+
+
+def test_the_document_tells_each_key_in_their_order() -> None:
+    rows = table("metrics.json")
+    assert [row[0] for row in rows] == list(expanded(KEYS))
+    for key, unit, meaning in rows:
+        assert meaning
+        suffix = key.partition(".")[0].rpartition("_")[2]
+        assert unit in {"s": ("s", ""), "ms": ("ms",), "j": ("J",)}.get(suffix, (unit,))
+
+
+@pytest.mark.parametrize(("file", "which"), [("messages.parquet", "messages"), ("tracks.parquet", "tracks")])
+def test_the_document_tells_each_column_of_the_tables(tmp_path: FilePath, file: str, which: str) -> None:
+    import pyarrow.parquet as pq
+
+    from launcher.tables import write_messages, write_tracks
+
+    plan = spcpf(1, ["target.steps=3"])
+    ledger, tracks = simulated(plan)
+    if which == "messages":
+        write_messages(ledger.rows, tmp_path / file)
+    else:
+        write_tracks(tracks, tmp_path / file)
+    columns = [[column.name, str(column.type)] for column in pq.read_schema(tmp_path / file)]
+    plain = [[name, type.replace("&lt;", "<").replace("&gt;", ">")] for name, type, *_ in table(file)]
+    assert plain == [[name, type.replace("element: ", "")] for name, type in columns]
+
+
+def test_the_document_names_every_file_of_a_run_folder() -> None:
+    text = DOCUMENT.read_text().partition("\n## ")[0]
+    for file in ("scenario.toml", "target.gpx", "manifest.json", "run.rrd", "messages.parquet", "tracks.parquet",
+                 "metrics.json", "logs/<process>.log"):  # fmt: skip
+        assert f"`{file}`" in text
+
+
+# --- a tiny run -------------------------------------------------------------------------------------------------------
+
+
+def tiny() -> Plan:
+    """Two nodes, a centre, and a target that goes east at 1 m/s for 4 s."""
+    run = RunSpec("tiny", 7, 5 * NS, {"model": "fixed", "loss": 0.0, "delay_ms": 10}, 2.0)
+    processes = (ProcessSpec("fusion", "fusion", "none"), *(ProcessSpec(n, "node", "none") for n in ("n0", "n1")))
+    path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (4.0, 4.0, 0.0, 1.0, 0.0)])
+    info = FieldInfo(run.run, "tiny-scenario", (), (), (), ("t",), 5.0)
+    return Plan(run, processes, path, info, NS)
+
+
+COVARIANCE = (9.0, 0, 0, 0, 0, 16.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0)
+
+
+def point(
+    step: int,
+    error: tuple[float, ...] | None,
+    *,
+    told_ms: int = 300,
+    covariance: tuple[float, ...] = COVARIANCE,
+    truth: bool = True,
+) -> TrackRow:
+    """A point off by ``error`` (None: no track), published ``told_ms`` after its instant."""
+    true = (float(step), 0.0, 1.0, 0.0)
+    mean = () if error is None else tuple(a + b for a, b in zip(true, error, strict=True))
+    told = TrackPoint("t", "target", step, "tracking" if mean else "waiting", mean, covariance if mean else ())
+    return TrackRow(step * NS + told_ms * MS, step * NS, told, true if truth else None)
+
+
+def errors_of(*tracks: TrackRow) -> Any:
+    return tracker_metrics(tracks, ["t"])["t"]
+
+
+def test_errors_are_those_of_the_formulas() -> None:
+    found = errors_of(point(1, (3, 4, 0, 0)), point(2, (0, 0, 0, 1)))
+    assert found == {
+        "rmse": {"x": (9 / 2) ** 0.5, "y": (16 / 2) ** 0.5, "position": (25 / 2) ** 0.5, "velocity": (1 / 2) ** 0.5},
+        "median_error": 2.5,  # of 5 and 0
+        "nees": pytest.approx((1 + 1 + 1) / 2),  # 3^2/9 + 4^2/16 in the first step, 1^2/1 in the second
+        "lost": False,
+        "steps": 2,
+    }
+
+
+def test_steps_without_a_track_or_a_truth_are_left_out() -> None:
+    found = errors_of(point(1, None), point(2, (3, 4, 0, 0)), point(3, (9, 9, 9, 9), truth=False))
+    assert (found["steps"], found["rmse"]["position"], found["lost"]) == (1, 5.0, False)
+
+
+@pytest.mark.parametrize(
+    ("last", "lost"), [((50.0, 0, 0, 0), False), ((50.001, 0, 0, 0), True), ((30.0, 40.001, 0, 0), True), (None, True)]
+)
+def test_lost_is_who_ends_far_off_or_without_a_track(last: tuple[float, ...] | None, lost: bool) -> None:
+    assert errors_of(point(1, (9, 0, 0, 0)), point(2, last))["lost"] is lost
+
+
+def test_who_found_its_way_back_is_not_lost() -> None:
+    assert errors_of(point(1, (99, 0, 0, 0)), point(2, (9, 0, 0, 0)))["lost"] is False
+
+
+def test_each_tracker_has_its_own_errors() -> None:
+    tracks = [point(1, (3, 4, 0, 0)), point(2, (3, 4, 0, 0))]
+    found = tracker_metrics(tracks, ["t", "other"])
+    assert (found["t"]["steps"], found["other"]["steps"]) == (2, 0)
+    assert (found["t"]["lost"], found["other"]["lost"]) == (False, True)
+
+
+def test_a_whole_tiny_run() -> None:
+    plan = tiny()
+    ledger = Ledger(plan.run, plan.processes)
+    payload = encode(Doa(1, 90.0, 60.0))
+    assert len(payload) < 16
+    sent = [
+        Frame("n0", 0, "doa", 1000 * MS, 0, "fusion", "field", payload),  # delivered
+        Frame("n1", 0, "doa", 1040 * MS, 0, "fusion", "field", payload),  # delivered
+        Frame("n1", 0, "doa", 1400 * MS, 0, "fusion", "field", payload),  # late
+        Frame("n0", 0, "doa", 4995 * MS, 0, "fusion,n1", "field", payload),  # to two, in flight at the end
+    ]
+    for frame in sent:
+        ledger.sent(frame)
+    ledger.told("fusion", Refused(sent[2].key(1410 * MS), "late"))
+    slip, latency = Histogram(), Histogram()
+    slip.add(2 * MS)
+    latency.add(MS)
+    both = {"slip": dict(slip.counts), "latency": dict(latency.counts)}
+    ledger.final("fusion", {"delivered": 3, "late": 1, "inversions": 2, "duplicate": 1, "malformed": 4, **both})
+    ledger.final("n0", {"sent": 2, "inversions": 1, **both})
+    ledger.final("n1", {"sent": 5, "host_late": 3, **both})
+    ledger.close()
+    metrics = run_metrics(plan, ledger, [point(1, (3, 4, 0, 0)), point(2, (0, 0, 0, 1), told_ms=301)])
+
+    assert (metrics["scenario"], metrics["seed"]) == ("tiny-scenario", 7)
+    assert metrics["processes"]["started"] == 3
+    assert metrics["frames"] == {
+        "sent": 4, "expected": 5, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 4,
+        "lost": {"radio": 0, "partition": 0, "in_flight": 2, "asleep": 0, "frozen": 0, "dead": 0, "overflow": 0},
+        "host_lost": 0,
+        "by_kind": {"doa": {"sent": 4, "payload_bytes_max": len(payload)}},
+    }  # fmt: skip
+    assert metrics["bytes"]["payload"] == 4 * len(payload)
+    assert metrics["latency_ms"] == {
+        "link": dict.fromkeys(("p50", "p95", "p99", "max"), 10.0),
+        # Step 1 was told at 1300 ms: 300 and 260 ms after its reports in time were sent.
+        "to_filter": pytest.approx({"p50": 280.0, "p95": 298.0, "p99": 299.6, "max": 300.0}),
+        "to_track": pytest.approx({"p50": 300.5, "p95": 300.95, "p99": 300.99, "max": 301.0}),
+    }
+    assert metrics["timing"] == {
+        "speed": 2.0, "slip_ms": pytest.approx({"p50": 2.0, "p99": 2.0}, rel=0.026), "inversions": 3, "host_late": 3,
+    }  # fmt: skip
+    assert metrics["host_latency_ms"] == pytest.approx({"p50": 1.0, "p99": 1.0}, rel=0.026)
+    assert metrics["recorder"]["dropped"] == 3  # n1 sent 5, and 2 were seen
+
+
+def test_what_the_host_lost_is_not_delivered() -> None:
+    plan = tiny()
+    ledger = Ledger(plan.run, plan.processes)
+    for t_ms in (100, 200, 300):
+        ledger.sent(Frame("n0", 0, "doa", t_ms * MS, 0, "fusion", "field", b"?"))
+    ledger.final("fusion", {"delivered": 1})
+    ledger.close()
+    frames = run_metrics(plan, ledger, [])["frames"]
+    assert (frames["expected"], frames["delivered"], frames["host_lost"]) == (3, 1, 2)
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
+
+
+@pytest.mark.parametrize("settings", [["link.loss=0.3"], ["link.model=gilbert_elliott"], []])
+def test_expected_is_delivered_and_lost(settings: list[str]) -> None:
+    plan = spcpf(2, settings)
+    frames = run_metrics(plan, *simulated(plan))["frames"]
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) > 200
+    assert frames["host_lost"] == 0
+    assert (frames["lost"]["radio"] > 0) == bool(settings)
+
+
+# --- figures that JSON does not have ----------------------------------------------------------------------------------
+
+
+def test_an_infinite_nees_is_nothing_to_say() -> None:
+    """A covariance without any extent, and an error all the same."""
+    found = errors_of(point(1, (3, 4, 0, 0), covariance=(0.0,) * 16))
+    assert found["nees"] is None
+    assert found["rmse"]["position"] == 5.0
+    assert errors_of(point(1, (0, 0, 0, 0), covariance=(0.0,) * 16))["nees"] == 0.0
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_no_file_is_written_with_what_is_no_number(tmp_path: FilePath, value: float) -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        write_json({"a": {"b": [value]}}, tmp_path / "metrics.json")
+    assert not (tmp_path / "metrics.json").exists()
+
+
+def test_what_is_written_reads_back(tmp_path: FilePath) -> None:
+    plan = spcpf(1, ["target.steps=5"])
+    metrics = run_metrics(plan, *simulated(plan))
+    write_json(metrics, tmp_path / "metrics.json")
+    assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
+
+
+def test_a_row_of_messages_is_a_message_row() -> None:
+    """The document's columns are the record's fields, in some order that both share."""
+    assert [row[0] for row in table("messages.parquet")] == [field.name for field in fields(MessageRow)]

@@ -1,0 +1,228 @@
+"""What a person sees of a run, in a terminal and without one."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+from rich.live import Live
+
+from launcher import show
+from launcher.ledger import Ledger
+from launcher.metrics import Metrics, run_metrics
+from launcher.records import Plan
+from launcher.run import Outcome
+from tests.simulated import simulated, spcpf
+
+STATUS: dict[str, Any] = {
+    "t_s": 2.4,
+    "sent": 90,
+    "outcomes": {"delivered": 70, "late": 4, "ignored": 1, "radio": 9, "asleep": 6},
+    "states": {"asleep": 100, "reporting": 4},
+    "errors": {"fix-imm-ukf": 1.234, "spcpf": None},
+}
+
+Said = Callable[[], str]
+
+
+@pytest.fixture
+def plan() -> Plan:
+    return spcpf(1, ["target.steps=5"])
+
+
+@pytest.fixture
+def said(monkeypatch: pytest.MonkeyPatch) -> Said:
+    """All that was said so far, to somebody without a terminal."""
+    stream = io.StringIO()
+    monkeypatch.setattr(show, "console", Console(file=stream, width=300, highlight=False))
+    return stream.getvalue
+
+
+# --- while it runs ----------------------------------------------------------------------------------------------------
+
+
+def test_quiet_says_nothing(plan: Plan, said: Said, capfd: pytest.CaptureFixture[str]) -> None:
+    with show.observing(plan, quiet=True) as observer:
+        observer.starting(0, 122)
+        observer.running({})
+        observer.running(STATUS)
+    assert said() == ""
+    assert capfd.readouterr() == ("", "")
+
+
+def test_lines_say_once_that_processes_start(plan: Plan, said: Said) -> None:
+    with show.observing(plan, quiet=False) as observer:
+        for ready in (0, 50, 122):
+            observer.starting(ready, 122)
+    assert said() == "starting 122 processes ...\n"
+
+
+def test_lines_wait_for_the_first_status(plan: Plan, said: Said) -> None:
+    with show.observing(plan, quiet=False) as observer:
+        observer.running({})
+        observer.running({**STATUS, "t_s": 0.0})  # nothing has begun
+        assert said() == ""
+        observer.running(STATUS)
+    assert said() == (
+        "t = 2 s of 6: frames sent 90; delivered 75; lost (asleep) 6; lost (radio) 9; "
+        "error: fix-imm-ukf 1.23 m, spcpf -\n"
+    )
+
+
+def test_lines_come_only_so_often(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = show.Lines(plan)
+    for after_s, told in ((0.0, 1), (show.PLAIN_EVERY_S - 0.1, 1), (show.PLAIN_EVERY_S, 2)):
+        monkeypatch.setattr(show.time, "monotonic", lambda at=1000.0 + after_s: at)
+        lines.running(STATUS)
+        assert said().count("t = 2 s") == told
+
+
+def test_a_status_of_a_run_that_has_just_begun_can_be_shown(plan: Plan, said: Said) -> None:
+    bare = {"t_s": 0.1, "sent": 0, "outcomes": {}, "states": {}, "errors": {}}
+    show.Lines(plan).running(bare)
+    assert said() == "t = 0 s of 6: frames sent 0; delivered 0; error: -\n"
+    with Live(console=show.console) as live:
+        show.Screen(plan, live).running(bare)
+
+
+def drawn(live: Live) -> str:
+    console = Console(width=100)
+    with console.capture() as text:
+        console.print(live.renderable)
+    return text.get()
+
+
+def test_the_screen_counts_who_is_ready_and_then_shows_a_table(plan: Plan, said: Said) -> None:
+    with Live(console=show.console) as live:
+        screen = show.Screen(plan, live)
+        screen.starting(17, 122)
+        assert drawn(live) == "starting processes: 17 of 122 ready\n"
+        screen.running({})  # no status yet: it stays
+        assert drawn(live) == "starting processes: 17 of 122 ready\n"
+        screen.running(STATUS)
+        table = drawn(live)
+    assert "spcpf  t = 2 / 6 s" in table
+    for cell in ("asleep 100", "reporting 4", "frames sent 90", "delivered 75", "lost (radio) 9", "fix-imm-ukf 1.23 m"):
+        assert cell in table
+
+
+def test_a_terminal_gets_the_screen(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=100)
+    monkeypatch.setattr(show, "console", terminal)
+    with show.observing(plan, quiet=False) as observer:
+        assert isinstance(observer, show.Screen)
+        observer.running(STATUS)
+    with show.observing(plan, quiet=True) as observer:
+        assert isinstance(observer, show.Quiet)
+
+
+# --- before and after -------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_is_announced_with_its_gaps(plan: Plan, said: Said) -> None:
+    show.announce(replace(plan, info=replace(plan.info, gaps=((3.0, 41.5), (50.0, 62.0)))))
+    assert said().splitlines() == [
+        "spcpf: 121 sensor nodes, 6 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf",
+        "note: the track has no fixes from 3.0 s to 41.5 s (38 s): a straight line stands in",
+        "note: the track has no fixes from 50.0 s to 62.0 s (12 s): a straight line stands in",
+    ]
+
+
+def metrics_of(plan: Plan) -> Metrics:
+    return run_metrics(plan, *simulated(plan))
+
+
+def outcome(metrics: Metrics, *complaints: str, signal: int | None = None) -> Outcome:
+    return Outcome(Path("runs/a"), metrics, complaints, signal)
+
+
+def rows(text: str) -> dict[str, list[str]]:
+    """The cells of a table by the first of their row."""
+    cells = [[cell.strip() for cell in line.strip("│").split("│")] for line in text.splitlines() if "│" in line]
+    return {row[0]: row[1:] for row in cells}
+
+
+def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(show.shutil, "which", lambda name: f"/bin/{name}")
+    metrics = metrics_of(plan)
+    metrics["trackers"]["spcpf"] |= {
+        "rmse": {"position": 1.234, "velocity": 5.678},
+        "median_error": 0.999,
+        "lost": True,
+    }
+    metrics["frames"] |= {"sent": 20, "delivered": 15, "late": 2, "lost": {"radio": 4, "asleep": 0, "dead": 1}}
+    show.conclude(outcome(metrics))
+    table = rows(said())
+    assert table["spcpf"] == ["1.23 m", "1.00 m", "5.68 m/s", "5", "lost"]
+    assert table["fix-imm-ukf"][-2:] == ["5", ""]
+    assert "frames: sent 20, delivered 15 (late 2); lost: radio 4, dead 1" in said()
+    assert said().splitlines()[-2:] == ["run folder: runs/a", "next: trackfield view runs/a"]
+    assert "failed" not in said()
+
+
+def test_a_tracker_without_a_track_has_no_figures(said: Said) -> None:
+    plan = spcpf(1, ["target.steps=5", "link.loss=1", "fusion.prior=none"])
+    show.conclude(outcome(metrics_of(plan)))
+    assert rows(said())["spcpf"] == ["-", "-", "-", "0", "lost"]
+    assert "the link delivered none of" in said()
+
+
+def test_figures_in_doubt_are_called_so(plan: Plan, said: Said) -> None:
+    metrics = metrics_of(plan)
+    metrics["timing"]["host_late"] = 3
+    show.conclude(outcome(metrics))
+    assert "3 events came too late on this machine" in said()
+    assert "a lower --speed, or --virtual, is exact" in said()
+
+
+def test_a_run_without_any_frame_says_so(plan: Plan, said: Said) -> None:
+    show.conclude(outcome(run_metrics(plan, Ledger(plan.run, plan.processes), [])))
+    assert "no frame was sent: no tracker had anything to go by" in said()
+    assert "none of" not in said()
+
+
+def test_a_run_in_which_all_is_well_has_nothing_to_add(plan: Plan, said: Said) -> None:
+    show.conclude(outcome(metrics_of(plan)))
+    after = said().partition("lost: none")[2].split()
+    assert after[:2] == ["run", "folder:"]
+
+
+def test_complaints_are_told_as_they_are_but_not_all(plan: Plan, said: Said) -> None:
+    complaints = ["n017 died at 3.1 s: signal 9; its log ends:\n[/] [red]x[/red]", "n018 died", "n019 died", "a", "b"]
+    show.conclude(outcome(metrics_of(plan), *complaints))
+    for complaint in complaints[:3]:
+        assert f"failed: {complaint}" in said()
+    assert "failed: a" not in said()
+    assert "... and 2 more (metrics.json has all)" in said()
+
+
+def test_a_run_that_nobody_recorded_still_has_its_complaint(plan: Plan, said: Said) -> None:
+    metrics = metrics_of(plan)
+    metrics["trackers"] = dict.fromkeys(metrics["trackers"])
+    metrics["frames"] = dict.fromkeys(metrics["frames"])
+    metrics["timing"] = dict.fromkeys(metrics["timing"])
+    show.conclude(outcome(metrics, "recorder died at 2.0 s: signal 9"))
+    first, *_, folder, _ = said().splitlines()
+    assert first == "failed: recorder died at 2.0 s: signal 9"
+    assert folder == "run folder: runs/a"
+    assert "no frame was sent" not in said()
+
+
+def test_an_early_end_is_told(plan: Plan, said: Said) -> None:
+    show.conclude(outcome(metrics_of(plan), signal=2))
+    assert "ended early; everything up to then is in the run folder" in said()
+
+
+def test_without_a_program_on_the_path_the_next_command_names_this_one(
+    plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(show.shutil, "which", lambda name: None)
+    monkeypatch.setattr("sys.argv", [str(tmp_path / ".venv/bin/trackfield"), "run"])
+    show.conclude(outcome(metrics_of(plan)))
+    assert said().endswith("next: .venv/bin/trackfield view runs/a\n")

@@ -1,0 +1,69 @@
+"""Telemetry survives its way to the recorder, to the last bit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trackfield.drivers.frames import Frame, Refused, Told, Undone
+from trackfield.drivers.telemetry import Telemetry, pack, unpack
+from trackfield.role import Note, Publish, Radio, State, TrackPoint
+
+WORDS = st.text(max_size=20)
+TIMES = st.integers(-(2**63), 2**63 - 1)
+NUMBERS = st.floats(allow_nan=False)
+
+KEYS = st.one_of(
+    st.tuples(TIMES, st.just(0), WORDS),
+    st.tuples(TIMES, st.just(1), WORDS, WORDS, TIMES, st.integers(0, 99), st.integers(0, 9), WORDS),
+    st.tuples(TIMES, st.just(2), TIMES, WORDS),
+)
+POINTS = st.builds(
+    TrackPoint,
+    tracker=WORDS,
+    target=WORDS,
+    step=st.integers(0, 2**31),
+    status=st.sampled_from(["waiting", "tracking", "coasting"]),
+    mean=st.one_of(st.just(()), st.tuples(*[NUMBERS] * 4)),
+    covariance=st.one_of(st.just(()), st.tuples(*[NUMBERS] * 16)),
+    reports=st.integers(0, 999),
+    particles=st.binary(max_size=64),
+)
+EFFECTS = st.one_of(
+    st.builds(State, WORDS, WORDS),
+    st.builds(Radio, st.booleans(), st.sampled_from(["field", "backbone"])),
+    st.builds(Publish, POINTS),
+    st.builds(Note, WORDS),
+)
+
+
+@given(st.one_of(st.builds(Told, KEYS, EFFECTS), st.builds(Refused, KEYS, WORDS), st.builds(Undone, KEYS)))
+def test_what_is_told_arrives_as_it_was_told(output: Telemetry) -> None:
+    assert unpack(pack(output)) == output
+
+
+def test_keys_still_sort_among_those_of_frames() -> None:
+    """The ledger looks a refusal up by the key that it makes of the frame itself."""
+    frame = Frame("n0", 0, "doa", 5, 0, "fusion", "field", b"")
+    arrived = unpack(pack(Refused(frame.key(7), "late")))
+    assert isinstance(arrived, Refused)
+    assert arrived.key == frame.key(7)
+    assert {frame.key(7): "found"}[arrived.key] == "found"
+    assert (7, 0, "start") < arrived.key < (7, 2, 7, "deadline")
+
+
+@pytest.mark.parametrize("body", [("rumour", (1, 2)), ("told", (1, 2), "x"), ("", ())])
+def test_telemetry_of_no_known_kind_is_refused(body: tuple[Any, ...]) -> None:
+    with pytest.raises(ValueError, match="unknown telemetry"):
+        unpack(msgpack.packb(body))
+
+
+def test_half_a_message_is_refused() -> None:
+    whole = pack(Told((1, 2, 1, "t"), Publish(TrackPoint("t", "x", 1, "tracking", (1.0,) * 4))))
+    for length in range(len(whole)):
+        with pytest.raises(ValueError, match=r"incomplete|exceeds"):
+            unpack(whole[:length])
