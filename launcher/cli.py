@@ -50,7 +50,7 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a scenario and leave a run folder with its timeline, tables and metrics."""
-    from launcher.prepare import keep, load, planned
+    from launcher.prepare import check_endpoint, keep, load, planned
     from launcher.run import prepare_folder, run_processes, run_virtual
     from launcher.show import announce, conclude, observing
 
@@ -66,6 +66,7 @@ def run(
         trackers=tracker or (),
     )
     plan = planned(resolved, speed)
+    check_endpoint(connect)
     folder = prepare_folder(out, resolved.name, resolved.seed)
     keep(resolved, folder)
     if not quiet:

@@ -29,6 +29,7 @@ from trackfield.drivers.session import open_client
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 
+CONNECT_TIMEOUT_S: Final = 10.0
 READY_TIMEOUT_S: Final = 60.0
 LEAD_S: Final = 0.5
 LEAD_PER_PROCESS_S: Final = 0.001
@@ -123,7 +124,11 @@ class Deployment:
                 fork(p.id, zygote.run_role, self.endpoint, run, p.id, title, logs / f"{p.id}.log")
 
     def _connect(self) -> None:
-        self.session = open_client(self.endpoint, self.plan.run.run)
+        try:
+            self.session = open_client(self.endpoint, self.plan.run.run, CONNECT_TIMEOUT_S)
+        except zenoh.ZError as error:
+            what = f"no Zenoh router answers at {self.endpoint} (or it refuses this one's credentials)"
+            raise RunFailed(f"{what}: {error}") from None
         subscribe = self.session.declare_subscriber
         self._held = [
             self.session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),

@@ -53,15 +53,20 @@ def tracker_metrics(tracks: Sequence[TrackRow], names: Iterable[str]) -> Metrics
     return {name: _tracker([r for r in tracks if r.point.tracker == name]) for name in names}
 
 
+def _has_track(row: TrackRow) -> bool:
+    """Whether there is a track; a filter that diverged to what is no number has none."""
+    return bool(row.point.mean) and all(map(isfinite, (*row.point.mean, *row.point.covariance)))
+
+
 def _tracker(rows: Sequence[TrackRow]) -> Metrics:
-    known = [r for r in rows if r.point.mean and r.truth is not None]
+    known = [r for r in rows if _has_track(r) and r.truth is not None]
     if not known:
         nothing = dict.fromkeys(("x", "y", "position", "velocity"))
         return {"rmse": nothing, "median_error": None, "nees": None, "lost": True, "steps": 0}
     errors = np.array([r.point.mean for r in known]) - np.array([r.truth for r in known])
     covariances = np.array([r.point.covariance for r in known]).reshape(-1, 4, 4)
     nees = float(score.nees(errors, covariances).mean())
-    ended_without = not rows[-1].point.mean
+    ended_without = not _has_track(rows[-1])
     return {
         "rmse": {
             "x": score.rmse(errors[:, 0:1]),

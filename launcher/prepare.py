@@ -6,7 +6,7 @@ import shutil
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from launcher.plan import make_plan
 from launcher.records import Plan
@@ -15,6 +15,9 @@ from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
 from trackfield.scenario.sections import FromFile
+
+PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
+"""What Zenoh can listen on."""
 
 
 def load(
@@ -61,6 +64,14 @@ def keep(scenario: Scenario, folder: Path) -> None:
         target = scenario.target.model_copy(update={"file": copy.name})
         scenario = scenario.model_copy(update={"target": target})
     (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
+
+
+def check_endpoint(endpoint: str) -> None:
+    """Raise ``ScenarioError`` unless this can be where a Zenoh router listens (empty: a router of our own)."""
+    protocol, _, place = endpoint.partition("/")
+    if endpoint and not (protocol in PROTOCOLS and place):
+        expected = f"PROTOCOL/ADDRESS, like tcp/127.0.0.1:7447 (protocols: {', '.join(PROTOCOLS)})"
+        raise ScenarioError(f"is {endpoint!r}", key="--connect", expected=expected)
 
 
 def remarks(plan: Plan) -> list[str]:

@@ -58,7 +58,7 @@ class Outcome:
 
 def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
     """An empty folder for the run. Raises ``ScenarioError`` if there is something in it or it cannot be written."""
-    stamp = datetime.now().strftime("%Y%m%dT%H%M%S")
+    stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
     folder = out or Path("runs") / f"{scenario}-{seed}-{stamp}"
     try:
         folder.mkdir(parents=True, exist_ok=True)

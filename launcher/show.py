@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import sys
 import time
@@ -115,13 +116,13 @@ def conclude(outcome: Outcome) -> None:
         for line in _alarms(metrics):
             console.print(f"[bold red]{line}[/]")
     for complaint in outcome.complaints[:MAX_COMPLAINTS]:
-        console.print("[bold red]failed:[/]", Text(complaint))
+        console.print("[bold red]failed:[/]", Text(complaint), soft_wrap=True)
     if len(outcome.complaints) > MAX_COMPLAINTS:
         console.print(f"[bold red]... and {len(outcome.complaints) - MAX_COMPLAINTS} more[/] (metrics.json has all)")
     if outcome.signal is not None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
-    console.print(f"run folder: {outcome.folder}")
-    console.print(f"next: {_program()} view {outcome.folder}")
+    folder = str(outcome.folder)
+    console.print(Text(f"run folder: {folder}\nnext: {_program()} view {shlex.quote(folder)}"), soft_wrap=True)
 
 
 def _fates(status: dict[str, Any]) -> list[str]:

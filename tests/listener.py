@@ -1,4 +1,4 @@
-"""Counts a run's frames with nothing but zenoh: ``python listener.py ENDPOINT RUN``; prints the count when told to end."""
+"""Counts a run's frames with plain zenoh: ``python listener.py ENDPOINT RUN``, until a line comes on stdin."""
 
 import json
 import sys

@@ -35,7 +35,7 @@ class Run:
         return json.loads((self.folder / "metrics.json").read_text())  # type: ignore[no-any-return]
 
     def manifest(self) -> dict[str, Any]:
-        return json.loads(until(lambda: (self.folder / "manifest.json").read_text()))  # type: ignore[no-any-return]
+        return json.loads(until((self.folder / "manifest.json").read_text))  # type: ignore[no-any-return]
 
     def family(self) -> dict[str, psutil.Process]:
         """All processes of the run by title, without "trackfield"."""

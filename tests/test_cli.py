@@ -34,7 +34,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
 def test_a_folder_of_its_own_carries_scenario_seed_and_time(trackfield: Call, tmp_path: Path) -> None:
     assert trackfield("run", "spcpf", *SHORT, "--seed", "7", "--quiet").code == 0
     (run,) = (tmp_path / "runs").iterdir()
-    assert re.fullmatch(r"spcpf-7-\d{8}T\d{6}", run.name)
+    assert re.fullmatch(r"spcpf-7-\d{8}T\d{6}\.\d{3}", run.name)
 
 
 def test_an_empty_folder_will_do(trackfield: Call, tmp_path: Path) -> None:

@@ -48,6 +48,8 @@ def assert_refused(said: Said, *parts: str) -> None:
         ([*NOWHERE, "--tracker", "fix-ukf"], ["fusion.trackers: unknown tracker", "did you mean fix-imm-ukf?"]),
         ([*NOWHERE, "--tracker", "spcpf", "--tracker", "spcpf"], ["'spcpf' is there twice"]),
         ([*NOWHERE, "--set", "sensor.treshold=0.7"], ["sensor.treshold: unknown", "did you mean threshold?"]),
+        (["run", "spcpf", "--connect", "nonsense"], ["--connect: is 'nonsense'", "tcp/127.0.0.1:7447"]),
+        ([*NOWHERE, "--set", "link.los=0.1"], ["link.los: unknown", "did you mean loss?"]),
         ([*NOWHERE, "--set", "sensors.alpha=2"], ["sensors: unknown", "did you mean sensor?"]),
         ([*NOWHERE, "--set", "fusion.deadline=1"], ["fusion.deadline: unknown", "did you mean deadline_s?"]),
     ],

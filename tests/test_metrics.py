@@ -273,6 +273,14 @@ def test_an_infinite_nees_is_nothing_to_say() -> None:
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_a_state_that_is_no_number_is_no_track(value: float) -> None:
+    good = point(1, (3, 4, 0, 0))
+    for bad in (point(2, (value, 0, 0, 0)), point(2, (0, 0, 0, 0), covariance=(value,) * 16)):
+        found = errors_of(good, bad)
+        assert (found["steps"], found["rmse"]["position"], found["lost"]) == (1, 5.0, True)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
 def test_no_file_is_written_with_what_is_no_number(tmp_path: FilePath, value: float) -> None:
     with pytest.raises(ValueError, match="JSON"):
         write_json({"a": {"b": [value]}}, tmp_path / "metrics.json")

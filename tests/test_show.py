@@ -165,6 +165,15 @@ def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monk
     assert "failed" not in said()
 
 
+def test_a_folders_name_stays_whole_whatever_the_width(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both lines are there to be copied, or read by a script."""
+    show.console.width = 60
+    monkeypatch.setattr(show.shutil, "which", lambda name: f"/bin/{name}")
+    folder = f"runs/{'long-' * 30}/[red] a b"
+    show.conclude(replace(outcome(metrics_of(plan)), folder=Path(folder)))
+    assert said().splitlines()[-2:] == [f"run folder: {folder}", f"next: trackfield view '{folder}'"]
+
+
 def test_a_tracker_without_a_track_has_no_figures(said: Said) -> None:
     plan = spcpf(1, ["target.steps=5", "link.loss=1", "fusion.prior=none"])
     show.conclude(outcome(metrics_of(plan)))

@@ -16,7 +16,6 @@ _CLIENT: Final[Mapping[str, Any]] = {
     "listen/endpoints": [],
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
-    "connect/timeout_ms": 60_000,
     "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
 }
 _ROUTER: Final[Mapping[str, Any]] = {
@@ -27,9 +26,10 @@ _ROUTER: Final[Mapping[str, Any]] = {
 }
 
 
-def open_client(endpoint: str, namespace: str) -> zenoh.Session:
-    """Join the run ``namespace`` through the router at ``endpoint``."""
-    return _open({**_CLIENT, "connect/endpoints": [endpoint], "namespace": namespace})
+def open_client(endpoint: str, namespace: str, timeout_s: float = 60.0) -> zenoh.Session:
+    """Join the run ``namespace`` through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
+    timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
+    return _open({**_CLIENT, **timeout, "connect/endpoints": [endpoint], "namespace": namespace})
 
 
 def open_router(*endpoints: str) -> zenoh.Session:

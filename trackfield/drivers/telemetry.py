@@ -29,19 +29,22 @@ def pack(output: Telemetry) -> bytes:
 
 
 def unpack(data: bytes) -> Telemetry:
-    """The inverse of ``pack``."""
-    name, key, *fields = msgpack.unpackb(data, use_list=False)
-    match name:
-        case "publish":
-            return Told(key, Publish(TrackPoint(*fields)))
-        case "state":
-            return Told(key, State(*fields))
-        case "radio":
-            return Told(key, Radio(*fields))
-        case "note":
-            return Told(key, Note(*fields))
-        case "refused":
-            return Refused(key, *fields)
-        case "undone":
-            return Undone(key)
+    """The inverse of ``pack``. Raises ValueError for anything else."""
+    try:
+        name, key, *fields = msgpack.unpackb(data, use_list=False)
+        match name:
+            case "publish":
+                return Told(key, Publish(TrackPoint(*fields)))
+            case "state":
+                return Told(key, State(*fields))
+            case "radio":
+                return Told(key, Radio(*fields))
+            case "note":
+                return Told(key, Note(*fields))
+            case "refused":
+                return Refused(key, *fields)
+            case "undone":
+                return Undone(key)
+    except (TypeError, ValueError, msgpack.UnpackException) as error:
+        raise ValueError(f"no telemetry: {error}") from None
     raise ValueError(f"unknown telemetry {name!r}")

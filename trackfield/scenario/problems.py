@@ -70,7 +70,7 @@ def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str
     others = [other for other, keys in section.kinds.items() if name in keys]
     if others:
         return f"belongs to {section.tag} {' or '.join(others)}, not to {kind}", _one_of(known)
-    return f"unknown{suggestion(name, known)}", _one_of(known)
+    return f"unknown{suggestion(name, section.keys(None))}", _one_of(known)
 
 
 def _one_of(names: Collection[str]) -> str:
