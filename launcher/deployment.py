@@ -128,7 +128,7 @@ class Deployment:
             self.session = open_client(self.endpoint, self.plan.run.run, CONNECT_TIMEOUT_S)
         except zenoh.ZError as error:
             what = f"no Zenoh router answers at {self.endpoint} (or it refuses this one's credentials)"
-            raise RunFailed(f"{what}: {error}") from None
+            raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
         subscribe = self.session.declare_subscriber
         self._held = [
             self.session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),
