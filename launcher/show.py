@@ -22,7 +22,7 @@ from launcher.run import Observer, Outcome
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
-console: Final = Console(stderr=True, highlight=False)
+console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 class Quiet:
