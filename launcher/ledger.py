@@ -158,12 +158,14 @@ class Ledger:
         to, src = frame.addresses, self._processes.get(frame.src)
         cell = src.cell if src else ""
         asked = self._listeners if to is None else [self._processes[i] for i in to if i in self._processes]
-        return [p.id for p in asked if p.is_addressed(to, frame.src, cell)]
+        return [p.id for p in asked if p.hears(frame.medium, to, frame.src, cell)]
 
     def _expect(self, frame: Frame, hearer: str, said: Said) -> None:
         size = len(frame.payload)
-        fate = self._link.fate(frame.src, hearer, frame.kind, frame.sent_ns, frame.copy, size)
-        due = None if fate.cause else frame.sent_ns + fate.delay_ns
+        outcome, due = "in_flight", None
+        if frame.sent_ns < self.run.end_ns:
+            fate = self._link.fate(frame.src, hearer, frame.kind, frame.sent_ns, frame.copy, size)
+            outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
         row = MessageRow(
             frame.kind,
             frame.src,
@@ -171,7 +173,7 @@ class Ledger:
             frame.medium,
             frame.sent_ns,
             due,
-            fate.cause or "delivered",
+            outcome,
             size,
             frame.copy,
             frame.incarnation,

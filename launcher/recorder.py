@@ -22,7 +22,7 @@ from launcher.ledger import Ledger
 from launcher.records import Plan
 from launcher.result import METRICS, Journal, summary, write_json
 from trackfield.drivers.frames import Frame
-from trackfield.drivers.process import Inbox, take_in
+from trackfield.drivers.process import Inbox, Seen, take_in
 from trackfield.drivers.session import open_client
 from trackfield.drivers.spec import role_factory
 from trackfield.drivers.telemetry import unpack
@@ -54,6 +54,7 @@ class Recorder:
         self._inbox: Inbox = deque()
         self._arrived, self._finish = Event(), Event()
         self._start_ns: int | None = None
+        self._seen = Seen()
         self._last_seq: dict[tuple[str, int], int] = {}
         self._received = 0
         self._held = [
@@ -127,10 +128,12 @@ class Recorder:
         if sample.attachment is None:
             raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
         e = Envelope.unpack(sample.attachment.to_bytes())
-        life = (address.src, e.incarnation)
-        again, self._last_seq[life] = self._last_seq.get(life) == e.seq, e.seq
         to, payload = address.to or NEIGHBOURHOOD, sample.payload.to_bytes()
         frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
+        if self._seen.again(frame.identity):
+            return  # its hearers count it as a duplicate
+        life = (address.src, e.incarnation)
+        again, self._last_seq[life] = self._last_seq.get(life) == e.seq, e.seq
         self.ledger.sent(frame, again=again)
 
     def _telemetry(self, key: str, data: bytes) -> None:

@@ -25,7 +25,7 @@ IDEAL: dict[str, Any] = {"model": "ideal"}
 
 def processes() -> list[ProcessSpec]:
     """``a`` to ``c`` hear broadcasts in their cell, ``far`` those in another; ``deaf`` none."""
-    near = [ProcessSpec(name, "toy", "none", cells=("c0",)) for name in ("a", "b", "c")]
+    near = [ProcessSpec(name, "toy", "none", cells=("c0",), media=("field", "backbone")) for name in ("a", "b", "c")]
     return [*near, ProcessSpec("far", "toy", "none", cell="c1", cells=("c1",)), ProcessSpec("deaf", "toy", "none")]
 
 

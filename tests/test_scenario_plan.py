@@ -13,6 +13,8 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, plan
 from trackfield.scenario.layout import layout
 from trackfield.scenario.plan import target_path
+from trackfield.scenario.sections import MAX_STEPS
+from trackfield.wire import Doa, WireError, encode
 from trackfield.world.targets import s1, s2, s3, waypoints
 from trackfield.world.windows import distances
 
@@ -239,3 +241,13 @@ def test_sensors_line_the_streets_of_a_real_bus(data_file: DataFile, start: str,
     assert distances(np.array([place[1:] for place in site.sensors]), site.path, 150.0).max() <= 150.0
     for step in range(181):
         assert sum(any(a <= step * S <= b for a, b in own) for own in site.windows) >= 2
+
+
+def test_a_run_has_no_more_steps_than_a_report_can_count() -> None:
+    encode(Doa(MAX_STEPS, 0.0, 0.0))
+    with pytest.raises(WireError):
+        encode(Doa(MAX_STEPS + 1, 0.0, 0.0))
+    with pytest.raises(ScenarioError, match=r"70000 steps.*at most 65535"):
+        plan(mine(path="waypoints", waypoints=[[0, 0, 0], [70000, 500, 0]]))
+    with pytest.raises(ScenarioError, match=r"target\.steps"):
+        mine(path="s1", steps=MAX_STEPS + 1)

@@ -356,9 +356,7 @@ def test_a_node_whose_frame_was_lost_is_red_for_the_step(small: Small) -> None:
     assert read(file, "/messages/doa", "TextLog:level") == [(2.0, ["ERROR"])]
 
 
-@pytest.mark.parametrize(
-    ("outcome", "rays", "edges"), [("late", 0, 1), ("duplicate", 0, 1), ("ignored", 0, 1), ("asleep", 0, 0)]
-)
+@pytest.mark.parametrize(("outcome", "rays", "edges"), [("late", 0, 1), ("ignored", 0, 1), ("asleep", 0, 0)])
 def test_only_what_was_of_use_has_a_ray(small: Small, outcome: str, rays: int, edges: int) -> None:
     file = small(lambda timeline: timeline.message(report("n2", 2000, 10, outcome)))
     assert len([1 for _, v in read(file, "/field/rays", "LineStrips2D:strips") if v]) == rays

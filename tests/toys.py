@@ -31,19 +31,19 @@ from trackfield.wire.registry import Scaled, kind
 MODULUS = 65521
 
 
-@kind(200, "request")
+@kind(240, "request")
 @dataclass(frozen=True, slots=True)
 class Request:
     chain: Annotated[int, Scaled(0, MODULUS)]
 
 
-@kind(201, "reply")
+@kind(241, "reply")
 @dataclass(frozen=True, slots=True)
 class Reply:
     chain: Annotated[int, Scaled(0, MODULUS)]
 
 
-@kind(202, "feedback")
+@kind(242, "feedback")
 @dataclass(frozen=True, slots=True)
 class Feedback:
     step: Annotated[int, Scaled(0, 65535)]

@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from heapq import heappop, heappush
+from itertools import count
 from typing import Any, NamedTuple
 
 from trackfield.drivers.frames import (
@@ -119,7 +120,8 @@ class Core:
         self._copies: Copies = (-1, {})
         self._started = False
         self._start_key: EventKey = (start_ns, RANK_FAULT, "start")
-        self._arrivals: list[tuple[EventKey, Arrival]] = []
+        self._arrivals: list[tuple[EventKey, int, Arrival]] = []
+        self._offered = count()
         self._history: deque[Handled] = deque()
         self._inverted: list[Arrival] = []
         self._last: EventKey = (start_ns - 1,)
@@ -156,7 +158,7 @@ class Core:
         if key < self._last:
             self._inverted.append(arrival)
         else:
-            heappush(self._arrivals, (key, arrival))
+            self._push(arrival)
 
     def handle_next(self) -> list[Output]:
         """Handle the next event and return what leaves because of it."""
@@ -171,15 +173,17 @@ class Core:
         for arrival in self._inverted:
             if arrival.key < self._forgotten:
                 self.host_late += 1
-                late = Arrival(self._last[0] + 1, arrival.frame)
-                heappush(self._arrivals, (late.key, late))
+                self._push(Arrival(self._last[0] + 1, arrival.frame))
             else:
                 self.inversions += 1
-                heappush(self._arrivals, (arrival.key, arrival))
+                self._push(arrival)
         self._inverted = []
         if self._arrivals and self._arrivals[0][0] < self._last:
             return self._replay(self._arrivals[0][0])
         return []
+
+    def _push(self, arrival: Arrival) -> None:
+        heappush(self._arrivals, (arrival.key, next(self._offered), arrival))
 
     # --- one event ---------------------------------------------------------------------------------------------
 
@@ -214,7 +218,7 @@ class Core:
             self._alarms = _without(self._alarms, name)
             self._feed(Timer(alarm.at if alarm.fires_ns == alarm.due_ns else self.clock.local(t), name), key)
             return None
-        arrival = heappop(self._arrivals)[1]
+        arrival = heappop(self._arrivals)[2]
         self._receive(arrival.frame, key)
         return arrival
 
@@ -296,7 +300,7 @@ class Core:
             self._life = undone[0].before
         for handled in undone:
             if handled.arrival is not None:
-                heappush(self._arrivals, (handled.key, handled.arrival))
+                self._push(handled.arrival)
         new: list[Output] = []
         while (key := self.next_key()) is not None and key <= self._last:
             new += self._step()

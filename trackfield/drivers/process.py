@@ -170,8 +170,7 @@ class Process:
             self._wake.clear()
         while not self._stop.is_set():
             self._wake.clear()
-            while self._inbox:
-                self._accept(*self._inbox.popleft())
+            self._drain()
             now = time.monotonic_ns()
             self._wake.wait(max(self._work(now) - now, 0) / 1e9)
         self._close()
@@ -209,7 +208,16 @@ class Process:
         assert self._start_ns is not None
         return self._start_ns + round(t_ns / self._speed)
 
+    def _drain(self) -> None:
+        while self._inbox:
+            self._accept(*self._inbox.popleft())
+
     def _close(self) -> None:
+        """Handle what is left of the run, say the last word, and leave."""
+        self._drain()
+        self._release(self.core.catch_up())
+        while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
+            self._release(self.core.handle_next())
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]
 
@@ -254,7 +262,7 @@ class Process:
             address.medium,
             sample.payload.to_bytes(),
         )
-        if not self.spec.is_addressed(None if to is None else (to,), frame.src, address.cell or ""):
+        if not self.spec.hears(frame.medium, None if to is None else (to,), frame.src, address.cell or ""):
             return
         if self._seen.again(frame.identity):
             self._counts["duplicate"] += 1
@@ -273,6 +281,8 @@ class Process:
         return Envelope(max(arrived_ns - self._start_ns, 0), 0, 0, 0, 0)
 
     def _receive(self, frame: Frame) -> None:
+        if frame.sent_ns >= self._end_ns:
+            return  # never due in this run, whatever its fate
         fate = self._link.fate(frame.src, self.id, frame.kind, frame.sent_ns, frame.copy, len(frame.payload))
         if fate.cause is not None:
             self._counts[fate.cause] += 1

@@ -23,6 +23,7 @@ _ROUTER: Final[Mapping[str, Any]] = {
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
     "transport/unicast": {"max_sessions": 4000, "accept_pending": 4000, "accept_timeout": 60_000},
+    "transport/link/tx/queue/size/data": 16,  # batches that wait for a busy receiver before one is dropped (default: 2)
 }
 
 

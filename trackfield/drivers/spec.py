@@ -57,8 +57,10 @@ class ProcessSpec:
         """The inverse of ``plain``."""
         return cls(**{**plain, "media": tuple(plain["media"]), "cells": tuple(plain["cells"])})
 
-    def is_addressed(self, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
-        """Whether a frame to these ids (None: a broadcast into ``cell``) from ``src`` is meant for this process."""
+    def hears(self, medium: str, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
+        """Whether a frame from ``src`` to these ids (None: a broadcast into ``cell``) comes to this process."""
+        if medium not in self.media:
+            return False
         if to is not None:
             return self.id in to
         return src != self.id and cell in self.cells

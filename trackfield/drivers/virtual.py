@@ -10,6 +10,7 @@ from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
 from trackfield.link.models import make_link
+from trackfield.role import IllegalEvent
 
 
 class Sink(Protocol):
@@ -69,7 +70,7 @@ class Virtual:
         to, cell = frame.addresses, self._processes[frame.src].cell
         hearers = self._listeners if to is None else [self._processes[id] for id in to if id in self._processes]
         for hearer in hearers:
-            if hearer.is_addressed(to, frame.src, cell):
+            if hearer.hears(frame.medium, to, frame.src, cell):
                 self._deliver(hearer.id, frame)
 
     def _deliver(self, hearer: str, frame: Frame) -> None:
@@ -77,4 +78,6 @@ class Virtual:
         if fate.cause is None:
             core = self.cores[hearer]
             core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame))
+            if core.behind:
+                raise IllegalEvent(f"a link delivered {frame.identity} before it was sent")
             self._schedule(hearer, core)

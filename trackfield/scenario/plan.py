@@ -14,7 +14,7 @@ from trackfield.errors import ScenarioError
 from trackfield.models.sound import audible_radius
 from trackfield.scenario.layout import Place, layout
 from trackfield.scenario.scenario import Scenario
-from trackfield.scenario.sections import FromFile, Manoeuvre
+from trackfield.scenario.sections import MAX_STEPS, FromFile, Manoeuvre
 from trackfield.world import targets
 from trackfield.world.acoustic import AcousticSensor, Window
 from trackfield.world.path import Path
@@ -106,6 +106,9 @@ def target_path(scenario: Scenario) -> tuple[int, Path]:
     else:
         path = targets.waypoints(target.waypoints)
     steps = min(round(path.end_s * _NS) // step_ns, target.steps or sys.maxsize)
+    if steps > MAX_STEPS:
+        what = f"the run would have {steps} steps"
+        raise ScenarioError(what, key="target.steps", expected=f"at most {MAX_STEPS}, as far as a report counts")
     end_s = steps * step_ns / _NS
     if steps < 1 or path.start_s > end_s:
         there = f"{path.start_s:g} s to {path.end_s:g} s"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from datetime import date, datetime, time
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -24,6 +24,9 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from trackfield.scenario.nearest import suggestion
+
+MAX_STEPS: Final = 65535
+"""The largest step that fits into a report (docs/wire.md)."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -123,7 +126,7 @@ class _Target(Section):
     steps: int | None = Field(
         default=None,
         ge=1,
-        le=10_000_000,
+        le=MAX_STEPS,
         description="length of the run; unset: as long as the path (s1 60, s2 75, s3 40 s)",
     )
 
