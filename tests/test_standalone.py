@@ -1,0 +1,46 @@
+"""A role that starts alone: its own small command line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {"launcher", "numpy", "scipy", "pydantic", "typer", "rich", "rerun", "pyarrow"}
+ASK_FOR_HELP = """
+import runpy, sys
+sys.argv = ["{role}", "--help"]
+try:
+    runpy.run_module("{role}", run_name="__main__")
+except SystemExit as end:
+    print(end.code, sorted({heavy} & set(sys.modules)))
+"""
+
+
+def python(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.parametrize("role", ["node", "fusion"])
+def test_help_needs_nothing_but_the_role(role: str) -> None:
+    done = python("-c", ASK_FOR_HELP.format(role=role, heavy=HEAVY))
+    assert f"python -m {role}" in done.stdout
+    assert "--connect ENDPOINT" in done.stdout
+    assert done.stdout.splitlines()[-1] == "0 []"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "--connect"),
+        (("--connect", "tcp/127.0.0.1:9", "--run", "r", "--id", "n 1"), "'n 1' is not an id"),
+        (("--connect", "nonsense", "--run", "r", "--id", "n1"), "cannot join the run r through nonsense"),
+    ],
+)
+def test_bad_arguments_have_one_message(arguments: tuple[str, ...], says: str) -> None:
+    done = python("-m", "node", *arguments)
+    assert done.returncode in (1, 2)
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
