@@ -34,6 +34,8 @@ READY_TIMEOUT_S: Final = 60.0
 LEAD_S: Final = 0.5
 LEAD_PER_PROCESS_S: Final = 0.001
 """Between an order and what it orders, so that every process has it in time."""
+NICENESS: Final = 5
+"""Of nodes: router, recorder and fusion centre come first, as all others wait for them."""
 LINGER_S: Final = 0.3
 """For frames that are still on their way when all have reached the end."""
 OVERDUE_S: Final = 20.0
@@ -121,7 +123,8 @@ class Deployment:
             fork(RECORDER, zygote.run_recorder, self.endpoint, log, (self.plan, self.folder))
             for p in self.plan.processes:
                 title = p.id if p.id == p.role else f"{p.role} {p.id}"
-                fork(p.id, zygote.run_role, self.endpoint, run, p.id, title, logs / f"{p.id}.log")
+                niceness = 0 if p.sink else NICENESS
+                fork(p.id, zygote.run_role, self.endpoint, run, p.id, title, logs / f"{p.id}.log", niceness)
 
     def _connect(self) -> None:
         try:

@@ -27,11 +27,13 @@ _PR_SET_TIMERSLACK: Final = 29
 _ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def run_role(endpoint: str, run: str, id: str, title: str, log: Path) -> None:
+def run_role(endpoint: str, run: str, id: str, title: str, log: Path, niceness: int) -> None:
     """A process of the field, from its birth to its last word."""
     _enter(title, log)
     os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
-    Process(open_client(endpoint, run), id).run()
+    process = Process(open_client(endpoint, run), id)
+    os.nice(niceness)
+    process.run()
 
 
 def run_router(endpoint: str, log: Path) -> None:

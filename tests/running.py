@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -87,10 +87,6 @@ def counting(run: Run) -> Iterator[Callable[[], int]]:
         listener.wait()
 
 
-def leftovers(before: set[int]) -> list[str]:
-    """Titles of Trackfield processes that were not there before."""
-    return [
-        " ".join(p.info["cmdline"])
-        for p in psutil.process_iter(["pid", "cmdline"])
-        if p.info["pid"] not in before and (p.info["cmdline"] or [""])[0].startswith("trackfield ")
-    ]
+def leftovers(family: Iterable[psutil.Process]) -> list[str]:
+    """Which of these processes are still there."""
+    return [str(process) for process in family if process.is_running() and process.status() != psutil.STATUS_ZOMBIE]

@@ -79,15 +79,15 @@ def test_a_finished_run_names_its_folder_and_the_next_command(seen: Seen) -> Non
 # --- deaths and signals: nothing hangs, nothing is left behind ---------------------------------------------------
 
 
-def mid_run(folder: Path, *options: str) -> tuple[Run, set[int]]:
-    before = set(psutil.pids())
+def mid_run(folder: Path, *options: str) -> tuple[Run, list[psutil.Process]]:
+    """A small run that has started, and all its processes but the launcher."""
     run = Run(folder, "spcpf", "--nodes", "16", "--set", "target.steps=40", *options)
     run.started()
-    return run, before
+    return run, list(run.family().values())
 
 
 def test_a_killed_node_is_named_and_the_run_goes_on_without_it(tmp_path: Path) -> None:
-    run, before = mid_run(tmp_path / "run", "--speed", "4")
+    run, family = mid_run(tmp_path / "run", "--speed", "4")
     run.family()["node n005"].kill()
     exit_code, said = run.finish()
     metrics = run.metrics()
@@ -99,12 +99,12 @@ def test_a_killed_node_is_named_and_the_run_goes_on_without_it(tmp_path: Path) -
     assert 0 < death["t"] < 41
     assert max(pq.read_table(tmp_path / "run" / "tracks.parquet")["step"].to_pylist()) == 40
     assert metrics["frames"]["host_lost"] == 0
-    assert leftovers(before) == []
+    assert leftovers(family) == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) -> None:
-    run, before = mid_run(tmp_path / "run")
+    run, family = mid_run(tmp_path / "run")
     time.sleep(4)
     run.process.send_signal(number)
     exit_code, said = run.finish(20)
@@ -115,7 +115,7 @@ def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) ->
     assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values())
     assert frames["host_lost"] == 0
     assert 0 < len(pq.read_table(tmp_path / "run" / "tracks.parquet")) < 2 * 40
-    until(lambda: leftovers(before) == [], timeout=5)
+    until(lambda: leftovers(family) == [], timeout=5)
 
 
 def test_ctrl_c_at_the_terminal_reaches_the_launcher_alone(tmp_path: Path) -> None:
@@ -128,23 +128,23 @@ def test_ctrl_c_at_the_terminal_reaches_the_launcher_alone(tmp_path: Path) -> No
 
 
 def test_a_killed_launcher_leaves_no_process_behind(tmp_path: Path) -> None:
-    run, before = mid_run(tmp_path / "run")
-    assert len(leftovers(before)) > 16
+    run, family = mid_run(tmp_path / "run")
+    assert len(leftovers(family)) > 16
     run.process.kill()
     run.process.wait()
-    until(lambda: leftovers(before) == [], timeout=5)
+    until(lambda: leftovers(family) == [], timeout=5)
 
 
 @pytest.mark.parametrize("title", ["recorder", "fusion", "router"])
 def test_the_death_of_one_does_not_hold_up_the_rest(title: str, tmp_path: Path) -> None:
-    run, before = mid_run(tmp_path / "run", "--speed", "8")
+    run, family = mid_run(tmp_path / "run", "--speed", "8")
     run.family()[title].kill()
     exit_code, said = run.finish(60)
     assert (exit_code, f"{title} died" in said) == (1, True), said
     metrics = run.metrics()
     assert title in [death["id"] for death in metrics["processes"]["died"]]
     assert (metrics["frames"]["sent"] is None) == (title == "recorder")
-    assert leftovers(before) == []
+    assert leftovers(family) == []
 
 
 def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> None:
