@@ -23,7 +23,7 @@ _ROUTER: Final[Mapping[str, Any]] = {
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
     "transport/unicast": {"max_sessions": 4000, "accept_pending": 4000, "accept_timeout": 60_000},
-    # A receiver that has to wait for the processor costs no frame: 16 batches (default: 2) wait for it, for 50 ms (1 ms).
+    # A receiver that waits for the processor costs no frame: 16 batches (default: 2) wait for it, for 50 ms (1 ms).
     "transport/link/tx/queue/size/data": 16,
     "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 50_000,
 }
