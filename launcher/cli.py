@@ -24,6 +24,7 @@ Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", hel
 Target = Annotated[Path | None, typer.Option("--target", help="The target's track: a GPX or CSV file.")]
 From = Annotated[str | None, typer.Option("--from", help="Start of the window in the track, in the file's zone.")]
 To = Annotated[str | None, typer.Option("--to", help="End of the window.")]
+Sensors = Annotated[Path | None, typer.Option("--sensors", help="Where the sensors stand: a CSV file.")]
 Nodes = Annotated[int | None, typer.Option(help="About how many sensors, at the scenario's own spacing.")]
 LinkModel = Annotated[str | None, typer.Option("--link", help="The link model, with its default parameters.")]
 Trackers = Annotated[list[str] | None, typer.Option("--tracker", help="A tracker to run; may be repeated.")]
@@ -41,6 +42,7 @@ def run(
     target: Target = None,
     start: From = None,
     end: To = None,
+    sensors: Sensors = None,
     nodes: Nodes = None,
     link: LinkModel = None,
     tracker: Trackers = None,
@@ -61,6 +63,7 @@ def run(
         target=target,
         start=start,
         end=end,
+        sensors=sensors,
         nodes=nodes,
         link=link,
         trackers=tracker or (),
@@ -102,12 +105,12 @@ def list_scenarios(
 
 
 @app.command()
-def validate(scenario: Name, overrides: Set = None) -> None:
+def validate(scenario: Name, overrides: Set = None, sensors: Sensors = None) -> None:
     """Check a scenario and say what it comes to."""
     from launcher.prepare import load, planned
     from launcher.show import announce
 
-    announce(planned(load(scenario, settings=overrides or ())))
+    announce(planned(load(scenario, settings=overrides or (), sensors=sensors)))
 
 
 @app.command()

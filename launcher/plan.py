@@ -17,8 +17,8 @@ from trackfield.role import NS
 from trackfield.scenario import Plan as Site
 from trackfield.scenario import Scenario
 from trackfield.scenario import plan as survey
+from trackfield.scenario.places import CENTRE
 
-CENTRE: Final = "fusion"
 TRUTH_SAMPLES: Final = 4
 """Points of the true path per step, in pictures."""
 
@@ -56,7 +56,7 @@ def _centre(site: Site) -> ProcessSpec:
     scenario = site.scenario
     config: dict[str, Any] = {
         "trackers": list(scenario.fusion.trackers),
-        "sensors": [list(place) for place in site.sensors],
+        "sensors": [list(place) for place in site.believed],
         "step_ns": site.step_ns,
         "deadline_ns": round(scenario.fusion.deadline_s * NS),
         "doa_sd_deg": scenario.sensor.doa_sd_deg,

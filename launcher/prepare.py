@@ -14,7 +14,7 @@ from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
-from trackfield.scenario.sections import FromFile
+from trackfield.scenario.sections import FromFile, Surveyed
 
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
@@ -28,6 +28,7 @@ def load(
     target: Path | None = None,
     start: str | None = None,
     end: str | None = None,
+    sensors: Path | None = None,
     nodes: int | None = None,
     link: str | None = None,
     trackers: Sequence[str] = (),
@@ -41,6 +42,8 @@ def load(
         "target.file": target and str(target),
         "target.from": start,
         "target.to": end,
+        "field.layout": sensors and "file",
+        "field.file": sensors and str(sensors),
         "field.nodes": nodes,
         "link.model": link,
         "fusion.trackers": list(trackers) or None,
@@ -57,12 +60,13 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
 
 
 def keep(scenario: Scenario, folder: Path) -> None:
-    """Write ``scenario.toml`` into the run folder, and its track beside it: to be run again, wherever the folder is."""
-    if isinstance(scenario.target, FromFile):
-        track = Path(scenario.target.file)
-        copy = shutil.copyfile(track, folder / f"target{track.suffix}")
-        target = scenario.target.model_copy(update={"file": copy.name})
-        scenario = scenario.model_copy(update={"target": target})
+    """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
+    for section, name in (("target", "target"), ("field", "sensors")):
+        part = getattr(scenario, section)
+        if isinstance(part, FromFile | Surveyed):
+            file = Path(part.file)
+            copy = shutil.copyfile(file, folder / f"{name}{file.suffix}")
+            scenario = scenario.model_copy(update={section: part.model_copy(update={"file": copy.name})})
     (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
 
 

@@ -7,9 +7,13 @@ import re
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet as pq
+import pymap3d
 import pytest
 
 from tests.command_line import Call, trackfield
+from trackfield.scenario import Scenario, plan
+from trackfield.world.tracks import track_origin
 
 __all__ = ["trackfield"]
 
@@ -157,3 +161,54 @@ def test_the_track_goes_into_the_run_folder_and_moves_with_it(
     assert trackfield("run", "elsewhere/b/scenario.toml", "--virtual", "--out", "c").code == 0
     assert same(trackfield, "elsewhere/b", "c")
     assert (tmp_path / "c/scenario.toml").read_text() == copy.with_name("scenario.toml").read_text()
+
+
+def posts(file: Path) -> Path:
+    """A CSV file of the sensors along the packaged bus ride, under names of their own."""
+    origin = track_origin(BUS)
+    assert origin is not None
+    rows = ["id,lat,lon"]
+    for id, x, y in plan(Scenario.load("bus")).sensors:
+        lat, lon, _ = pymap3d.enu2geodetic(x, y, 0.0, *origin, 0.0)
+        rows.append(f"post-{id},{lat},{lon}")
+    file.write_text("\n".join(rows))
+    return file
+
+
+def test_sensors_of_a_file_go_into_the_run_folder_and_move_with_it(trackfield: Call, tmp_path: Path) -> None:
+    file = posts(tmp_path / "posts.CSV")
+    options = ("--virtual", "--set", "target.steps=20", "--set", "sensor.position_error_m=2")
+    assert trackfield("run", "bus", *options, "--target", BUS, "--sensors", "posts.CSV", "--out", "a").code == 0
+    content = file.read_bytes()
+    file.unlink()
+    (tmp_path / "elsewhere").mkdir()
+    shutil.move(tmp_path / "a", tmp_path / "elsewhere" / "b")
+    copy = tmp_path / "elsewhere" / "b" / "sensors.CSV"
+    assert copy.read_bytes() == content
+    resolved = copy.with_name("scenario.toml").read_text()
+    assert 'file = "sensors.CSV"' in resolved
+    assert 'file = "target.gpx"' in resolved
+    senders = set(pq.read_table(copy.with_name("messages.parquet"))["src"].to_pylist())
+    assert senders
+    assert all(name.startswith("post-") for name in senders)
+    assert trackfield("run", "elsewhere/b/scenario.toml", "--virtual", "--out", "c").code == 0
+    assert same(trackfield, "elsewhere/b", "c")
+    assert (tmp_path / "c/scenario.toml").read_text() == resolved
+
+
+def test_validate_takes_sensors_too(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "posts.csv").write_text("id,x,y\ngate,60,80\ndoor,90,110\n")
+    said = trackfield("validate", "spcpf", "--sensors", "posts.csv")
+    assert (said.code, said.out) == (0, "")
+    assert said.err.startswith("spcpf: 2 sensor nodes, 61 s, ")
+    assert list(tmp_path.iterdir()) == [tmp_path / "posts.csv"]
+
+
+@pytest.mark.parametrize("layout", ["jittered", "random", "ring"])
+def test_an_irregular_field_comes_out_of_its_resolved_scenario_again(
+    trackfield: Call, tmp_path: Path, layout: str
+) -> None:
+    options = (*SHORT, "--nodes", "150", "--set", f"field.layout={layout}", "--set", "sensor.threshold=0.5")
+    assert trackfield("run", "spcpf", *options, "--seed", "5", "--out", "a").code == 0
+    assert trackfield("run", "a/scenario.toml", "--virtual", "--out", "b").code == 0
+    assert same(trackfield, "a", "b")

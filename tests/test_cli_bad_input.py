@@ -51,6 +51,10 @@ def assert_refused(said: Said, *parts: str) -> None:
         (["run", "spcpf", "--connect", "nonsense"], ["--connect: is 'nonsense'", "tcp/127.0.0.1:7447"]),
         ([*NOWHERE, "--set", "link.los=0.1"], ["link.los: unknown", "did you mean loss?"]),
         ([*NOWHERE, "--set", "sensors.alpha=2"], ["sensors: unknown", "did you mean sensor?"]),
+        ([*NOWHERE, "--set", "field.layout=jitterd"], ["field.layout: unknown layout", "did you mean jittered?"]),
+        ([*NOWHERE, "--set", "field.radius=80"], ["field.radius: unknown", "did you mean radius_m?"]),
+        ([*NOWHERE, "--set", "sensor.position_eror_m=5"], ["unknown", "did you mean position_error_m?"]),
+        ([*NOWHERE, "--sensor", "a.csv"], ["--sensor", "--sensors", "see trackfield run --help"]),
         ([*NOWHERE, "--set", "fusion.deadline=1"], ["fusion.deadline: unknown", "did you mean deadline_s?"]),
     ],
 )  # fmt: skip
@@ -69,6 +73,10 @@ def test_an_unknown_name_gets_the_nearest(
         ("sensor.doa_sd_deg=-1", ["sensor.doa_sd_deg: is -1", "a number from 0 to 180"]),
         ("sensor.doa_sd_deg=nan", ["sensor.doa_sd_deg: is NaN", "a number from 0 to 180"]),
         ("field.spacing_m=0", ["field.spacing_m: is 0", "a number above 0"]),
+        ("field.jitter=1.5", ["field.jitter: is 1.5", "a number from 0 to 1"]),
+        ("field.radius_m=0", ["field.radius_m: is 0", "a number above 0"]),
+        ("sensor.position_error_m=-1", ["sensor.position_error_m: is -1", "a number from 0 to 10000"]),
+        ("field.file=", ['field.file: is ""', "a text"]),
         ("target.steps=1.5", ["target.steps: is 1.5", "a whole number"]),
         ("seed=-1", ["seed: is -1", "a whole number of at least 0"]),
         ("field=3", ["field", "is 3"]),
@@ -180,6 +188,49 @@ def test_a_window_with_nothing_in_it_names_the_files_times(
 def test_a_window_needs_a_track(trackfield: Call, option: str) -> None:
     said = trackfield(*NOWHERE, option, "07:50")
     assert_refused(said, "--from, --to: there is no track to cut", "expected --target FILE beside it")
+
+
+# --- sensors ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [("run", "--virtual"), ("validate",)])
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        ("id,x\na,1\n", ["posts.csv: has the columns id, x", "columns id,x,y or id,lat,lon"]),
+        ("id,x,y\na,1,2\na,3,4\n", ["posts.csv:3: id 'a' is there twice", "another than in line 2"]),
+        ("id,x,y\na/b,1,2\n", ["posts.csv:2: id is 'a/b'", "1 to 32 of A-Z a-z 0-9 _ . -"]),
+        ("id,x,y\nrecorder,1,2\n", ["posts.csv:2: a node is called 'recorder'", "an id other than fusion, router"]),
+        ("id,x,y,role\na,1,2,camera\n", ["posts.csv:2: role is 'camera'", "one of node, fusion"]),
+        ("id,x,y\n", ["posts.csv: has no rows"]),
+        ("id,lat,lon\na,45,-30\n", ["posts.csv: has the columns lat,lon, but the target's path is in metres"]),
+        ("id,x,y\nfar,900,900\n", ["sensor.threshold: the target never comes in range", "from far, the nearest"]),
+    ],
+)
+def test_sensors_that_are_none_are_named(
+    trackfield: Call, tmp_path: Path, command: tuple[str, ...], content: str, parts: list[str]
+) -> None:
+    (tmp_path / "posts.csv").write_text(content)
+    assert_refused(trackfield(*command, "spcpf", "--sensors", "posts.csv"), *parts)
+    assert everything(tmp_path) == {tmp_path / "posts.csv"}
+
+
+def test_sensors_in_metres_do_not_go_with_a_ride_on_the_globe(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "posts.csv").write_text("id,x,y\na,1,2\n")
+    said = trackfield("run", "bus", "--virtual", "--sensors", "posts.csv")
+    assert_refused(said, "has the columns x,y, but the target's path is in lat,lon", "the columns lat,lon, or a track")
+
+
+def test_sensors_that_are_not_there_are_named(trackfield: Call, tmp_path: Path) -> None:
+    said = trackfield(*NOWHERE, "--sensors", "posts.csv")
+    assert_refused(said, f"{tmp_path / 'posts.csv'}: cannot be read (No such file or directory)")
+    assert everything(tmp_path) == set()
+
+
+def test_a_file_says_itself_how_many_sensors_there_are(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "posts.csv").write_text("id,x,y\na,60,80\n")
+    said = trackfield(*NOWHERE, "--sensors", "posts.csv", "--nodes", "5")
+    assert_refused(said, "field.nodes: belongs to layout grid or jittered or random or ring or along-path, not to file")
 
 
 # --- run folders ------------------------------------------------------------------------------------------------------

@@ -108,6 +108,8 @@ def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
     assert properties.keys() == {"name", "seed", "field", "sensor", "target", "link", "fusion"}
     assert set(properties["link"]["discriminator"]["mapping"]) == {"ideal", "fixed", "gilbert_elliott"}
+    layouts = {"grid", "jittered", "random", "ring", "along-path", "file"}
+    assert set(properties["field"]["discriminator"]["mapping"]) == layouts
     sensor = schema()["$defs"]["Sensor"]
     assert sensor["properties"]["threshold"]["maximum"] == 1
     assert sensor["additionalProperties"] is False
@@ -130,6 +132,8 @@ def test_editors_get_a_schema() -> None:
         ("sensor", "doa_sd_deg", -3, "a number from 0 to 180"),
         ("sensor", "doa_sd_deg", float("nan"), "a number from 0 to 180"),
         ("sensor", "level_sd_db", float("inf"), "a number from 0 to 100"),
+        ("sensor", "position_error_m", -1, "a number from 0 to 10000"),
+        ("sensor", "position_error_m", float("inf"), "a number from 0 to 10000"),
         ("sensor", "margin_db", -1, "a number from 0 to 100"),
         ("sensor", "alpha", "2", "a number"),
         ("sensor", "alpha", True, "a number"),
@@ -168,8 +172,37 @@ def test_a_link_out_of_range(link: dict[str, Any], key: str, expected: str) -> N
 
 
 @pytest.mark.parametrize(
+    ("field", "key", "expected"),
+    [
+        ({"layout": "jittered", "jitter": -0.1}, "jitter", "a number from 0 to 1"),
+        ({"layout": "jittered", "jitter": 1.1}, "jitter", "a number from 0 to 1"),
+        ({"layout": "random", "spacing_m": 0}, "spacing_m", "a number above 0"),
+        ({"layout": "random", "nodes": 0}, "nodes", "a whole number from 1 to 1000000"),
+        ({"layout": "ring", "radius_m": 0}, "radius_m", "a number above 0 and at most 10000000"),
+        ({"layout": "ring", "radius_m": 1e8}, "radius_m", "a number above 0 and at most 10000000"),
+        ({"layout": "ring", "nodes": 0}, "nodes", "a whole number from 1 to 1000000"),
+        ({"layout": "file", "file": ""}, "file", "a text"),
+        ({"layout": "file", "file": 3}, "file", "a text"),
+    ],
+)
+def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -> None:
+    message = failure({**LEAST, "field": field})
+    assert message.startswith(f"field.{key}: is ")
+    assert f"; expected {expected}" in message
+
+
+@pytest.mark.parametrize(
     ("section", "value", "message"),
     [
+        ("field", {"layout": "file"}, "field.file: missing; expected a text"),
+        (
+            "field",
+            {"layout": "ring", "raduis_m": 5},
+            "field.raduis_m: unknown; did you mean radius_m?; expected one",
+        ),
+        ("field", {"layout": "ring", "jitter": 0.1}, "field.jitter: belongs to layout jittered, not to ring"),
+        ("field", {"layout": "rnadom"}, "field.layout: unknown layout 'rnadom'; did you mean random?; expected one of"),
+        ("sensor", {"position_error": 5}, "sensor.position_error: unknown; did you mean position_error_m?"),
         ("lnik", {}, "lnik: unknown; did you mean link?; expected one of name, seed, field"),
         ("sensor", {"alhpa": 2.0}, "sensor.alhpa: unknown; did you mean alpha?; expected one of level_db,"),
         ("sensor", {"zzz": 2.0}, "sensor.zzz: unknown; expected one of level_db, alpha,"),

@@ -11,7 +11,7 @@ import pytest
 
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, plan
-from trackfield.scenario.layout import layout
+from trackfield.scenario.layout import layout as laid_out
 from trackfield.scenario.plan import target_path
 from trackfield.scenario.sections import MAX_STEPS
 from trackfield.wire import Doa, WireError, encode
@@ -27,6 +27,13 @@ def mine(field: dict[str, Any] | None = None, **target: Any) -> Scenario:
     target = target or {"path": "waypoints", "waypoints": [[0, 0, 0], [10, 500, 0]]}
     soon = {"deadline_s": 0.001}
     return Scenario.load({"name": "mine", "target": target, "field": field or {"layout": "grid"}, "fusion": soon})
+
+
+def layout(scenario: Scenario, path: Any) -> Any:
+    """The sensors alone."""
+    sensors, centre = laid_out(scenario, path)
+    assert centre is None
+    return sensors
 
 
 # --- layouts -----------------------------------------------------------------------------------------------
@@ -94,10 +101,16 @@ def test_a_path_that_comes_near_no_place_of_the_grid_has_no_sensors() -> None:
         layout(mine(field), EASTWARD)
 
 
-@pytest.mark.parametrize("field", [{"layout": "grid", "spacing_m": 0.1}, {"layout": "along-path", "spacing_m": 0.1}])
-def test_a_grid_too_fine_for_any_machine(field: dict[str, Any]) -> None:
-    with pytest.raises(ScenarioError, match=r"field.spacing_m: the grid has \d{7,} places; expected"):
-        layout(mine(field), EASTWARD)
+@pytest.mark.parametrize("kind", ["grid", "jittered", "random", "along-path"])
+def test_a_field_too_dense_for_any_machine(kind: str) -> None:
+    with pytest.raises(ScenarioError, match=r"field.spacing_m: the field has \d{7,} places or more; expected so much"):
+        layout(mine({"layout": kind, "spacing_m": 0.1}), EASTWARD)
+
+
+@pytest.mark.parametrize("kind", ["grid", "jittered", "random"])
+def test_a_field_as_large_as_numbers_go(kind: str) -> None:
+    with pytest.raises(ScenarioError, match=r"field.spacing_m: the field has \d{13} places or more"):
+        layout(mine({"layout": kind, "extent_m": 1e308, "spacing_m": 1e-300}), EASTWARD)
 
 
 # --- the target --------------------------------------------------------------------------------------------

@@ -88,6 +88,14 @@ def test_naming_a_key_of_one_model_chooses_the_model() -> None:
     assert spcpf.set("link.loss", 1).plain()["link"] == {"model": "fixed", "loss": 1.0, "delay_ms": 5.0}
     assert spcpf.set("link.bad_s", 9).plain()["link"]["model"] == "gilbert_elliott"
     assert spcpf.set("field.within_m", 80).field.layout == "along-path"
+    assert spcpf.set("field.jitter", 0.1).plain()["field"] == {
+        "layout": "jittered",
+        "jitter": 0.1,
+        "spacing_m": 50.0,
+        "extent_m": 500.0,
+    }
+    assert spcpf.set("field.radius_m", 80).plain()["field"] == {"layout": "ring", "radius_m": 80.0, "nodes": 30}
+    assert spcpf.set("field.file", "/a.csv").plain()["field"] == {"layout": "file", "file": "/a.csv"}
     assert spcpf.set("target.file", "a.gpx").target.path == "file"
     assert Scenario.load("bus").set("link.loss_good", 0.1).plain()["link"]["bad_s"] == 4.0
 
@@ -124,6 +132,10 @@ CHANGES: list[dict[str, Any]] = [
     {"link.model": "gilbert_elliott", "link.range_m": 123.456},
     {"target.path": "waypoints", "target.waypoints": [[0, 0, 0], [0.1, 1e-7, -1e22]]},
     {"target.path": "file", "target.file": 'odd "name".gpx', "target.from": "07:50", "target.steps": 7},
+    {"field.layout": "jittered", "field.jitter": 0.1, "sensor.position_error_m": 5},
+    {"field.layout": "random", "field.spacing_m": 33.3},
+    {"field.layout": "ring", "field.nodes": 12},
+    {"field.layout": "file", "field.file": "odd 'name'.csv"},
     {"field.layout": "along-path", "field.nodes": 50, "fusion.x_m": -1.5, "fusion.y_m": 0},
 ]
 

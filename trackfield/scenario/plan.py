@@ -12,7 +12,8 @@ import numpy as np
 
 from trackfield.errors import ScenarioError
 from trackfield.models.sound import audible_radius
-from trackfield.scenario.layout import Place, layout
+from trackfield.scenario.layout import believed, layout
+from trackfield.scenario.places import Place
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sections import MAX_STEPS, FromFile, Manoeuvre
 from trackfield.world import targets
@@ -30,7 +31,8 @@ class Plan:
     """A scenario worked out; all times in ns since the start of the run.
 
     The steps are at 0, ``step_ns``, ... up to and including ``steps`` times ``step_ns``. ``windows`` hold
-    each sensor's audible windows; ``centre`` is where the fusion centre stands (m).
+    each sensor's audible windows; ``believed`` are the sensors where the fusion centre takes them to stand;
+    ``centre`` is where it stands itself (m).
     """
 
     scenario: Scenario
@@ -38,6 +40,7 @@ class Plan:
     steps: int
     step_ns: int
     sensors: tuple[Place, ...]
+    believed: tuple[Place, ...]
     windows: tuple[tuple[Window, ...], ...]
     centre: tuple[float, float]
 
@@ -63,16 +66,16 @@ class Plan:
 def plan(scenario: Scenario) -> Plan:
     """Work a scenario out.
 
-    Raises ``ScenarioError`` if the target's file cannot be used, there are no sensors, or the target comes in
-    range of none of them.
+    Raises ``ScenarioError`` if a file cannot be used, there are no sensors, or the target comes in range of
+    none of them.
     """
     steps, path = target_path(scenario)
-    sensors = layout(scenario, path)
+    sensors, centre = layout(scenario, path)
     check(scenario, sensors, path)
     positions = np.array([place[1:] for place in sensors])
     sensor = scenario.sensor
     radius = audible_radius(sensor.level_db, sensor.alpha, sensor.audible_db)
-    east, north = ((positions.min(axis=0) + positions.max(axis=0)) / 2).tolist()
+    east, north = centre or ((positions.min(axis=0) + positions.max(axis=0)) / 2).tolist()
     x, y = scenario.fusion.x_m, scenario.fusion.y_m
     return Plan(
         scenario=scenario,
@@ -80,6 +83,7 @@ def plan(scenario: Scenario) -> Plan:
         steps=steps,
         step_ns=_step_ns(scenario),
         sensors=tuple(sensors),
+        believed=tuple(believed(scenario, sensors)),
         windows=tuple(windows(positions, path, radius)),
         centre=(east if x is None else x, north if y is None else y),
     )

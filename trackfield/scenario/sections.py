@@ -48,7 +48,7 @@ def _wrong(what: str, expected: str, key: str = "") -> PydanticCustomError:
 # --- [field]: where the sensors stand -----------------------------------------------------------------------
 
 
-class _Layout(Section):
+class _Spaced(Section):
     spacing_m: Positive = Field(default=50.0, description="distance between neighbours of the grid")
     nodes: int | None = Field(
         default=None,
@@ -58,20 +58,59 @@ class _Layout(Section):
     )
 
 
-class Grid(_Layout):
-    """A square grid with its first corner at (0, 0)."""
-
-    layout: Literal["grid"] = Field(default="grid", description="a square grid with its first corner at (0, 0)")
+class _Square(_Spaced):
     extent_m: NotNegative = Field(default=500.0, description="side of the square")
 
 
-class AlongPath(_Layout):
+class Grid(_Square):
+    """A square grid with its first corner at (0, 0)."""
+
+    layout: Literal["grid"] = Field(default="grid", description="a square grid with its first corner at (0, 0)")
+
+
+class Jittered(_Square):
+    """A square grid whose sensors stand a little off their places."""
+
+    layout: Literal["jittered"] = Field(
+        default="jittered", description="a square grid, but each sensor stands off its place"
+    )
+    jitter: Share = Field(default=0.25, description="by up to this share of the spacing, east and north")
+
+
+class Random(_Square):
+    """Sensors anywhere in a square, independently of each other."""
+
+    layout: Literal["random"] = Field(default="random", description="anywhere in a square with its corner at (0, 0)")
+    spacing_m: Positive = Field(default=50.0, description="there is one sensor to a square of this side")
+
+
+class Ring(Section):
+    """Sensors on a circle, evenly spaced."""
+
+    layout: Literal["ring"] = Field(
+        default="ring", description="evenly on a circle, from north clockwise; it touches both axes, as the grid does"
+    )
+    radius_m: float = Field(default=250.0, gt=0, le=1e7, description="of the circle around (radius_m, radius_m)")
+    nodes: int = Field(default=30, ge=1, le=1_000_000, description="so many sensors")
+
+
+class AlongPath(_Spaced):
     """A grid of which only the part near the target's path is there."""
 
     layout: Literal["along-path"] = Field(
         default="along-path", description="a grid, but only where the target comes near"
     )
     within_m: Positive = Field(default=150.0, description="how near the path has to come")
+
+
+class Surveyed(Section):
+    """Sensors where a file says."""
+
+    layout: Literal["file"] = Field(default="file", description="where a file says")
+    file: str = Field(
+        min_length=1,
+        description="CSV file with id and lat,lon or x,y of each sensor, relative to the scenario's own folder",
+    )
 
 
 # --- [sensor]: what a sensor hears --------------------------------------------------------------------------
@@ -91,6 +130,12 @@ class Sensor(Section):
     doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
     level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
     margin_db: float = Field(default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold")
+    position_error_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=10_000,
+        description="standard deviation, east and north, of where the centre believes a sensor to stand",
+    )
 
     @property
     def threshold_db(self) -> float:
@@ -252,7 +297,7 @@ class Contents(Section):
         description="what runs of this scenario are called",
     )
     seed: int = Field(default=1, ge=0, description="of every random draw; another seed, another run")
-    field: Annotated[Grid | AlongPath, Field(discriminator="layout")] = Grid()
+    field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Surveyed, Field(discriminator="layout")] = Grid()
     sensor: Sensor = Sensor()
     target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
     link: Annotated[Ideal | Fixed | GilbertElliott, Field(discriminator="model")] = Ideal()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
+from trackfield.world.rows import PLACES, Column, number, read_rows
 
 Array = NDArray[np.float64]
 
@@ -71,50 +71,14 @@ def _gpx(file: FilePath) -> Fixes:
 
 def _csv(file: FilePath) -> Fixes:
     """All rows; columns other than those of the format found are left alone."""
-    fail = partial(ScenarioError, file=str(file), expected="a CSV file with columns time,lat,lon or t_s,x,y")
-    try:
-        with file.open(newline="", encoding="utf-8-sig") as lines:
-            rows = list(csv.reader(lines, skipinitialspace=True))
-    except (csv.Error, UnicodeDecodeError):
-        raise fail("not a CSV file") from None
-    header = [name.strip().lower() for name in rows[0]] if rows else []
-    for columns in _FORMATS:
-        if set(columns) <= set(header):
-            break
-    else:
-        raise fail(f"has the columns {', '.join(header)}" if header else "is empty")
-    fixes = []
-    for number, row in enumerate(rows[1:], start=2):
-        if any(cell.strip() for cell in row):
-            values = dict(zip(header, row, strict=False))
-            fixes.append([_cell(file, number, name, values.get(name, "")) for name in columns])
-    if not fixes:
-        raise fail("has no rows")
-    return _in_order(file, fixes, geodetic="lat" in columns)
+    rows = [list(values.values()) for _, values in read_rows(file, _FORMATS, _COLUMNS)]
+    return _in_order(file, rows, geodetic=isinstance(rows[0][0], datetime))
 
 
-def _cell(file: FilePath, line: int, name: str, text: str) -> Any:
-    read, expected = _COLUMNS[name]
-    try:
-        return read(text.strip())
-    except ValueError:
-        raise ScenarioError(f"{name} is {text!r}", file=f"{file}:{line}", expected=expected) from None
-
-
-def _number(limit: float, text: str) -> float:
-    value = float(text)
-    if not abs(value) <= limit:  # also for what is not a number
-        raise ValueError
-    return value
-
-
-_COLUMNS: Final[dict[str, tuple[Callable[[str], Any], str]]] = {
+_COLUMNS: Final[dict[str, Column]] = {
+    **PLACES,
     "time": (datetime.fromisoformat, "an ISO date and time"),
-    "lat": (partial(_number, 90.0), "degrees from -90 to 90"),
-    "lon": (partial(_number, 180.0), "degrees from -180 to 180"),
-    "t_s": (partial(_number, 1e9), "seconds"),
-    "x": (partial(_number, 1e7), "metres"),
-    "y": (partial(_number, 1e7), "metres"),
+    "t_s": (partial(number, 1e9), "seconds"),
 }
 _FORMATS: Final = (("time", "lat", "lon"), ("t_s", "x", "y"))
 _READERS: Final[dict[str, Callable[[FilePath], Fixes]]] = {".gpx": _gpx, ".csv": _csv}

@@ -34,20 +34,36 @@ def read_track(file: FilePath, start: str | None = None, end: str | None = None)
     Raises ``ScenarioError`` if the file cannot be used, or has no fix inside the window.
     """
     fixes = read_fixes(file)
-    from_s, to_s = _window(file, fixes, start, end)
-    inside = np.flatnonzero((fixes.t >= from_s) & (fixes.t <= to_s))
-    if not len(inside):
-        raise ScenarioError("no fix inside the window", file=str(file), expected=f"times in {fixes.span()}")
-    around = slice(max(inside[0] - 1, 0), inside[-1] + 2)
-    xy = _plane(fixes.points[around], fixes.points[inside[0]]) if fixes.geodetic else fixes.points[around]
+    (from_s, to_s), first, last = _inside(file, fixes, start, end)
+    around = slice(max(first - 1, 0), last + 2)
+    xy = plane(fixes.points[around], fixes.points[first]) if fixes.geodetic else fixes.points[around]
     gap_s = max(GAP_S, 3 * float(np.median(np.diff(fixes.t))))
     return _through(fixes.t[around] - from_s, xy, gap_s).clip(0.0, to_s - from_s)
 
 
-def _plane(degrees: Array, origin: Array) -> Array:
-    """Metres east and north of ``origin`` (2,), for latitudes and longitudes (n, 2)."""
+def track_origin(file: FilePath, start: str | None = None, end: str | None = None) -> Array | None:
+    """(2,) latitude and longitude in degrees of the path's (0, 0); None where the file is in metres.
+
+    Takes and raises what ``read_track`` does.
+    """
+    fixes = read_fixes(file)
+    _, first, _ = _inside(file, fixes, start, end)
+    return fixes.points[first] if fixes.geodetic else None
+
+
+def plane(degrees: Array, origin: Array) -> Array:
+    """Metres (n, 2) east and north of ``origin`` (2,), for latitudes and longitudes (n, 2) in degrees."""
     east, north, _ = pymap3d.geodetic2enu(degrees[:, 0], degrees[:, 1], 0.0, origin[0], origin[1], 0.0)
     return np.column_stack([east, north])
+
+
+def _inside(file: FilePath, fixes: Fixes, start: str | None, end: str | None) -> tuple[Interval, int, int]:
+    """The window on the time scale of the fixes, and the first and last of the fixes inside."""
+    from_s, to_s = _window(file, fixes, start, end)
+    inside = np.flatnonzero((fixes.t >= from_s) & (fixes.t <= to_s))
+    if not len(inside):
+        raise ScenarioError("no fix inside the window", file=str(file), expected=f"times in {fixes.span()}")
+    return (from_s, to_s), int(inside[0]), int(inside[-1])
 
 
 def _through(t: Array, xy: Array, gap_s: float) -> Path:
