@@ -8,13 +8,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.plan import make_plan
+from launcher.plan import CENTRE, make_plan
 from launcher.records import Plan
+from trackfield.drivers.spec import places_of
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
+from trackfield.link.models import make_link
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
-from trackfield.scenario.sections import FromFile
+from trackfield.scenario.sections import FromFile, Trace
+from trackfield.wire.codec import encode
+from trackfield.wire.messages import Doa
 
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
@@ -57,12 +61,15 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
 
 
 def keep(scenario: Scenario, folder: Path) -> None:
-    """Write ``scenario.toml`` into the run folder, and its track beside it: to be run again, wherever the folder is."""
+    """Write ``scenario.toml`` into the run folder, and its files beside it: to be run again, wherever the folder is."""
     if isinstance(scenario.target, FromFile):
         track = Path(scenario.target.file)
         copy = shutil.copyfile(track, folder / f"target{track.suffix}")
         target = scenario.target.model_copy(update={"file": copy.name})
         scenario = scenario.model_copy(update={"target": target})
+    if isinstance(scenario.link, Trace):
+        copy = shutil.copyfile(scenario.link.file, folder / "link.csv")
+        scenario = scenario.model_copy(update={"link": scenario.link.model_copy(update={"file": copy.name})})
     (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
 
 
@@ -72,6 +79,13 @@ def check_endpoint(endpoint: str) -> None:
     if endpoint and not (protocol in PROTOCOLS and place):
         expected = f"PROTOCOL/ADDRESS, like tcp/127.0.0.1:7447 (protocols: {', '.join(PROTOCOLS)})"
         raise ScenarioError(f"is {endpoint!r}", key="--connect", expected=expected)
+
+
+def receptions(plan: Plan) -> dict[str, float]:
+    """The share of its reports to the centre that each sensor node may expect to be received."""
+    link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
+    size = len(encode(Doa(step=65535, bearing_deg=359.99, level_db=70.0)))
+    return {p.id: link.reception(p.id, CENTRE, size) for p in plan.processes if p.role == "node"}
 
 
 def remarks(plan: Plan) -> list[str]:

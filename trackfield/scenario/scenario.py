@@ -109,11 +109,13 @@ def _file_of(source: str | Path) -> Path:
 
 
 def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
-    """The same, with the target's file as an absolute path."""
-    target = data.get("target")
-    if isinstance(target, Mapping) and isinstance(target.get("file"), str) and target["file"]:
-        return {**data, "target": {**target, "file": str((base / target["file"]).absolute())}}
-    return dict(data)
+    """The same, with the files of target and link as absolute paths."""
+    anchored = dict(data)
+    for name in ("target", "link"):
+        section = data.get(name)
+        if isinstance(section, Mapping) and isinstance(section.get("file"), str) and section["file"]:
+            anchored[name] = {**section, "file": str((base / section["file"]).absolute())}
+    return anchored
 
 
 def _tuples(value: Any) -> Any:
