@@ -108,9 +108,11 @@ def list_scenarios(
 def validate(scenario: Name, overrides: Set = None, sensors: Sensors = None) -> None:
     """Check a scenario and say what it comes to."""
     from launcher.prepare import load, planned
-    from launcher.show import announce
+    from launcher.show import announce, foresee
 
-    announce(planned(load(scenario, settings=overrides or (), sensors=sensors)))
+    plan = planned(load(scenario, settings=overrides or (), sensors=sensors))
+    announce(plan)
+    foresee(plan)
 
 
 @app.command()

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from launcher.records import MessageRow
 from trackfield.drivers.core import LATE
 from trackfield.drivers.frames import EventKey, Frame, Refused, Told, Undone
-from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.link.models import make_link
 from trackfield.role import Note, Publish, Radio, State
 from trackfield.wire.codec import WireError, decode
@@ -76,7 +76,7 @@ class Ledger:
         self._processes = {p.id: p for p in processes}
         self._listeners = [p for p in processes if p.cells]
         self._diaries: dict[str, Diary] = defaultdict(Diary)
-        self._link = make_link(run.link, run.seed)
+        self._link = make_link(run.link, run.seed, places_of(processes))
         self._pending: list[tuple[int, int, Frame, MessageRow]] = []
         self._order = 0
 
@@ -161,10 +161,9 @@ class Ledger:
         return [p.id for p in asked if p.hears(frame.medium, to, frame.src, cell)]
 
     def _expect(self, frame: Frame, hearer: str, said: Said) -> None:
-        size = len(frame.payload)
         outcome, due = "in_flight", None
         if frame.sent_ns < self.run.end_ns:
-            fate = self._link.fate(frame.src, hearer, frame.kind, frame.sent_ns, frame.copy, size)
+            fate = frame.fate(self._link, hearer)
             outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
         row = MessageRow(
             frame.kind,
@@ -174,7 +173,7 @@ class Ledger:
             frame.sent_ns,
             due,
             outcome,
-            size,
+            len(frame.payload),
             frame.copy,
             frame.incarnation,
             *said,

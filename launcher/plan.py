@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Final
@@ -11,8 +12,9 @@ import numpy as np
 
 from launcher.records import FieldInfo, Place, Plan
 from trackfield.draw import normal
-from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.errors import ScenarioError
+from trackfield.link.models import make_link
 from trackfield.role import NS
 from trackfield.scenario import Plan as Site
 from trackfield.scenario import Scenario
@@ -26,15 +28,28 @@ TRUTH_SAMPLES: Final = 4
 def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
-    Raises ``ScenarioError`` where there is no sensor, or the target is never in range of one.
+    Raises ``ScenarioError`` where there is no sensor, the target is never in range of one, or the link's file is of no
+    use.
     """
     site = survey(scenario)
     # The last step's deadline falls after the path's end; one step more lets it pass.
     end_ns = (site.steps + 1) * site.step_ns
     spec = RunSpec(run, scenario.seed, end_ns, scenario.plain()["link"], speed)
     nodes = [_node(site, index) for index in range(len(site.sensors))]
-    processes = (_centre(site), *nodes)
+    centre = _centre(site)
+    # Nodes and centre send to each other, and nobody else.
+    nodes = [replace(node, peers=places_of([centre])) for node in nodes]
+    processes = (replace(centre, peers=places_of(nodes)), *nodes)
+    _check_link(spec)
     return Plan(spec, processes, site.path, _info(site, spec, processes), site.step_ns)
+
+
+def _check_link(spec: RunSpec) -> None:
+    """Raise ``ScenarioError`` unless the link can be made; all but its file was checked with the scenario."""
+    try:
+        make_link(spec.link, spec.seed)
+    except ValueError as error:
+        raise ScenarioError(str(error), key="link.file") from None
 
 
 @cache

@@ -10,11 +10,16 @@ from typing import Any, Final
 
 from launcher.plan import make_plan
 from launcher.records import Plan
+from trackfield.drivers.spec import places_of
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
+from trackfield.link.models import make_link
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
-from trackfield.scenario.sections import FromFile, Surveyed
+from trackfield.scenario.places import CENTRE
+from trackfield.scenario.sections import FromFile, Surveyed, Trace
+from trackfield.wire.codec import encode
+from trackfield.wire.messages import Doa
 
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
@@ -61,9 +66,9 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
 
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
-    for section, name in (("target", "target"), ("field", "sensors")):
+    for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
         part = getattr(scenario, section)
-        if isinstance(part, FromFile | Surveyed):
+        if isinstance(part, FromFile | Surveyed | Trace):
             file = Path(part.file)
             copy = shutil.copyfile(file, folder / f"{name}{file.suffix}")
             scenario = scenario.model_copy(update={section: part.model_copy(update={"file": copy.name})})
@@ -76,6 +81,13 @@ def check_endpoint(endpoint: str) -> None:
     if endpoint and not (protocol in PROTOCOLS and place):
         expected = f"PROTOCOL/ADDRESS, like tcp/127.0.0.1:7447 (protocols: {', '.join(PROTOCOLS)})"
         raise ScenarioError(f"is {endpoint!r}", key="--connect", expected=expected)
+
+
+def receptions(plan: Plan) -> dict[str, float]:
+    """The share of its reports to the centre that each sensor node may expect to be received."""
+    link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
+    size = len(encode(Doa(step=65535, bearing_deg=359.99, level_db=70.0)))
+    return {p.id: link.reception(p.id, CENTRE, size) for p in plan.processes if p.role == "node"}
 
 
 def remarks(plan: Plan) -> list[str]:

@@ -16,12 +16,15 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from launcher.prepare import remarks
+from launcher.prepare import receptions, remarks
 from launcher.records import ARRIVED, Plan
 from launcher.run import Observer, Outcome
+from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
+POOR: Final = 0.5
+"""Less than this share of the frames received is worth a warning."""
 console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
@@ -106,6 +109,22 @@ def announce(plan: Plan) -> None:
     )
     for remark in remarks(plan):
         console.print(f"[yellow]note:[/] {remark}")
+
+
+def foresee(plan: Plan) -> None:
+    """How well the sensors reach the centre."""
+    shares = receptions(plan)
+    worst = min(shares, key=lambda id: shares[id])
+    mean = sum(shares.values()) / len(shares)
+    console.print(
+        f"reception at {CENTRE} of {len(shares)} sensor nodes: mean {mean:.1%}, worst {shares[worst]:.1%} ({worst})"
+    )
+    poor = sum(share < POOR for share in shares.values())
+    if poor:
+        console.print(
+            f"[yellow]warning:[/] from {poor} of {len(shares)} sensor nodes less than {POOR:.0%} of the reports "
+            "arrive; docs/scenarios.md says what a link can reach"
+        )
 
 
 def conclude(outcome: Outcome) -> None:

@@ -97,8 +97,34 @@ def test_the_schema_knows_every_section(trackfield: Call) -> None:
 def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp_path: Path) -> None:
     said = trackfield("validate", "bus", "--set", "link.model=ideal", "--set", "target.from=08:00:30")
     assert (said.code, said.out) == (0, "")
-    assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf\n", said.err)
+    first, second = said.err.splitlines()
+    assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf", first)
+    assert re.fullmatch(r"reception at fusion of \d\d sensor nodes: mean 100.0%, worst 100.0% \(n000\)", second)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_validate_tells_the_reception_and_warns_where_it_is_poor(trackfield: Call) -> None:
+    said = trackfield("validate", "bus").err
+    assert "sensor nodes: mean 92.6%, worst 92.6% (n000)" in said
+    assert "warning" not in said
+    said = trackfield("validate", "spcpf", "--set", "link.loss=0.51").err
+    assert "reception at fusion of 121 sensor nodes: mean 49.0%, worst 49.0% (n000)" in said
+    warning = "warning: from 121 of 121 sensor nodes less than 50% of the reports arrive"
+    assert warning in " ".join(said.split())
+    assert "warning" not in trackfield("validate", "spcpf", "--set", "link.loss=0.5").err
+
+
+def test_a_run_keeps_the_trace_that_it_replayed(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "radio.csv").write_text("src,dst,t_s,received,delay_ms\n" + "".join(
+        f"n{i:03},fusion,0,{i % 2},5\n" for i in range(121)
+    ))  # fmt: skip
+    assert trackfield("run", "spcpf", *SHORT, "--set", "link.file=radio.csv", "--out", "first").code == 0
+    frames = json.loads((tmp_path / "first" / "metrics.json").read_text())["frames"]
+    assert frames["delivered"] > 0
+    assert frames["lost"]["radio"] > 0
+    (tmp_path / "radio.csv").unlink()
+    assert trackfield("run", "first/scenario.toml", "--virtual", "--out", "second").code == 0
+    assert same(trackfield, "first", "second")
 
 
 def test_validate_names_the_gaps_of_a_track(trackfield: Call, tmp_path: Path) -> None:

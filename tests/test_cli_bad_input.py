@@ -43,6 +43,7 @@ def assert_refused(said: Said, *parts: str) -> None:
         (["run", "spcfp"], ["unknown scenario 'spcfp'", "did you mean spcpf?", "one of bus, spcpf, or a TOML file"]),
         (["validate", "buss"], ["unknown scenario 'buss'", "did you mean bus?"]),
         (["run", "no/such.toml"], ["no/such.toml: cannot be read (No such file"]),
+        ([*NOWHERE, "--set", "link.file=no.csv"], ["link.file: ", "no.csv: cannot be read (No such file"]),
         ([*NOWHERE, "--link", "gilbert"], ["link.model: unknown model 'gilbert'", "did you mean gilbert_elliott?"]),
         ([*NOWHERE, "--link", "ideal "], ["did you mean ideal?", "one of ideal, fixed, gilbert_elliott"]),
         ([*NOWHERE, "--tracker", "fix-ukf"], ["fusion.trackers: unknown tracker", "did you mean fix-imm-ukf?"]),

@@ -33,6 +33,7 @@ LINKS: dict[str, dict[str, Any]] = {
         "delay_ms": 20,
         "jitter_ms": 10,
     },
+    "lognormal_prr": {"model": "lognormal_prr", "radio": "802154-0dbm", "noise_dbm": -98.0, "busy": 0.3, "ack": 2},
 }
 
 

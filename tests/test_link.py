@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 import tracemalloc
 from math import exp
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -31,7 +32,18 @@ BURSTS: Final = {
     "delay_ms": 20,
     "jitter_ms": 10,
 }
-SPECS: Final[list[dict[str, Any]]] = [{"model": "ideal"}, FIXED, BURSTS]
+RADIO: Final = {"model": "lognormal_prr", "radio": "802154-0dbm", "busy": 0.2, "ack": 2}
+TRACE: Final = {"model": "trace", "file": str(Path(__file__).with_name("trace.csv"))}
+SPECS: Final[list[dict[str, Any]]] = [
+    {"model": "ideal"},
+    FIXED,
+    BURSTS,
+    RADIO,
+    {"model": "csma154", "busy": 0.5, "ack": 2},
+    {"model": "ethernet", "delay_ms": 2},
+    TRACE,
+]
+PLACES: Final = {"n1": (0.0, 0.0), "n2": (70.0, 0.0), "n10": (0.0, 85.0), "fusion": (50.0, 50.0)}
 every_model = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec["model"])
 
 Frame = tuple[str, str, str, int, int, int]
@@ -70,10 +82,10 @@ def test_every_model_is_tested_here() -> None:
 def test_the_order_of_asking_changes_nothing(spec: dict[str, Any]) -> None:
     """A receiver, the recorder and a replay ask in different orders, about different frames."""
     asked = frames(2000)
-    link = make_link(spec, seed=3)
+    link = make_link(spec, 3, PLACES)
     fates = {frame: link.fate(*frame) for frame in asked}
     random.Random(1).shuffle(asked)
-    again, fresh = make_link(spec, seed=3), make_link(spec, seed=3)
+    again, fresh = make_link(spec, 3, PLACES), make_link(spec, 3, PLACES)
     assert {frame: again.fate(*frame) for frame in asked} == fates
     assert {frame: link.fate(*frame) for frame in reversed(asked)} == fates
     assert fresh.fate(*asked[0]) == fates[asked[0]]  # a process that hears a single frame
@@ -83,11 +95,11 @@ def test_the_order_of_asking_changes_nothing(spec: dict[str, Any]) -> None:
 def test_every_frame_takes_a_millisecond_at_least(spec: dict[str, Any]) -> None:
     if "delay_ms" in spec:
         spec = {**spec, "delay_ms": 0}
-    fates = [make_link(spec, seed=1).fate(*frame) for frame in frames(500)]
+    fates = [make_link(spec, 1, PLACES).fate(*frame) for frame in frames(500)]
     assert min(fate.delay_ns for fate in fates if fate.cause is None) >= MIN_DELAY_NS == MS
 
 
-@pytest.mark.parametrize("spec", SPECS[1:], ids=lambda spec: spec["model"])
+@pytest.mark.parametrize("spec", [FIXED, BURSTS], ids=lambda spec: spec["model"])
 @pytest.mark.parametrize("changed", ["seed", "src", "dst", "kind", "sent_ns", "copy"])
 def test_each_part_of_the_identity_matters(spec: dict[str, Any], changed: str) -> None:
     """Two frames that differ in one part are lost independently: at p = 1/2, in half of all cases."""
@@ -103,10 +115,29 @@ def test_each_part_of_the_identity_matters(spec: dict[str, Any], changed: str) -
     assert likely(differ, binom(n, 0.5))
 
 
+@pytest.mark.parametrize("spec", [s for s in SPECS if s not in (BURSTS, TRACE)], ids=lambda spec: spec["model"])
+def test_the_expected_reception_is_what_frames_meet(spec: dict[str, Any]) -> None:
+    link, n = make_link(spec, 1, PLACES), 3000
+    for src, dst in (("n1", "fusion"), ("fusion", "n1"), ("n2", "fusion"), ("n10", "n1")):
+        arrived = sum(link.fate(src, dst, "doa", i * S, 0, 12).cause is None for i in range(n))
+        assert likely(arrived, binom(n, link.reception(src, dst, 12)))
+
+
+def test_the_expected_reception_of_bursts_is_stationary() -> None:
+    assert make_link(BURSTS, seed=1).reception("a", "b", 12) == pytest.approx(1 - (4 * 0.9 + 50 * 0.02) / 54)
+
+
 @every_model
-def test_range_is_not_the_links_business(spec: dict[str, Any]) -> None:
-    near, far = make_link(spec, seed=1), make_link({**spec, "range_m": 100.0}, seed=1)
-    assert all(near.fate(*frame) == far.fate(*frame) for frame in frames(100))
+def test_beyond_its_range_a_link_carries_nothing(spec: dict[str, Any]) -> None:
+    places = {"a": (0.0, 0.0), "b": (60.0, 80.0), "c": (60.0, 80.001)}
+    free, ending = make_link(spec, 1, places), make_link({**spec, "range_m": 100.0}, 1, places)
+    for i in range(100):
+        near, far, unknown = (("a", dst, "doa", i * S, 0, 12) for dst in ("b", "c", "stranger"))
+        assert ending.fate(*near) == free.fate(*near)
+        assert ending.fate(*far).cause == ending.fate(*unknown).cause == "radio"
+        assert ending.fate(*far).attempts == free.fate(*far).attempts
+    assert ending.reception("a", "b", 12) == free.reception("a", "b", 12)
+    assert ending.reception("a", "c", 12) == 0.0
 
 
 @pytest.mark.parametrize(
@@ -128,6 +159,17 @@ def test_range_is_not_the_links_business(spec: dict[str, Any]) -> None:
         ({**BURSTS, "loss_bad": 2}, "loss_bad"),
         ({**BURSTS, "loss_good": -1}, "loss_good"),
         ({**BURSTS, "jitter_ms": -1}, "jitter_ms"),
+        ({**RADIO, "radio": "walkie-talkie"}, "walkie-talkie.* is not one of 802154-0dbm"),
+        ({**RADIO, "channel": "ether"}, "ether.* is not one of castalia"),
+        ({**RADIO, "radio": "lora868", "sf": 6}, "sf"),
+        ({**RADIO, "busy": 1}, "busy"),
+        ({**RADIO, "busy": -0.1}, "busy"),
+        ({**RADIO, "ack": -1}, "ack"),
+        ({"model": "csma154", "busy": 1.5}, "busy"),
+        ({"model": "ethernet", "delay_ms": -1}, "delay_ms"),
+        ({"model": "ethernet", "loss": 0.1}, "loss"),
+        ({"model": "trace"}, "file"),
+        ({"model": "trace", "file": "/no/such.csv"}, "cannot be read"),
     ],
     ids=str,
 )

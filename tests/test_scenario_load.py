@@ -1,13 +1,16 @@
 """Loading a scenario: what is right comes through, and all that is wrong is told at once, with its place."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from trackfield.errors import ScenarioError
+from trackfield.link import MODELS, make_link
+from trackfield.link.radios import RADIOS
+from trackfield.link.shadowing import CHANNELS
 from trackfield.scenario import Scenario, schema
-from trackfield.scenario.sections import AlongPath, FromFile, Grid, Waypoints
+from trackfield.scenario.sections import AlongPath, FromFile, Grid, LognormalPrr, Waypoints
 
 LEAST: dict[str, Any] = {"name": "mine", "target": {"path": "s1"}}
 
@@ -45,6 +48,31 @@ def test_link_defaults_are_those_of_the_model() -> None:
     assert bursts == {"loss_good": 0.0, "loss_bad": 1.0, "delay_ms": 20.0, "jitter_ms": 10.0}
     fixed = Scenario.load({**LEAST, "link": {"model": "fixed"}}).plain()["link"]
     assert fixed == {"model": "fixed", "loss": 0.05, "delay_ms": 5.0}
+
+
+def test_a_radio_is_the_one_with_an_amplifier_unless_said_otherwise() -> None:
+    link = Scenario.load({**LEAST, "link": {"model": "lognormal_prr"}}).plain()["link"]
+    assert link == {"model": "lognormal_prr", "radio": "802154-20dbm", "busy": 0.0}
+    lora = Scenario.load({**LEAST, "link": {"model": "lognormal_prr", "radio": "lora868", "sf": 12}}).plain()["link"]
+    assert lora["sf"] == 12
+
+
+def test_a_scenario_names_the_radios_and_channels_that_there_are() -> None:
+    fields = LognormalPrr.model_fields
+    assert set(get_args(fields["radio"].annotation)) == set(RADIOS)
+    assert {name for part in get_args(fields["channel"].annotation) for name in get_args(part)} == set(CHANNELS)
+
+
+@pytest.mark.parametrize("model", set(MODELS) - {"trace"})
+def test_every_link_that_a_scenario_accepts_can_be_made(model: str) -> None:
+    spec = Scenario.load({**LEAST, "link": {"model": model}}).plain()["link"]
+    link = make_link(spec, 1, {"a": (0.0, 0.0), "b": (1.0, 0.0)})
+    assert 0.9 < link.reception("a", "b", 12) <= 1
+
+
+def test_a_trace_lies_beside_the_scenario(tmp_path: Path) -> None:
+    text = 'name = "mine"\n[target]\npath = "s1"\n[link]\nmodel = "trace"\nfile = "radio.csv"\n'
+    assert Scenario.load(write(tmp_path / "mine.toml", text)).plain()["link"]["file"] == str(tmp_path / "radio.csv")
 
 
 def test_levels_follow_from_threshold_and_margin() -> None:
@@ -107,7 +135,7 @@ def test_a_scenario_never_changes() -> None:
 def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
     assert properties.keys() == {"name", "seed", "field", "sensor", "target", "link", "fusion"}
-    assert set(properties["link"]["discriminator"]["mapping"]) == {"ideal", "fixed", "gilbert_elliott"}
+    assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
     layouts = {"grid", "jittered", "random", "ring", "along-path", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
     sensor = schema()["$defs"]["Sensor"]
@@ -163,6 +191,17 @@ def test_a_value_of_the_wrong_type_or_range(section: str, key: str, value: Any, 
         ({"model": "gilbert_elliott", "loss_bad": 2}, "loss_bad", "from 0 to 1"),
         ({"model": "gilbert_elliott", "jitter_ms": -1}, "jitter_ms", "at least 0"),
         ({"model": "ideal", "range_m": 0}, "range_m", "above 0"),
+        ({"model": "ethernet", "delay_ms": 0.5}, "delay_ms", "at least 1"),
+        ({"model": "lognormal_prr", "radio": "802154-10dbm"}, "radio", "did you mean 802154-0dbm?; expected one of"),
+        ({"model": "lognormal_prr", "channel": "uscc"}, "channel", "did you mean usc?; expected one of castalia"),
+        ({"model": "lognormal_prr", "radio": "lora868", "sf": 13}, "sf", "from 7 to 12"),
+        ({"model": "lognormal_prr", "sf": 9}, "sf", "802154-20dbm has no spreading factor; expected no spreading"),
+        ({"model": "lognormal_prr", "tx_dbm": 41}, "tx_dbm", "from -60 to 40"),
+        ({"model": "lognormal_prr", "noise_dbm": 1}, "noise_dbm", "from -180 to 0"),
+        ({"model": "lognormal_prr", "busy": 1}, "busy", "from 0 to 0.99"),
+        ({"model": "lognormal_prr", "ack": -1}, "ack", "a whole number from 0 to 100"),
+        ({"model": "csma154", "ack": 2.5}, "ack", "a whole number from 0 to 100"),
+        ({"model": "trace", "file": ""}, "file", "a text"),
     ],
 )
 def test_a_link_out_of_range(link: dict[str, Any], key: str, expected: str) -> None:
@@ -214,6 +253,13 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         ),
         ("link", {"loss": 0.1}, "link.model: missing; expected one of ideal, fixed, gilbert_elliott"),
         ("link", {"model": "ideal", "loss": 0.1}, "link.loss: belongs to model fixed, not to ideal"),
+        (
+            "link",
+            {"model": "lognormal", "ack": 1},
+            "link.model: unknown model 'lognormal'; did you mean lognormal_prr?",
+        ),
+        ("link", {"model": "lognormal_prr", "raido": "wifi11b"}, "link.raido: unknown; did you mean radio?"),
+        ("link", {"model": "trace"}, "link.file: missing; expected a text"),
         ("link", {"model": "fixed", "los": 0.1}, "link.los: unknown; did you mean loss?; expected one of"),
         ("field", {"layout": "gird"}, "field.layout: unknown layout 'gird'; did you mean grid?; expected"),
         ("target", 3, "target: is 3; expected a section [target]"),

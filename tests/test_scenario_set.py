@@ -62,7 +62,7 @@ def test_setting_gives_another_scenario_and_leaves_the_first() -> None:
         ("link.model", "gilbert", "link.model: unknown model 'gilbert'; did you mean gilbert_elliott?"),
         ("link.model", ["fixed"], "link.model: unknown model"),
         ("link", "fixed", 'link: is "fixed"; expected a section [link]'),
-        ("link.delay_ms", 5, "link.delay_ms: belongs to model fixed or gilbert_elliott, not to ideal"),
+        ("link.delay_ms", 5, "link.delay_ms: belongs to model fixed or gilbert_elliott or ethernet, not to ideal"),
     ],
 )
 def test_setting_what_is_wrong(key: str, value: Any, message: str) -> None:
@@ -87,6 +87,8 @@ def test_naming_a_key_of_one_model_chooses_the_model() -> None:
     spcpf = Scenario.load("spcpf")
     assert spcpf.set("link.loss", 1).plain()["link"] == {"model": "fixed", "loss": 1.0, "delay_ms": 5.0}
     assert spcpf.set("link.bad_s", 9).plain()["link"]["model"] == "gilbert_elliott"
+    assert spcpf.set("link.radio", "wifi11b").plain()["link"]["model"] == "lognormal_prr"
+    assert spcpf.set("link.file", "/a.csv").plain()["link"] == {"model": "trace", "file": "/a.csv"}
     assert spcpf.set("field.within_m", 80).field.layout == "along-path"
     assert spcpf.set("field.jitter", 0.1).plain()["field"] == {
         "layout": "jittered",

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.role import (
     NEIGHBOURHOOD,
     NS,
@@ -111,14 +111,15 @@ class Talker:
 
 
 def party(talkers: int, *, steps: int, link: dict[str, object], seed: int = 1, speed: float = 1.0):
-    """A hub and its talkers, ready to run."""
+    """A hub and its talkers in a row, 10 m apart, ready to run."""
     run = RunSpec(f"toys-{seed}", seed, (steps + 1) * NS, link, speed)
-    hub = ProcessSpec("hub", "hub", "tests.toys:Hub")
     names = [f"t{i:02}" for i in range(talkers)]
-    return run, [
-        hub,
+    processes = [
+        ProcessSpec("hub", "hub", "tests.toys:Hub"),
         *(
-            ProcessSpec(n, "talker", "tests.toys:Talker", {"name": n, "number": i}, cells=("c0",))
+            ProcessSpec(n, "talker", "tests.toys:Talker", {"name": n, "number": i}, 10.0 * (i + 1), cells=("c0",))
             for i, n in enumerate(names)
         ),
     ]
+    hub, *others = processes
+    return run, [replace(hub, peers=places_of(others)), *(replace(p, peers=places_of([hub])) for p in others)]

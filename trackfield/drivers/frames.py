@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
+from trackfield.link.fate import Fate, Link
 from trackfield.role import NEIGHBOURHOOD, Note, Publish, Radio, State
 from trackfield.wire.keys import Medium
 
@@ -42,6 +43,11 @@ class Frame:
     def addresses(self) -> tuple[str, ...] | None:
         """The ids it is meant for; None for a broadcast."""
         return None if self.to == NEIGHBOURHOOD else tuple(self.to.split(","))
+
+    def fate(self, link: Link, hearer: str) -> Fate:
+        """What becomes of it on the way to this hearer."""
+        size, broadcast = len(self.payload), self.to == NEIGHBOURHOOD
+        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, broadcast)
 
     def key(self, due_ns: int) -> EventKey:
         """Its place among the events of a hearer that receives it at ``due_ns``."""

@@ -125,7 +125,7 @@ class Process:
         joined = join(session, id)
         self.spec, self._end_ns, self._speed = joined.process, joined.run.end_ns, joined.run.speed
         self.core: Core = build_core(joined.run, joined.process, horizon_ns=round(HORIZON_S * joined.run.speed * 1e9))
-        self._link: Link = make_link(joined.run.link, joined.run.seed)
+        self._link: Link = make_link(joined.run.link, joined.run.seed, joined.process.places)
         self._counts = {"radio": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
         self._seen, self._seq = Seen(), 0
         self._counts_ns, self._reached_ns, self._replay_ns = NEVER, 0, 0
@@ -283,7 +283,7 @@ class Process:
     def _receive(self, frame: Frame) -> None:
         if frame.sent_ns >= self._end_ns:
             return  # never due in this run, whatever its fate
-        fate = self._link.fate(frame.src, self.id, frame.kind, frame.sent_ns, frame.copy, len(frame.payload))
+        fate = frame.fate(self._link, self.id)
         if fate.cause is not None:
             self._counts[fate.cause] += 1
             return

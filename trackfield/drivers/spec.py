@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from typing import Any, Self
 
 from trackfield.drivers.core import Core, Sense
 from trackfield.link.clock import Clock
+from trackfield.link.fate import Places
 from trackfield.role import Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
@@ -33,6 +34,7 @@ class ProcessSpec:
 
     ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
     those it listens to (none if no role of it consumes broadcasts). ``media`` are the radios and wires it has.
+    ``peers`` says where those stand whose frames it may hear: (x, y) by id, not of the whole field.
     """
 
     id: str
@@ -47,6 +49,7 @@ class ProcessSpec:
     cells: tuple[str, ...] = ()
     incarnation: int = 0
     sink: bool = False
+    peers: Places = field(default_factory=dict)
 
     def plain(self) -> Plain:
         """The form that travels."""
@@ -55,7 +58,13 @@ class ProcessSpec:
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``plain``."""
-        return cls(**{**plain, "media": tuple(plain["media"]), "cells": tuple(plain["cells"])})
+        peers = {id: (x, y) for id, (x, y) in plain["peers"].items()}
+        return cls(**{**plain, "media": tuple(plain["media"]), "cells": tuple(plain["cells"]), "peers": peers})
+
+    @property
+    def places(self) -> Places:
+        """Where it and its peers stand."""
+        return {**self.peers, self.id: (self.x, self.y)}
 
     def hears(self, medium: str, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
         """Whether a frame from ``src`` to these ids (None: a broadcast into ``cell``) comes to this process."""
@@ -64,6 +73,11 @@ class ProcessSpec:
         if to is not None:
             return self.id in to
         return src != self.id and cell in self.cells
+
+
+def places_of(processes: Iterable[ProcessSpec]) -> Places:
+    """Where all of these stand."""
+    return {p.id: (p.x, p.y) for p in processes}
 
 
 def role_factory(place: str) -> Callable[..., Role[Any]]:

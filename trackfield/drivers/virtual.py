@@ -8,7 +8,7 @@ from typing import Protocol
 
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
-from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
+from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, places_of
 from trackfield.link.models import make_link
 from trackfield.role import IllegalEvent
 
@@ -35,7 +35,7 @@ class Virtual:
         self.cores = {p.id: build_core(run, p) for p in processes}
         self._processes = {p.id: p for p in processes}
         self._listeners = [p for p in processes if p.cells]
-        self._link = make_link(run.link, run.seed)
+        self._link = make_link(run.link, run.seed, places_of(processes))
         self._due: list[tuple[EventKey, str]] = []
         self.now_ns = 0
 
@@ -74,7 +74,7 @@ class Virtual:
                 self._deliver(hearer.id, frame)
 
     def _deliver(self, hearer: str, frame: Frame) -> None:
-        fate = self._link.fate(frame.src, hearer, frame.kind, frame.sent_ns, frame.copy, len(frame.payload))
+        fate = frame.fate(self._link, hearer)
         if fate.cause is None:
             core = self.cores[hearer]
             core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log
 from typing import Final, Protocol
@@ -12,12 +13,23 @@ MIN_DELAY_NS: Final = 1_000_000
 """Every frame takes at least 1 ms, so that a cause precedes its effect."""
 
 
+Places = Mapping[str, tuple[float, float]]
+"""Where processes stand, by id: metres east and north."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fate:
-    """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent."""
+    """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent.
+
+    What it cost: ``attempts`` transmissions by the sender, over all fragments and repeats, of together
+    ``bytes_on_air``, and ``ack_bytes`` sent back by the hearer. The bytes are 0 where a model knows no radio.
+    """
 
     cause: str | None
     delay_ns: int = 0
+    attempts: int = 1
+    bytes_on_air: int = 0
+    ack_bytes: int = 0
 
 
 LOST: Final = Fate("radio")
@@ -26,12 +38,16 @@ LOST: Final = Fate("radio")
 class Link(Protocol):
     """A link model. Equal arguments have equal fates, in any process and in any order of asking."""
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int) -> Fate:
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """The fate of a frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time).
 
-        ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A broadcast
-        has a fate per hearer.
+        ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A ``broadcast``
+        has a fate per hearer, and is never acknowledged.
         """
+        ...
+
+    def reception(self, src: str, dst: str, size: int) -> float:
+        """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run."""
         ...
 
 

@@ -20,8 +20,12 @@ class Fixed:
         check_share("loss", self.loss)
         check_positive("delay_ms", self.delay_ms, zero=True)
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int) -> Fate:
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``."""
         if uniform(self.seed, "loss", src, dst, kind, sent_ns, copy) < self.loss:
             return LOST
         return Fate(None, delay(self.delay_ms))
+
+    def reception(self, src: str, dst: str, size: int) -> float:
+        """See ``Link.reception``."""
+        return 1 - self.loss

@@ -42,7 +42,7 @@ class GilbertElliott:
         for name in ("delay_ms", "jitter_ms"):
             check_positive(name, getattr(self, name), zero=True)
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int) -> Fate:
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``."""
         frame = (src, dst, kind, sent_ns, copy)
         loss = self.loss_bad if self.bad(src, dst, sent_ns) else self.loss_good
@@ -50,6 +50,11 @@ class GilbertElliott:
             return LOST
         jitter = exponential(self.jitter_ms, self.seed, "jitter", *frame) if self.jitter_ms else 0.0
         return Fate(None, delay(self.delay_ms + jitter))
+
+    def reception(self, src: str, dst: str, size: int) -> float:
+        """See ``Link.reception``."""
+        bad = self.bad_s / (self.good_s + self.bad_s)
+        return 1 - bad * self.loss_bad - (1 - bad) * self.loss_good
 
     def bad(self, src: str, dst: str, at_ns: int) -> bool:
         """Whether the link from ``src`` to ``dst`` is in its bad state at ``at_ns``."""

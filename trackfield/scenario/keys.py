@@ -10,7 +10,7 @@ from typing import Any, Final, get_args
 
 from trackfield.scenario.sections import Contents, Section
 
-_UNITS: Final = {"m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB"}
+_UNITS: Final = {"m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm"}
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,8 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
             expected = section.keys(kind)[path[1]].expected if len(path) > 1 else f"a section [{path[0]}]"
         case _:
             expected = top_level()[path[0]].expected
+    if error["type"] == "literal_error":
+        what += suggestion(str(error["input"]), expected.removeprefix("one of ").split(", "))
     return path, what, expected
 
 

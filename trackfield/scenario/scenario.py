@@ -111,7 +111,7 @@ def _file_of(source: str | Path) -> Path:
 def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
     """The same, with the files that it names as absolute paths."""
     anchored = dict(data)
-    for name in ("field", "target"):
+    for name in ("field", "target", "link"):
         section = data.get(name)
         if isinstance(section, Mapping) and isinstance(section.get("file"), str) and section["file"]:
             anchored[name] = {**section, "file": str((base / section["file"]).absolute())}

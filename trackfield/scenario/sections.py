@@ -32,6 +32,8 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Delay = Annotated[float, Field(ge=1)]
+Busy = Annotated[float, Field(ge=0, le=0.99)]
+Attempts = Annotated[int, Field(ge=0, le=100)]
 
 
 class Section(BaseModel):
@@ -252,6 +254,65 @@ class GilbertElliott(_Link):
     jitter_ms: NotNegative = Field(default=10.0, description="mean of the exponentially distributed time on top")
 
 
+class Ethernet(_Link):
+    """A wire: loses nothing, takes the same time always."""
+
+    model: Literal["ethernet"] = Field(default="ethernet", description="a wire: loses nothing, constant delay")
+    delay_ms: Delay = Field(default=1.0, description="from sending to arrival")
+
+
+class LognormalPrr(_Link):
+    """Path loss with frozen shadowing, a radio's reception curve, its access to the channel."""
+
+    model: Literal["lognormal_prr"] = Field(
+        default="lognormal_prr", description="a radio, its reach decided by distance and shadowing"
+    )
+    radio: Literal["802154-0dbm", "802154-20dbm", "lora868", "mica2", "wifi11b"] = Field(
+        default="802154-20dbm", description="sets power, noise, frame size, speed and access to the channel"
+    )
+    channel: Literal["castalia", "usc", "petajajarvi"] | None = Field(
+        default=None,
+        description="path loss over distance; unset: petajajarvi for lora868, usc for mica2, else castalia",
+    )
+    tx_dbm: float | None = Field(default=None, ge=-60, le=40, description="transmission power; unset: the radio's")
+    noise_dbm: float | None = Field(default=None, ge=-180, le=0, description="noise floor; unset: the radio's")
+    sf: int | None = Field(default=None, ge=7, le=12, description="spreading factor, of lora868 alone; unset: 9")
+    busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
+    ack: Attempts | None = Field(
+        default=None,
+        description="how often a frame is sent until acknowledged; 0: once, without; unset: 7 for wifi11b, else 0",
+    )
+
+    @model_validator(mode="after")
+    def _spreading_factor_of_lora(self) -> Self:
+        if self.sf is not None and self.radio != "lora868":
+            raise _wrong(
+                f"is {self.sf}, and {self.radio} has no spreading factor",
+                "no spreading factor, or link.radio=lora868",
+                "link.sf",
+            )
+        return self
+
+
+class Csma154(_Link):
+    """The delays of 802.15.4 alone: who finds the channel busy five times gives up, all else arrives."""
+
+    model: Literal["csma154"] = Field(default="csma154", description="the delays of an 802.15.4 radio in easy reach")
+    busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
+    ack: Attempts = Field(
+        default=0, description="how often a frame is sent at most until it is acknowledged; 0: once, without"
+    )
+
+
+class Trace(_Link):
+    """A measured link, replayed."""
+
+    model: Literal["trace"] = Field(default="trace", description="a measured link, replayed")
+    file: str = Field(
+        min_length=1, description="CSV file (src,dst,t_s,received,delay_ms), relative to the scenario's own folder"
+    )
+
+
 # --- [fusion]: the centre -----------------------------------------------------------------------------------
 
 
@@ -300,7 +361,9 @@ class Contents(Section):
     field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Surveyed, Field(discriminator="layout")] = Grid()
     sensor: Sensor = Sensor()
     target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
-    link: Annotated[Ideal | Fixed | GilbertElliott, Field(discriminator="model")] = Ideal()
+    link: Annotated[
+        Ideal | Fixed | GilbertElliott | LognormalPrr | Csma154 | Ethernet | Trace, Field(discriminator="model")
+    ] = Ideal()
     fusion: Fusion = Fusion()
 
     @model_validator(mode="after")

@@ -1,0 +1,35 @@
+"""The delays of unslotted CSMA-CA alone: every frame is received, unless its sender gives the channel up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from trackfield.link.fate import Fate
+from trackfield.link.radios import RADIOS
+from trackfield.link.transfer import Transfer
+
+
+@dataclass(frozen=True)
+class Csma154:
+    """An 802.15.4 radio within easy reach; ``busy`` and ``ack`` as in ``Transfer``."""
+
+    seed: int
+    busy: float = 0.0
+    ack: int = 0
+    _transfer: Transfer = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        radio = RADIOS["802154-0dbm"](0)
+        object.__setattr__(self, "_transfer", Transfer(self.seed, radio, self.busy, self.ack))
+
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+        """See ``Link.fate``."""
+        return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, _always, _always)
+
+    def reception(self, src: str, dst: str, size: int) -> float:
+        """See ``Link.reception``."""
+        return self._transfer.reception(size, _always)
+
+
+def _always(frame_bytes: int) -> float:
+    return 1.0

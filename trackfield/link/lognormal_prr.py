@@ -1,0 +1,75 @@
+"""A radio under path loss with frozen shadowing (``shadowing``), received by its own curve (``reception``)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import TypeVar
+
+from trackfield.link.fate import Fate, Places
+from trackfield.link.radios import RADIOS, Radio
+from trackfield.link.shadowing import CHANNELS
+from trackfield.link.transfer import Transfer
+
+T = TypeVar("T")
+
+
+class LognormalPrr:
+    """``radio`` and ``channel`` are names in ``RADIOS`` and ``CHANNELS``, ``sf`` is LoRa's spreading factor.
+
+    What is None is as the radio has it. A frame from or to a process whose place is not known is out of range.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        places: Places,
+        radio: str = "802154-20dbm",
+        channel: str | None = None,
+        tx_dbm: float | None = None,
+        noise_dbm: float | None = None,
+        sf: int | None = None,
+        busy: float = 0.0,
+        ack: int | None = None,
+    ) -> None:
+        self.radio = _radio(radio, 9 if sf is None else sf)
+        self.channel = _named("channel", self.radio.channel if channel is None else channel, CHANNELS)
+        self.tx_dbm = self.radio.tx_dbm if tx_dbm is None else tx_dbm
+        self.noise_dbm = self.radio.noise_dbm if noise_dbm is None else noise_dbm
+        self._seed, self._places = seed, places
+        self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack)
+        # What was computed before: a few entries per link in use.
+        self._prr: dict[tuple[str, str, int], float] = {}
+
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+        """See ``Link.fate``."""
+        there, back = partial(self.prr, src, dst), partial(self.prr, dst, src)
+        return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, there, back)
+
+    def reception(self, src: str, dst: str, size: int) -> float:
+        """See ``Link.reception``."""
+        return self._transfer.reception(size, partial(self.prr, src, dst))
+
+    def snr_db(self, src: str, dst: str) -> float:
+        """The signal-to-noise ratio of the link in dB. Raises ``KeyError`` for one whose place is not known."""
+        return self.tx_dbm - self.channel.loss_db(self._seed, self._places, src, dst) - self.noise_dbm
+
+    def prr(self, src: str, dst: str, frame_bytes: int) -> float:
+        """The share of single frames of ``frame_bytes`` on the air that are received."""
+        key = (src, dst, frame_bytes)
+        if key not in self._prr:
+            known = src in self._places and dst in self._places
+            self._prr[key] = self.radio.prr(self.snr_db(src, dst), frame_bytes) if known else 0.0
+        return self._prr[key]
+
+
+def _named(what: str, name: str, table: Mapping[str, T]) -> T:
+    if name not in table:
+        raise ValueError(f"{what} {name!r} is not one of {', '.join(table)}")
+    return table[name]
+
+
+def _radio(name: str, sf: int) -> Radio:
+    if not 7 <= sf <= 12:
+        raise ValueError(f"sf: {sf} is not a spreading factor from 7 to 12")
+    return _named("radio", name, RADIOS)(sf)

@@ -1,0 +1,125 @@
+"""Radios by name: power, noise, frames, and how they come to the channel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trackfield.link import lora868, reception
+from trackfield.link.access import Access, Aloha
+from trackfield.link.csma import Csma
+from trackfield.link.dcf import Dcf
+from trackfield.link.lora868 import Lora
+
+
+@dataclass(frozen=True, slots=True)
+class Radio:
+    """What a frame needs of its radio.
+
+    A payload of up to ``payload_bytes`` goes into one frame, which is ``overhead_bytes`` longer on the air.
+    ``prr(snr_db, frame_bytes)`` is the share of frames received, ``airtime_ns(frame_bytes)`` what one takes.
+    An acknowledgement begins ``turnaround_ns`` after a frame and has ``ack_bytes``; a sender waits ``patience_ns`` for
+    it in vain. ``ack`` is how often a frame is sent at most until it is acknowledged; 0: once, and it never is.
+    ``channel`` names the path loss (``CHANNELS``) under which its figures are usually given.
+    """
+
+    tx_dbm: float
+    noise_dbm: float
+    channel: str
+    payload_bytes: int
+    overhead_bytes: int
+    ack_bytes: int
+    turnaround_ns: int
+    patience_ns: int
+    access: Access
+    airtime_ns: Callable[[int], int]
+    prr: Callable[[float, int], float]
+    ack: int = 0
+
+    @property
+    def ack_ns(self) -> int:
+        """From the end of a frame to the end of its acknowledgement."""
+        return self.turnaround_ns + self.airtime_ns(self.ack_bytes)
+
+
+# CC2420: 250 kbit/s. Preamble, delimiter and length are 6 bytes, header and check sum 11; an acknowledgement 6 + 5.
+# macAckWaitDuration is 54 symbols.
+_CC2420: Final = Radio(
+    tx_dbm=0.0,
+    noise_dbm=-100.0,
+    channel="castalia",
+    payload_bytes=116,
+    overhead_bytes=17,
+    ack_bytes=11,
+    turnaround_ns=192_000,
+    patience_ns=864_000,
+    access=Csma(),
+    airtime_ns=lambda frame_bytes: 32_000 * frame_bytes,
+    prr=reception.cc2420,
+)
+
+# CC1000 under TinyOS: 19.2 kbit/s; the longest frame has the 50 bytes of Zuniga and Krishnamachari, 29 of them payload.
+# B-MAC (Polastre et al. 2004) backs off for up to 32 byte times, whatever came before.
+_MICA2: Final = Radio(
+    tx_dbm=0.0,
+    noise_dbm=-105.0,
+    channel="usc",
+    payload_bytes=29,
+    overhead_bytes=21,
+    ack_bytes=21,
+    turnaround_ns=250_000,
+    patience_ns=250_000 + 21 * 416_667,
+    access=Csma(unit_ns=416_667, be_min=5, cca_ns=416_667, turnaround_ns=250_000),
+    airtime_ns=lambda frame_bytes: 416_667 * frame_bytes,
+    prr=reception.mica2,
+)
+
+# 802.11b at its basic rate of 1 Mbit/s with the long preamble (192 us). MAC header and check sum 28 bytes, LLC and SNAP
+# 8; an acknowledgement 14, after a SIFS of 10 us. Noise: thermal in 22 MHz, and a noise figure of 7 dB. Seven
+# transmissions are the standard's short retry limit.
+_WIFI11B: Final = Radio(
+    tx_dbm=15.0,
+    noise_dbm=-93.6,
+    channel="castalia",
+    payload_bytes=2304,
+    overhead_bytes=36,
+    ack_bytes=14,
+    turnaround_ns=10_000,
+    patience_ns=314_000,
+    access=Dcf(),
+    airtime_ns=lambda frame_bytes: 192_000 + 8_000 * frame_bytes,
+    prr=reception.dsss_dbpsk,
+    ack=7,
+)
+
+
+def _lora(sf: int) -> Radio:
+    """The overhead is LoRaWAN's: header 8 bytes, port 1, integrity code 4. An acknowledgement has no payload.
+
+    It is answered as soon as the radio has turned round: LoRaWAN's receive windows, a second later, are left out.
+    """
+    modem, overhead, turnaround_ns = Lora(sf), 13, 1_000_000
+    return Radio(
+        tx_dbm=14.0,
+        noise_dbm=lora868.NOISE_DBM,
+        channel="petajajarvi",
+        payload_bytes=lora868.PAYLOAD_BYTES[sf],
+        overhead_bytes=overhead,
+        ack_bytes=overhead,
+        turnaround_ns=turnaround_ns,
+        patience_ns=turnaround_ns + modem.airtime_ns(overhead),
+        access=Aloha(),
+        airtime_ns=modem.airtime_ns,
+        prr=modem.prr,
+    )
+
+
+RADIOS: Final[Mapping[str, Callable[[int], Radio]]] = {
+    "802154-0dbm": lambda _: _CC2420,
+    "802154-20dbm": lambda _: replace(_CC2420, tx_dbm=20.0),
+    "lora868": _lora,
+    "mica2": lambda _: _MICA2,
+    "wifi11b": lambda _: _WIFI11B,
+}
+"""What makes a radio, from a spreading factor (which only LoRa looks at)."""

@@ -1,0 +1,49 @@
+"""Path loss with log-normal shadowing, frozen for each link.
+
+PL(d) = PL0 + 10 n log10(d / d0) + N(0, sigma) [+ N(0, asymmetry)], in dB: the first draw belongs to the pair, the
+second to the direction. Zuniga and Krishnamachari (2004), "Analyzing the Transitional Region in Low Power Wireless
+Links", eq. 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import dist, log10
+from typing import Final
+
+from trackfield.draw import normal
+from trackfield.link.fate import Places
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """How a signal weakens: ``pl0_db`` at ``d0_m``, ``exponent`` n, ``sigma_db`` and ``asymmetry_db`` around that.
+
+    Nearer than ``d0_m`` the loss is that at ``d0_m``; the far field, for which the law holds, begins there.
+    """
+
+    pl0_db: float
+    exponent: float
+    sigma_db: float
+    asymmetry_db: float = 0.0
+    d0_m: float = 1.0
+
+    def mean_db(self, distance_m: float) -> float:
+        """The path loss in dB without shadowing."""
+        return self.pl0_db + 10 * self.exponent * log10(max(distance_m / self.d0_m, 1.0))
+
+    def loss_db(self, seed: int, places: Places, src: str, dst: str) -> float:
+        """The path loss in dB from ``src`` to ``dst``. Raises ``KeyError`` for one whose place is not known."""
+        pair = normal(seed, "shadow", *sorted((src, dst))) * self.sigma_db
+        direction = normal(seed, "asymmetry", src, dst) * self.asymmetry_db
+        return self.mean_db(dist(places[src], places[dst])) + pair + direction
+
+
+CHANNELS: Final = {
+    # Castalia's defaults for a wireless sensor network at 2.4 GHz
+    "castalia": Channel(55.0, 2.4, 4.0, asymmetry_db=1.0),
+    # the outdoor measurements at USC in Zuniga and Krishnamachari (2004)
+    "usc": Channel(55.0, 4.7, 3.2),
+    # 868 MHz on land, Oulu: Petajajarvi et al. (2015), "On the coverage of LPWANs"; given for d0 = 1 km
+    "petajajarvi": Channel(128.95 - 10 * 2.32 * 3, 2.32, 7.8),
+}

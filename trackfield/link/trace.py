@@ -1,0 +1,64 @@
+"""A measured link, replayed: a CSV file says when which frames got through, and how late."""
+
+from __future__ import annotations
+
+import csv
+from bisect import bisect_right
+from pathlib import Path
+from typing import Final
+
+from trackfield.link.fate import Fate, Places, check_positive, delay
+
+COLUMNS: Final = ("src", "dst", "t_s", "received", "delay_ms")
+
+Line = tuple[int, Fate]
+"""From when (ns) on which fate holds."""
+
+
+class Trace:
+    """Frames share the fate of the last line at or before their sending, for their sender and hearer.
+
+    ``file`` has the columns src, dst, t_s (seconds since the start of the run), received (1 or 0) and delay_ms, its
+    lines in any order. A link receives nothing before its first line, nor if it has none. If ``places`` are known,
+    other links are not kept. Raises ``ValueError`` for a file that cannot be read, with the line.
+    """
+
+    def __init__(self, seed: int, places: Places, file: str) -> None:
+        self._lines: dict[tuple[str, str], list[Line]] = {}
+        try:
+            with Path(file).open(encoding="utf-8", newline="") as text:
+                rows = csv.DictReader(text)
+                missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
+                if missing:
+                    raise ValueError(f"{file}: no column {', '.join(missing)}; expected {', '.join(COLUMNS)}")
+                for row in rows:
+                    self._add(row, places, f"{file}:{rows.line_num}")
+        except OSError as error:
+            raise ValueError(f"{file}: cannot be read ({error.strerror})") from None
+        for lines in self._lines.values():
+            lines.sort(key=lambda line: line[0])
+
+    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+        """See ``Link.fate``."""
+        lines = self._lines.get((src, dst), [])
+        last = bisect_right(lines, sent_ns, key=lambda line: line[0])
+        return lines[last - 1][1] if last else Fate("radio")
+
+    def reception(self, src: str, dst: str, size: int) -> float:
+        """The share of the link's lines that say received."""
+        lines = self._lines.get((src, dst), [])
+        return sum(fate.cause is None for _, fate in lines) / len(lines) if lines else 0.0
+
+    def _add(self, row: dict[str, str], places: Places, where: str) -> None:
+        link = (row["src"], row["dst"])
+        try:
+            t_s, received, delay_ms = float(row["t_s"]), row["received"].strip(), float(row["delay_ms"])
+            check_positive("t_s", t_s, zero=True)
+            check_positive("delay_ms", delay_ms, zero=True)
+            if received not in ("0", "1"):
+                raise ValueError(f"received: {received!r} is not 0 or 1")
+        except (AttributeError, TypeError, ValueError) as error:
+            raise ValueError(f"{where}: {error}") from None
+        if not places or places.keys() >= set(link):
+            fate = Fate(None, delay(delay_ms)) if received == "1" else Fate("radio")
+            self._lines.setdefault(link, []).append((round(t_s * 1e9), fate))

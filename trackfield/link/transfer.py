@@ -1,0 +1,87 @@
+"""A frame's way through a radio: fragments, channel access, repeats, acknowledgements, all within its fate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from trackfield.draw import uniform
+from trackfield.link.fate import MIN_DELAY_NS, Fate, check_share
+from trackfield.link.radios import Radio
+
+Prr = Callable[[int], float]
+"""The share of frames received, by their bytes on the air."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """Sends payloads over a radio whose channel is busy for a share ``busy`` of the time.
+
+    With ``ack`` = n a fragment is sent until an acknowledgement arrives, n times at most, and counts as arrived when
+    its first acknowledgement is out; with 0 it is sent once. Fragments follow each other; each has a fate of its own,
+    and the payload arrives with the last one, if none is lost.
+    """
+
+    seed: int
+    radio: Radio
+    busy: float = 0.0
+    ack: int = 0
+
+    def __post_init__(self) -> None:
+        check_share("busy", self.busy)
+        if self.busy == 1:
+            raise ValueError("busy: a channel that is always busy carries nothing")
+        if self.ack < 0:
+            raise ValueError(f"ack: {self.ack} is negative")
+
+    def fate(self, frame: tuple[str, str, str, int, int], size: int, broadcast: bool, there: Prr, back: Prr) -> Fate:
+        """The fate of a payload: ``frame`` is (src, dst, kind, sent_ns, copy).
+
+        ``there`` is the share received of what the sender sends, ``back`` of what its hearer sends.
+        """
+        src, dst, kind, sent_ns, copy = frame
+        # A broadcast leaves once for all its hearers, so they share its way to the channel.
+        sender = (src, "*" if broadcast else dst, kind, sent_ns, copy)
+        ack = 0 if broadcast else self.ack
+        now, attempts, on_air, acks, arrived = 0, 0, 0, 0, True
+        for number, part in enumerate(self._frames(size)):
+            got = False
+            for attempt in range(max(ack, 1)):
+                draw = partial(_draw, self.seed, sender, number, attempt)
+                waited = self.radio.access.wait_ns(attempt, self.busy, draw)
+                if waited is None:
+                    break
+                now += waited + self.radio.airtime_ns(part)
+                attempts, on_air = attempts + 1, on_air + part
+                heard = uniform(self.seed, "received", *frame, number, attempt) < there(part)
+                if heard and not got:
+                    got, at = True, now + (self.radio.ack_ns if ack else 0)
+                if not ack:
+                    break
+                acks += heard
+                if heard and uniform(self.seed, "ack", *frame, number, attempt) < back(self.radio.ack_bytes):
+                    now += self.radio.ack_ns
+                    break
+                now += self.radio.patience_ns
+            arrived = arrived and got
+        cost = (attempts, on_air, acks * self.radio.ack_bytes)
+        return Fate(None, max(at, MIN_DELAY_NS), *cost) if arrived else Fate("radio", 0, *cost)
+
+    def reception(self, size: int, there: Prr) -> float:
+        """The probability that an addressed payload arrives."""
+        granted, whole = self.radio.access.granted(self.busy), 1.0
+        for part in self._frames(size):
+            again = granted * (1 - there(part))
+            whole *= granted * there(part) * sum(again**i for i in range(max(self.ack, 1)))
+        return whole
+
+    def _frames(self, size: int) -> list[int]:
+        """The frames of a payload, in bytes on the air."""
+        most = self.radio.payload_bytes
+        parts = [most] * (size // most) + ([size % most] if size % most or not size else [])
+        return [part + self.radio.overhead_bytes for part in parts]
+
+
+def _draw(seed: int, sender: tuple[str | int, ...], number: int, attempt: int, purpose: str, k: int) -> float:
+    return uniform(seed, purpose, *sender, number, attempt, k)
