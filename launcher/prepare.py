@@ -15,9 +15,10 @@ from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.link.models import make_link
 from trackfield.scenario import Scenario
+from trackfield.scenario.links import Trace
 from trackfield.scenario.override import parse
 from trackfield.scenario.places import CENTRE
-from trackfield.scenario.sections import FromFile, Surveyed, Trace
+from trackfield.scenario.sections import FromFile, Surveyed
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa
 

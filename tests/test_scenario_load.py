@@ -10,7 +10,8 @@ from trackfield.link import MODELS, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.link.shadowing import CHANNELS
 from trackfield.scenario import Scenario, schema
-from trackfield.scenario.sections import AlongPath, FromFile, Grid, LognormalPrr, Waypoints
+from trackfield.scenario.links import LognormalPrr
+from trackfield.scenario.sections import AlongPath, FromFile, Grid, Waypoints
 
 LEAST: dict[str, Any] = {"name": "mine", "target": {"path": "s1"}}
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, get_args
 
-from trackfield.scenario.sections import Contents, Section
+from trackfield.scenario.section import Section
+from trackfield.scenario.sections import Contents
 
 _UNITS: Final = {"m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm"}
 

@@ -1,0 +1,24 @@
+"""What all sections of a scenario file have in common."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic_core import PydanticCustomError
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Delay = Annotated[float, Field(ge=1)]
+
+
+class Section(BaseModel):
+    """Immutable; no unknown keys, no silent conversions, no NaN."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def wrong(what: str, expected: str, key: str = "") -> PydanticCustomError:
+    """An error in words of our own; ``key`` is where, if it is not where it was found."""
+    return PydanticCustomError("own", "{what}", {"what": what, "expected": expected, "key": key})
