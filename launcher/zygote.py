@@ -77,4 +77,5 @@ if os.environ.get("TRACKFIELD_ZYGOTE") == str(os.getppid()):
     os.setsid()  # the terminal's Ctrl-C is for the launcher alone
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     setproctitle("trackfield zygote")
+    gc.set_threshold(20_000, 20, 50)  # a young process makes much and drops little: looking for garbage costs more
     gc.freeze()
