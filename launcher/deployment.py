@@ -24,12 +24,13 @@ import zenoh
 from zenoh.handlers import Callback
 
 from launcher import zygote
-from launcher.records import Plan
+from launcher.records import RECORDER, Plan
 from trackfield.drivers.session import open_client
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 
 CONNECT_TIMEOUT_S: Final = 10.0
+"""For a router that should be there already; one of our own may take as long as any process."""
 READY_TIMEOUT_S: Final = 60.0
 LEAD_S: Final = 0.5
 LEAD_PER_PROCESS_S: Final = 0.001
@@ -43,7 +44,6 @@ OVERDUE_S: Final = 20.0
 POLL_S: Final = 0.1
 STOP_TIMEOUT_S: Final = 10.0
 WRITE_TIMEOUT_S: Final = 60.0
-RECORDER: Final = "recorder"
 ROUTER: Final = "router"
 LOG_TAIL: Final = 12
 
@@ -127,8 +127,9 @@ class Deployment:
                 fork(p.id, zygote.run_role, self.endpoint, run, p.id, title, logs / f"{p.id}.log", niceness)
 
     def _connect(self) -> None:
+        timeout_s = READY_TIMEOUT_S if self._own_router else CONNECT_TIMEOUT_S
         try:
-            self.session = open_client(self.endpoint, self.plan.run.run, CONNECT_TIMEOUT_S)
+            self.session = open_client(self.endpoint, self.plan.run.run, timeout_s)
         except zenoh.ZError as error:
             what = f"no Zenoh router answers at {self.endpoint} (or it refuses this one's credentials)"
             raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None

@@ -19,7 +19,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from launcher.ledger import Ledger
-from launcher.records import Plan
+from launcher.records import RECORDER, Plan
 from launcher.result import METRICS, Journal, summary, write_json
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.process import Inbox, Seen, take_in
@@ -33,7 +33,6 @@ from trackfield.wire.envelope import Envelope
 
 log = logging.getLogger(__name__)
 
-RECORDER: Final = "recorder"
 FLUSH_S: Final = 0.25
 STATUS_S: Final = 0.5
 SETTLE_S: Final = 1.0

@@ -35,6 +35,8 @@ class FieldInfo:
     end_s: float
 
 
+RECORDER: Final = "recorder"
+"""The id of the process that writes a run down."""
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""
 

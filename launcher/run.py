@@ -17,13 +17,14 @@ from typing import Any, Final, Protocol
 
 import psutil
 
-from launcher.deployment import RECORDER, ROUTER, Death, Deployment
+from launcher.deployment import Death, Deployment
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import Plan
 from launcher.result import METRICS, Journal, write_json
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import ScenarioError
+from trackfield.scenario.places import CENTRE
 
 PSS_SAMPLE: Final = 20
 """How many nodes are asked for their memory."""
@@ -178,7 +179,7 @@ def _complaint(field: Deployment, death: Death) -> str:
 
 
 def _pss_mb(field: Deployment) -> float | None:
-    nodes = [pid for id, pid in field.pids().items() if id not in (RECORDER, ROUTER, "fusion")]
+    nodes = [pid for id, pid in field.pids().items() if id != CENTRE]
     sizes = []
     for pid in nodes[:: max(len(nodes) // PSS_SAMPLE, 1)]:
         try:
