@@ -26,9 +26,10 @@ NEIGHBOURHOOD: Final = "*"
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The role begins its life."""
+    """The role begins a life; ``stored`` is what its previous life kept last (``Store``), empty if nothing."""
 
     now: int
+    stored: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +168,31 @@ class Ignored:
     reason: str
 
 
-Effect = Send | SetTimer | CancelTimer | Sample | Radio | Write | Publish | State | Note | Ignored
+@dataclass(frozen=True, slots=True)
+class Late:
+    """The frame in hand came after its deadline and was of use all the same; counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """Keep these bytes where they outlive the process: its next life is given the last ones (``Started.stored``)."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """The role knows its clock better from now on: local time + ``correction_ns`` is its guess of reference time.
+
+    Told to the recorder, which compares it with the truth; the correction itself is part of the role's state.
+    """
+
+    correction_ns: int
+
+
+Effect = (
+    Send | SetTimer | CancelTimer | Sample | Radio | Write | Publish | State | Note | Ignored | Late | Store | Corrected
+)
 
 S = TypeVar("S")
 

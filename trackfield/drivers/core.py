@@ -34,6 +34,7 @@ from trackfield.role import (
     Event,
     Ignored,
     IllegalEvent,
+    Late,
     Radio,
     Received,
     Role,
@@ -259,6 +260,8 @@ class Core:
                 self._outputs.append(Told(key, effect))
             case Ignored(reason):
                 self._refuse(key, reason)
+            case Late():
+                self._refuse(key, LATE)
             case Write(port, data):
                 self._outputs.append(Wrote(key, port, data))
             case _:

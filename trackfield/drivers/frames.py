@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from trackfield.link.fate import Fate, Link
-from trackfield.role import NEIGHBOURHOOD, Note, Publish, Radio, State
+from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store
 from trackfield.wire.keys import Medium
 
 RANK_FAULT: Final = 0
@@ -85,11 +85,46 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
+class Died:
+    """This life is over before its planned end; ``why`` is ``battery``."""
+
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Charge:
+    """What is left in the battery, as a share of its capacity, 0 to 1."""
+
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """A frame waited ``waited_ns`` for the radio, behind ``ahead`` others; it left at ``sent_ns``."""
+
+    kind: str
+    sent_ns: int
+    waited_ns: int
+    ahead: int
+
+
+@dataclass(frozen=True, slots=True)
+class Overflowed:
+    """A frame found the radio's queue full and was never sent."""
+
+    frame: Frame
+
+
+Telling = State | Radio | Publish | Note | Corrected | Store | Died | Charge | Queued | Overflowed
+"""What a process may tell of itself: of its role, and of the driver around it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Told:
-    """Telemetry: a change of state or radio, an estimate, a note; ``key`` is that of the event it came from."""
+    """Telemetry; ``key`` is that of the event it came from."""
 
     key: EventKey
-    effect: State | Radio | Publish | Note
+    effect: Telling
 
 
 @dataclass(frozen=True, slots=True)

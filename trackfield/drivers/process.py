@@ -10,7 +10,6 @@ import logging
 import time
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
 from threading import Event, Thread
 from typing import Any, Final
 
@@ -21,7 +20,8 @@ from zenoh.handlers import Callback, FifoChannel
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import RANK_TIMER, Arrival, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.histogram import Histogram
-from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
+from trackfield.drivers.join import join
+from trackfield.drivers.spec import build_core
 from trackfield.drivers.telemetry import pack
 from trackfield.link.models import Link, make_link
 from trackfield.wire import keys
@@ -39,35 +39,6 @@ CHANNEL: Final = 100_000
 REPEAT_NS: Final = 1_000_000_000
 """How often counters that change are told, and the end that was reached (wall time)."""
 NEVER: Final = 1 << 62
-JOIN_TIMEOUT_S: Final = 60.0
-JOIN_RETRY_S: Final = 0.2
-
-
-class JoinError(RuntimeError):
-    """The launcher has no place for this process, or does not answer."""
-
-
-@dataclass(frozen=True, slots=True)
-class Joined:
-    """The launcher's answer to whoever comes, early or late."""
-
-    run: RunSpec
-    process: ProcessSpec
-    start_ns: int | None
-
-
-def join(session: zenoh.Session, id: str) -> Joined:
-    """Ask the launcher for all that this process must know. Raises JoinError."""
-    deadline = time.monotonic() + JOIN_TIMEOUT_S
-    while time.monotonic() < deadline:
-        for reply in session.get(keys.JOIN, payload=id, timeout=JOIN_TIMEOUT_S):
-            if reply.ok is None:
-                raise JoinError(f"{id}: {reply.err.payload.to_string() if reply.err else 'refused'}")
-            answer = msgpack.unpackb(reply.ok.payload.to_bytes(), strict_map_key=False)
-            process = ProcessSpec.from_plain(answer["process"])
-            return Joined(RunSpec(**answer["run"]), process, answer["start_ns"])
-        time.sleep(JOIN_RETRY_S)
-    raise JoinError(f"{id}: no launcher answers in this run")
 
 
 Inbox = deque[tuple[int, zenoh.Sample]]

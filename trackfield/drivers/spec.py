@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from typing import Any, Self
@@ -19,13 +19,17 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run."""
+    """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
+
+    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids).
+    """
 
     run: str
     seed: int
     end_ns: int
     link: Plain
     speed: float = 1.0
+    partitions: Sequence[tuple[int, int, Sequence[str]]] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +39,12 @@ class ProcessSpec:
     ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
     those it listens to (none if no role of it consumes broadcasts). ``media`` are the radios and wires it has.
     ``peers`` says where those stand whose frames it may hear: (x, y) by id, not of the whole field.
+
+    A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
+    one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
+    ``clock`` is made into its ``Clock``, ``power`` into its ``Battery`` (empty: mains). ``freezes`` are times
+    (from ns, until ns) at which it does nothing, ``jumps`` (at ns, by ns) are of its clock, and ``faults`` of its
+    sensor, as ``world/faulty.py`` has them.
     """
 
     id: str
@@ -50,6 +60,18 @@ class ProcessSpec:
     incarnation: int = 0
     sink: bool = False
     peers: Places = field(default_factory=dict)
+    start_ns: int = 0
+    kill_ns: int | None = None
+    clock: Plain = field(default_factory=dict)
+    power: Plain = field(default_factory=dict)
+    freezes: tuple[tuple[int, int], ...] = ()
+    jumps: tuple[tuple[int, int], ...] = ()
+    faults: tuple[Plain, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The process's own name: its id, and which life of it this is if it is not the first."""
+        return self.id if not self.incarnation else f"{self.id}~{self.incarnation}"
 
     def plain(self) -> Plain:
         """The form that travels."""
@@ -58,8 +80,10 @@ class ProcessSpec:
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``plain``."""
+        tuples = {name: tuple(plain[name]) for name in ("media", "cells", "faults")}
+        pairs = {name: tuple((a, b) for a, b in plain[name]) for name in ("freezes", "jumps")}
         peers = {id: (x, y) for id, (x, y) in plain["peers"].items()}
-        return cls(**{**plain, "media": tuple(plain["media"]), "cells": tuple(plain["cells"]), "peers": peers})
+        return cls(**{**plain, **tuples, **pairs, "peers": peers})
 
     @property
     def places(self) -> Places:

@@ -10,7 +10,8 @@ import sys
 import zenoh
 from setproctitle import setproctitle
 
-from trackfield.drivers.process import JoinError, Process
+from trackfield.drivers.join import JoinError
+from trackfield.drivers.process import Process
 from trackfield.drivers.session import NODE_RUNTIME, open_client
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_id

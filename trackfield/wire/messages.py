@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Final
 
 from trackfield.wire.registry import Scaled, kind
+
+
+_MICROSECONDS: Final = Scaled(-(10**15), 10**15, unit="us")
+"""A clock: some thirty years either way."""
 
 
 @kind(1, "doa")
@@ -18,4 +22,33 @@ class Doa:
 
     step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     bearing_deg: Annotated[float, Scaled(0, 359.99, 0.01, "degree", cyclic=True)]
+    level_db: Annotated[float, Scaled(-50, 200, 0.01, "dB")]
+
+
+@kind(2, "sync-request")
+@dataclass(frozen=True, slots=True)
+class SyncRequest:
+    """A node asks for the time; ``sent_us`` is its own clock as it sent this (t0 of the exchange)."""
+
+    exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
+    sent_us: Annotated[int, _MICROSECONDS]
+
+
+@kind(3, "sync-reply")
+@dataclass(frozen=True, slots=True)
+class SyncReply:
+    """The answer: the request's ``exchange`` and ``sent_us``, and the reference clock as it came (t1) and left (t2)."""
+
+    exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
+    sent_us: Annotated[int, _MICROSECONDS]
+    came_us: Annotated[int, _MICROSECONDS]
+    left_us: Annotated[int, _MICROSECONDS]
+
+
+@kind(4, "threshold")
+@dataclass(frozen=True, slots=True)
+class Threshold:
+    """The fusion centre tells sensors from which level on to report, from step ``step`` on."""
+
+    step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     level_db: Annotated[float, Scaled(-50, 200, 0.01, "dB")]

@@ -1,0 +1,43 @@
+"""How a process asks for its place in a run."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import msgpack
+import zenoh
+
+from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.wire import keys
+
+JOIN_TIMEOUT_S: Final = 60.0
+JOIN_RETRY_S: Final = 0.2
+
+
+class JoinError(RuntimeError):
+    """The launcher has no place for this process, or does not answer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """The launcher's answer to whoever comes, early or late."""
+
+    run: RunSpec
+    process: ProcessSpec
+    start_ns: int | None
+
+
+def join(session: zenoh.Session, id: str) -> Joined:
+    """Ask the launcher for all that this process must know. Raises JoinError."""
+    deadline = time.monotonic() + JOIN_TIMEOUT_S
+    while time.monotonic() < deadline:
+        for reply in session.get(keys.JOIN, payload=id, timeout=JOIN_TIMEOUT_S):
+            if reply.ok is None:
+                raise JoinError(f"{id}: {reply.err.payload.to_string() if reply.err else 'refused'}")
+            answer = msgpack.unpackb(reply.ok.payload.to_bytes(), strict_map_key=False)
+            process = ProcessSpec.from_plain(answer["process"])
+            return Joined(RunSpec(**answer["run"]), process, answer["start_ns"])
+        time.sleep(JOIN_RETRY_S)
+    raise JoinError(f"{id}: no launcher answers in this run")
