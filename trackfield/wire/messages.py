@@ -7,7 +7,6 @@ from typing import Annotated, Final
 
 from trackfield.wire.registry import Scaled, kind
 
-
 _MICROSECONDS: Final = Scaled(-(10**15), 10**15, unit="us")
 """A clock: some thirty years either way."""
 
