@@ -22,7 +22,8 @@ class Fate:
     """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent.
 
     What it cost: ``attempts`` transmissions by the sender, over all fragments and repeats, of together
-    ``bytes_on_air``, and ``ack_bytes`` sent back by the hearer. The bytes are 0 where a model knows no radio.
+    ``bytes_on_air`` and ``air_ns``, and ``ack_bytes`` sent back by the hearer within ``ack_ns``. For ``busy_ns`` the
+    sender's radio can do nothing else. Bytes and times are 0 where a model knows no radio.
     """
 
     cause: str | None
@@ -30,6 +31,9 @@ class Fate:
     attempts: int = 1
     bytes_on_air: int = 0
     ack_bytes: int = 0
+    air_ns: int = 0
+    ack_ns: int = 0
+    busy_ns: int = 0
 
 
 LOST: Final = Fate("radio")
