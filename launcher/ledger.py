@@ -36,7 +36,8 @@ class Ledger:
         self.sent_kinds: Counter[str] = Counter()
         self.payload_max: Counter[str] = Counter()
         self.payload_bytes = 0
-        self.on_air: Counter[str] = Counter()
+        self.on_air = 0
+        self.sent_bytes: defaultdict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
         self.finals: dict[str, dict[str, Any]] = {}
         self.counts: dict[str, dict[str, int]] = {}
         self.diaries = {p.name: Diary(p) for p in processes}
@@ -62,7 +63,9 @@ class Ledger:
             self.sent_kinds[frame.kind] += 1
             self.payload_bytes += len(frame.payload)
             self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
-            self.on_air[name] += frame.cost(self.link).bytes_on_air
+            self.on_air += frame.cost(self.link).bytes_on_air
+            sent, frames = self.sent_bytes[frame.src]
+            self.sent_bytes[frame.src] = sent + len(frame.payload), frames + 1
         for hearer, row in self._rows(frame):
             outcome, due = "in_flight", None
             if frame.sent_ns < self.run.end_ns:

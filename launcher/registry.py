@@ -26,6 +26,7 @@ class Registry:
         self.live: set[str] = set()
         self._lives = {p.name: p for p in plan.processes}
         self._stored: dict[str, bytes] = {}
+        self._unplanned: set[str] = set()
 
     def declare(self, session: zenoh.Session) -> None:
         """Answer and listen from now on, for as long as the session is open."""
@@ -46,6 +47,7 @@ class Registry:
         last = self._lives[name]
         life = replace(last, incarnation=last.incarnation + 1, start_ns=start_ns, kill_ns=None)
         self._lives[life.name] = life
+        self._unplanned.add(life.name)
         return life
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
@@ -60,7 +62,7 @@ class Registry:
             "run": asdict(self.run),
             "process": life.plain(),
             "start_ns": self.start_ns,
-            "stored": self._stored.get(life.id, b""),
+            "stored": self._stored.get(life.id, b"") if name in self._unplanned else None,
         }
         query.reply(query.key_expr, msgpack.packb(answer))
 

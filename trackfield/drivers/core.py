@@ -8,7 +8,7 @@ restored and everything since is handled again. What had left already is not sen
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
@@ -32,6 +32,7 @@ from trackfield.drivers.frames import (
     Wrote,
 )
 from trackfield.drivers.life import Alarm, Handled, Life
+from trackfield.drivers.meter import Activity
 from trackfield.drivers.undo import difference
 from trackfield.link.clock import Clock
 from trackfield.role import (
@@ -66,6 +67,7 @@ class At(NamedTuple):
 Sense = Callable[[str, int], Any]
 """Reads the sensor of this name at a true time (ns)."""
 
+NOTHING: Final = Activity()
 LATE: Final = "late"
 """The reason by which a role says that a frame came after its deadline."""
 
@@ -101,6 +103,7 @@ class Core:
         self._forgotten: EventKey = self._last
         self._ghosts: set[tuple[Any, ...]] = set()
         self._outputs: list[Output] = []
+        self._inherited = NOTHING
 
     @property
     def state(self) -> Any:
@@ -166,9 +169,10 @@ class Core:
             return self._replay(self._arrivals[0][0])
         return []
 
-    def inherit(self, stored: bytes) -> None:
-        """What an earlier life kept; to be said before this one starts."""
-        self.life = self.life._replace(stored=stored)
+    def inherit(self, stored: bytes, activity: Activity = NOTHING) -> None:
+        """What an earlier life kept, and what it took from the battery; to be said before this one starts."""
+        meter = self.life.meter._replace(activity=activity)
+        self.life, self._inherited = self.life._replace(stored=stored, meter=meter), activity
 
     def record(self, until_ns: int) -> dict[str, Any]:
         """The counters of this life, up to a true time or its own end."""
@@ -180,7 +184,8 @@ class Core:
             "incarnation": self.incarnation,
             "inversions": self.inversions,
             "host_late": self.host_late,
-            "activity": list(meter.activity),
+            "activity": [a - b for a, b in zip(meter.activity, self._inherited, strict=True)],
+            "inherited": list(self._inherited),
             "metered_ns": meter.since_ns - self.conditions.start_ns,
         }
 
@@ -361,6 +366,11 @@ class Core:
         self.host_late += bool(vanished)
         self._ghosts |= vanished
         return out
+
+
+def spent(record: Mapping[str, Any]) -> Activity:
+    """What all lives up to the one of this record (``Core.record``) did together."""
+    return Activity.total(Activity(*record[part]) for part in ("activity", "inherited"))
 
 
 def _without(alarms: dict[str, Alarm], name: str) -> dict[str, Alarm]:

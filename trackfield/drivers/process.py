@@ -20,7 +20,7 @@ import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
 from trackfield.drivers.conditions import NEVER
-from trackfield.drivers.core import Core
+from trackfield.drivers.core import NOTHING, Core, spent
 from trackfield.drivers.frames import RANK_TIMER, Arrival, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.join import join
@@ -109,7 +109,7 @@ class Process:
         self._seen, self._seq = Seen(), 0
         self._counts_ns, self._reached_ns, self._replay_ns = NEVER, 0, 0
         self._slip, self._latency = Histogram(), Histogram()
-        self._stored = b""
+        self._stored, self._spent = b"", NOTHING
         self._heritage = self._expect_heritage(joined.stored)
         for key in self._inboxes():
             self._held.append(
@@ -138,6 +138,7 @@ class Process:
             self._stored = sample.payload.to_bytes()
 
         def on_final(sample: zenoh.Sample) -> None:
+            self._spent = spent(msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False))
             known.set()
             self._wake.set()
 
@@ -206,7 +207,7 @@ class Process:
 
     def _handle_next(self) -> None:
         if not self.core.life.started:
-            self.core.inherit(self._stored)
+            self.core.inherit(self._stored, self._spent)
         self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:

@@ -38,7 +38,7 @@ def send(life: Life, frame: Frame, given: Conditions) -> tuple[Life, Frame | Non
     if frame.medium == RADIO:
         cost = given.cost(frame)
         sending = (*sending, leaves + cost.busy_ns) if cost.busy_ns else sending
-        meter = life.meter.used(send_ns=given.air_ns(cost, frame.payload), receive_ns=cost.ack_ns)
+        meter = life.meter.used(send_ns=given.air_ns(cost, frame.payload), receive_ns=cost.ack_air_ns)
         life = life._replace(sending=sending, meter=meter)
     waited = Queued(frame.kind, leaves, leaves - t, len(sending)) if leaves > t else None
     return life, frame, waited
@@ -55,7 +55,7 @@ def hear(life: Life, arrival: Arrival, given: Conditions) -> Life:
     if arrival.frame.medium != RADIO:
         return life
     heard = given.air_ns(arrival.fate, arrival.frame.payload)
-    return life._replace(meter=life.meter.used(receive_ns=heard, send_ns=arrival.fate.ack_ns))
+    return life._replace(meter=life.meter.used(receive_ns=heard, send_ns=arrival.fate.ack_air_ns))
 
 
 def switch(life: Life, on: bool, medium: Medium, t_ns: int) -> Life:

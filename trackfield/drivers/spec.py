@@ -136,16 +136,17 @@ def link_of(run: RunSpec, places: Places) -> Link:
 
 def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int = 0) -> Core:
     """A process's engine with its sensors, clock, battery and faults; ``link`` tells what its frames cost."""
+    clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at < spec.start_ns))
     return Core(
         role_factory(spec.factory)(**spec.config),
         owner=spec.id,
-        clock=Clock(**spec.clock),
+        clock=clock,
         sense=_senses(spec),
         conditions=Conditions(
             start_ns=spec.start_ns,
             kill_ns=NEVER if spec.kill_ns is None else spec.kill_ns,
             freezes=spec.freezes,
-            jumps=spec.jumps,
+            jumps=tuple(jump for jump in spec.jumps if jump[0] >= spec.start_ns),
             power=Power(**spec.power) if spec.power else MAINS,
             queue=run.queue,
             cost=lambda frame: frame.cost(link),

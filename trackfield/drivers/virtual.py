@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from heapq import heapify, heappop, heappush
 from typing import Any, Protocol
 
-from trackfield.drivers.core import Core
+from trackfield.drivers.core import Core, spent
 from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
 from trackfield.role import IllegalEvent
@@ -68,7 +68,8 @@ class Virtual:
     def _inherit(self, core: Core) -> None:
         """A life is given what the one before it kept last."""
         if core.incarnation:
-            core.inherit(self.cores[self._lives[core.owner][core.incarnation - 1]].life.stored)
+            before = self.cores[self._lives[core.owner][core.incarnation - 1]]
+            core.inherit(before.life.stored, spent(before.record(self.end_ns)))
 
     def _schedule(self, name: str, core: Core) -> None:
         if (key := core.next_key()) is not None:

@@ -20,7 +20,7 @@ class Partitioned:
         fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast)
         for begin, until, ids in self._partitions:
             if begin <= sent_ns < until and (src in ids) != (dst in ids):
-                return replace(fate, cause="partition", delay_ns=0, ack_bytes=0, ack_ns=0)
+                return replace(fate, cause="partition", delay_ns=0, ack_bytes=0, ack_air_ns=0)
         return fate
 
     def reception(self, src: str, dst: str, size: int) -> float:
