@@ -59,19 +59,19 @@ def test_a_channel_that_stays_busy_is_given_up() -> None:
         looked.append((purpose, k))
         return 0.5
 
-    assert Csma().wait_ns(0, 0.9, draw) is None
+    assert Csma().wait_ns(0, 0.9, draw) == ((4 + 8 + 3 * 16) * 320 * US + 5 * 128 * US, False)
     assert looked == [(purpose, k) for k in range(5) for purpose in ("backoff", "cca")]
     # 4 + 8 units, two looks, and the way to sending
     third = {("cca", 0): 0.1, ("cca", 1): 0.9}
-    assert Csma().wait_ns(0, 0.2, lambda *key: third.get(key, 0.5)) == (12 * 320 + 2 * 128 + 192) * US
+    assert Csma().wait_ns(0, 0.2, lambda *key: third.get(key, 0.5)) == ((12 * 320 + 2 * 128 + 192) * US, True)
 
 
 @pytest.mark.parametrize(("attempt", "window"), [(0, 32), (1, 64), (4, 512), (5, 1024), (6, 1024)])
 def test_the_window_of_dcf_doubles(attempt: int, window: int) -> None:
     for share in (0.0001, 0.5, 0.9999):
         waited = Dcf().wait_ns(attempt, 0, lambda *_, share=share: share)
-        assert waited == (50 + 20 * int(share * window)) * US
-    assert Dcf().wait_ns(attempt, 0.75, lambda *_: 0.5) == (50 + 4 * 20 * window // 2) * US
+        assert waited == ((50 + 20 * int(share * window)) * US, True)
+    assert Dcf().wait_ns(attempt, 0.75, lambda *_: 0.5) == ((50 + 4 * 20 * window // 2) * US, True)
     assert Dcf().granted(0.75) == 1
 
 
@@ -84,5 +84,5 @@ def test_wifi_repeats_until_it_is_acknowledged_unless_told_otherwise() -> None:
 
 
 def test_aloha_does_not_look() -> None:
-    assert Aloha().wait_ns(3, 0.9, lambda *_: 0.5) == 0
+    assert Aloha().wait_ns(3, 0.9, lambda *_: 0.5) == (0, True)
     assert Aloha().granted(0.9) == 1

@@ -8,8 +8,9 @@ from typing import Any, Final
 import pytest
 from scipy.stats import binom
 
-from tests.links import US, likely, radio_link, ring
+from tests.links import MS, PLACES, TRACE, US, S, likely, radio_link, ring
 from trackfield.link import Fate, make_link
+from trackfield.link.lora868 import Lora
 from trackfield.link.radios import RADIOS, Radio
 from trackfield.link.shadowing import CHANNELS
 from trackfield.link.transfer import Transfer
@@ -76,7 +77,11 @@ def test_who_gives_up_the_channel_sends_nothing() -> None:
     found, n = fates(1.0, busy=0.9, ack=2), 5000
     given_up = [fate for fate in found if fate.attempts == 0]
     assert likely(len(given_up), binom(n, 0.9**5))
-    assert set(given_up) == {Fate("radio", 0, 0, 0, 0)}
+    # its radio was taken all the same, by five looks and up to 7 + 15 + 31 + 31 + 31 units of back-off
+    assert {Fate("radio", 0, 0, 0, 0, fate.busy_ns) for fate in given_up} == set(given_up)
+    waits = {(fate.busy_ns / US - 5 * 128) / 320 for fate in given_up}
+    assert waits <= set(range(7 + 15 + 31 + 31 + 31 + 1))
+    assert len(waits) > 80
 
 
 def test_a_broadcast_is_sent_once_for_all_and_never_acknowledged() -> None:
@@ -94,6 +99,76 @@ def test_hearers_of_a_broadcast_lose_it_independently() -> None:
     lost = [[transfer.fate(("a", dst, "doa", i, 0), 12, True, lambda _: 0.5, lambda _: 0.5).cause for i in range(n)]
             for dst in "bc"]  # fmt: skip
     assert likely(sum(x != y for x, y in zip(*lost, strict=True)), binom(n, 0.5))
+
+
+# --- what a frame costs its sender ---
+
+
+@pytest.mark.parametrize("size", [12, 300])
+def test_without_acknowledgement_a_radio_is_free_again_when_the_last_bit_is_out(size: int) -> None:
+    for fate in fates(1.0, size=size, n=500):
+        assert fate.delay_ns == max(fate.busy_ns, MS)
+        assert fate.air_ns == 32 * US * fate.bytes_on_air
+        assert (fate.busy_ns - fate.air_ns - fate.attempts * (128 + 192) * US) % (320 * US) == 0
+
+
+@pytest.mark.parametrize("back", [1.0, 0.0])
+def test_a_radio_waits_for_acknowledgements(back: float) -> None:
+    """Told, it waits as long as the acknowledgement takes; in vain, the whole patience, after each attempt."""
+    for fate in fates(0.5, back, ack=3):
+        told = back == 1 and fate.cause is None
+        fixed = fate.attempts * (128 + 192) + (fate.attempts - told) * 864 + told * (192 + 11 * 32)
+        assert ((fate.busy_ns - fate.air_ns) / US - fixed) / 320 in range(7 * fate.attempts + 1)
+        assert fate.air_ns == fate.attempts * 29 * 32 * US
+        assert fate.ack_air_ns == 32 * US * fate.ack_bytes
+        assert fate.busy_ns == fate.delay_ns or not told
+
+
+def test_lora_takes_its_radio_for_seconds() -> None:
+    link = radio_link(ring(1000, 1), radio="lora868", sf=12, ack=1)
+    fate = link.fate("n0", "fusion", "doa", 0, 0, 10)
+    frame_ns, ack_ns = 1_482_752_000, Lora(12).airtime_ns(13)
+    assert (fate.cause, fate.air_ns, fate.ack_air_ns) == (None, frame_ns, ack_ns)
+    assert fate.busy_ns == fate.delay_ns == frame_ns + MS + ack_ns
+
+
+def costs(fate: Fate) -> tuple[int, ...]:
+    return fate.attempts, fate.bytes_on_air, fate.busy_ns, fate.air_ns
+
+
+@pytest.mark.parametrize("range_m", [None, 60.0])
+@pytest.mark.parametrize(
+    "spec",
+    [
+        {"model": "csma154", "busy": 0.8, "ack": 3},
+        {"model": "lognormal_prr", "radio": "802154-0dbm", "busy": 0.8, "ack": 3},
+        {"model": "lognormal_prr", "radio": "wifi11b", "busy": 0.5},
+        {"model": "fixed", "loss": 0.5},
+        {"model": "gilbert_elliott", "good_s": 1, "bad_s": 1},
+        TRACE,
+    ],
+    ids=str,
+)
+def test_a_broadcast_costs_its_sender_the_same_whoever_hears_it(spec: dict[str, Any], range_m: float | None) -> None:
+    """Its sender asks about nobody in particular, and knows nobody's place but its own."""
+    spec = spec if range_m is None else {**spec, "range_m": range_m}
+    link, alone = make_link(spec, 1, PLACES), make_link(spec, 1, {"n1": PLACES["n1"]})
+    for i in range(200):
+        frame = ("track", i * MS, 0, 300, True)
+        asked = alone.fate("n1", "*", *frame)
+        assert {costs(link.fate("n1", dst, *frame)) for dst in ("n2", "n10", "fusion", "*")} == {costs(asked)}
+
+
+def test_a_model_without_a_radio_takes_none() -> None:
+    for spec in (
+        {"model": "ideal"},
+        {"model": "fixed", "loss": 0.5},
+        {"model": "gilbert_elliott", "good_s": 1, "bad_s": 1},
+        TRACE,
+    ):
+        assert {costs(make_link(spec, 1, PLACES).fate("n1", "fusion", "doa", i * S, 0, 12)) for i in range(50)} == {
+            (1, 0, 0, 0)
+        }
 
 
 # --- fragments ---
