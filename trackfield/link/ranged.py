@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import dist
 
-from trackfield.link.fate import Fate, Link, Places
+from trackfield.link.fate import Fate, Link, Places, lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class Ranged:
     def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``; what the sender spends is spent all the same."""
         fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast)
-        return fate if self._reaches(src, dst) else replace(fate, cause="radio", delay_ns=0, ack_bytes=0)
+        return fate if self._reaches(src, dst) else lost(fate, "radio")
 
     def reception(self, src: str, dst: str, size: int) -> float:
         """See ``Link.reception``."""

@@ -44,16 +44,17 @@ class Transfer:
         # A broadcast leaves once for all its hearers, so they share its way to the channel.
         sender = (src, "*" if broadcast else dst, kind, sent_ns, copy)
         ack = 0 if broadcast else self.ack
-        now, attempts, on_air, acks, arrived = 0, 0, 0, 0, True
+        now, attempts, on_air, air, acks, arrived = 0, 0, 0, 0, 0, True
         for number, part in enumerate(self._frames(size)):
-            got = False
+            got, airtime = False, self.radio.airtime_ns(part)
             for attempt in range(max(ack, 1)):
                 draw = partial(_draw, self.seed, sender, number, attempt)
-                waited = self.radio.access.wait_ns(attempt, self.busy, draw)
-                if waited is None:
+                waited, granted = self.radio.access.wait_ns(attempt, self.busy, draw)
+                now += waited
+                if not granted:
                     break
-                now += waited + self.radio.airtime_ns(part)
-                attempts, on_air = attempts + 1, on_air + part
+                now += airtime
+                attempts, on_air, air = attempts + 1, on_air + part, air + airtime
                 heard = uniform(self.seed, "received", *frame, number, attempt) < there(part)
                 if heard and not got:
                     got, at = True, now + (self.radio.ack_ns if ack else 0)
@@ -65,7 +66,8 @@ class Transfer:
                     break
                 now += self.radio.patience_ns
             arrived = arrived and got
-        cost = (attempts, on_air, acks * self.radio.ack_bytes)
+        ack_bytes, ack_air = self.radio.ack_bytes, self.radio.airtime_ns(self.radio.ack_bytes)
+        cost = (attempts, on_air, acks * ack_bytes, now, air, acks * ack_air)
         return Fate(None, max(at, MIN_DELAY_NS), *cost) if arrived else Fate("radio", 0, *cost)
 
     def reception(self, size: int, there: Prr) -> float:
