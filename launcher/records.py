@@ -74,10 +74,11 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run, ready to be driven: the same for both drivers."""
+    """A run, ready to be driven: the same for both drivers. ``reach_m`` is how far away a sensor reports the target."""
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
     path: Path
     info: FieldInfo
     step_ns: int
+    reach_m: float = 0.0
