@@ -26,7 +26,7 @@ class Csma154:
         """See ``Link.fate``."""
         return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, _always, _always)
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
         return self._transfer.reception(size, _always)
 
