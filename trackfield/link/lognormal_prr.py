@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import TypeVar
 
 from trackfield.link.fate import Fate
@@ -32,13 +33,14 @@ class LognormalPrr:
         sf: int | None = None,
         busy: float = 0.0,
         ack: int | None = None,
+        acks: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self.radio = _radio(radio, 9 if sf is None else sf)
         self.channel = _named("channel", self.radio.channel if channel is None else channel, CHANNELS)
         self.tx_dbm = self.radio.tx_dbm if tx_dbm is None else tx_dbm
         self.noise_dbm = self.radio.noise_dbm if noise_dbm is None else noise_dbm
         self._seed, self._places = seed, places
-        self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack)
+        self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack, acks)
         self._moving = frozenset(id for id, place in places.items() if moves(place))
         # What was computed before, of links whose ends stand still: a few entries per link in use.
         self._prr: dict[tuple[str, str, int], float] = {}
@@ -50,7 +52,7 @@ class LognormalPrr:
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
-        return self._transfer.reception(size, partial(self._prr_at, src, dst, at_ns))
+        return self._transfer.reception(size, kind, partial(self._prr_at, src, dst, at_ns))
 
     def snr_db(self, src: str, dst: str, at_ns: int = 0) -> float:
         """The signal-to-noise ratio of the link in dB. Raises ``KeyError`` for one whose place is not known."""
