@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from trackfield.link import make_link
 from trackfield.link.lognormal_prr import LognormalPrr
+from trackfield.link.places import Places
 
 US: Final = 1_000
 MS: Final = 1_000_000
@@ -33,7 +34,7 @@ def ring(distance_m: float, n: int) -> dict[str, tuple[float, float]]:
     return {"fusion": (0.0, 0.0)} | {f"n{i}": (distance_m, 0.0) for i in range(n)}
 
 
-def radio_link(places: dict[str, tuple[float, float]] = PLACES, seed: int = 1, **keys: Any) -> LognormalPrr:
+def radio_link(places: Places = PLACES, seed: int = 1, **keys: Any) -> LognormalPrr:
     link = make_link({"model": "lognormal_prr", **keys}, seed, places)
     assert isinstance(link, LognormalPrr)
     return link

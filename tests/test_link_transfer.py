@@ -35,7 +35,7 @@ def test_reception_with_repeats(ack: int, back: float) -> None:
     p, found = 0.4, fates(0.4, back, ack=ack)
     arrived = sum(fate.cause is None for fate in found)
     assert likely(arrived, binom(len(found), 1 - (1 - p) ** ack))
-    assert Transfer(1, CC2420, ack=ack).reception(12, lambda _: p) == pytest.approx(1 - (1 - p) ** ack)
+    assert Transfer(1, CC2420, ack=ack).reception(12, None, lambda _: p) == pytest.approx(1 - (1 - p) ** ack)
 
 
 def test_a_sender_repeats_until_it_is_told() -> None:
@@ -82,6 +82,33 @@ def test_who_gives_up_the_channel_sends_nothing() -> None:
     waits = {(fate.busy_ns / US - 5 * 128) / 320 for fate in given_up}
     assert waits <= set(range(7 + 15 + 31 + 31 + 31 + 1))
     assert len(waits) > 80
+
+
+@pytest.mark.parametrize("model", [{"model": "csma154"}, {"model": "lognormal_prr", "radio": "802154-0dbm"}], ids=str)
+def test_kinds_are_acknowledged_each_in_its_own_way(model: dict[str, Any]) -> None:
+    """A link with ``acks`` treats each kind as a link does whose ``ack`` that is."""
+    link = make_link({**model, "ack": 2, "acks": {"doa": 0, "track": 5}}, 1, PLACES)
+    for kind, ack in (("doa", 0), ("track", 5), ("sync-request", 2)):
+        alike = make_link({**model, "ack": ack}, 1, PLACES)
+        for dst in ("n2", "fusion"):
+            for i in range(200):
+                frame = ("n1", dst, kind, i, 0, 12)
+                assert link.fate(*frame) == alike.fate(*frame)
+                assert link.fate(*frame, broadcast=True) == alike.fate(*frame, broadcast=True)
+            assert link.reception("n1", dst, 12, kind) == alike.reception("n1", dst, 12)
+    assert link.reception("n1", "n2", 12) == link.reception("n1", "n2", 12, "sync-request")
+
+
+def test_acknowledging_one_kind_helps_that_kind() -> None:
+    transfer = Transfer(1, CC2420, acks={"track": 3})
+    found = {
+        kind: [transfer.fate(("a", "b", kind, i, 0), 12, False, lambda _: 0.4, lambda _: 1.0) for i in range(5000)]
+        for kind in ("doa", "track")
+    }
+    for kind, share, attempts in (("doa", 0.4, {1}), ("track", 1 - 0.6**3, {1, 2, 3})):
+        assert likely(sum(fate.cause is None for fate in found[kind]), binom(5000, share))
+        assert {fate.attempts for fate in found[kind]} == attempts
+        assert transfer.reception(12, kind, lambda _: 0.4) == pytest.approx(share)
 
 
 def test_a_broadcast_is_sent_once_for_all_and_never_acknowledged() -> None:
@@ -195,7 +222,7 @@ def test_each_fragment_has_a_fate_of_its_own() -> None:
     found = fates(0.7, size=300)
     assert likely(sum(fate.cause is None for fate in found), binom(len(found), 0.7**3))
     assert {fate.attempts for fate in found} == {3}
-    assert Transfer(1, CC2420).reception(300, lambda _: 0.7) == pytest.approx(0.7**3)
+    assert Transfer(1, CC2420).reception(300, None, lambda _: 0.7) == pytest.approx(0.7**3)
     with_repeats = fates(0.7, size=300, ack=2)
     assert likely(sum(fate.cause is None for fate in with_repeats), binom(len(with_repeats), (1 - 0.3**2) ** 3))
 

@@ -11,9 +11,10 @@ from trackfield.drivers.conditions import MAINS, NEVER, Conditions
 from trackfield.drivers.core import At, Core, Sense
 from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
-from trackfield.link.fate import Link, Places
+from trackfield.link.fate import Link
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Partitioned
+from trackfield.link.places import Places
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor

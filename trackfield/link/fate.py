@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import log
 from typing import Final, Protocol
@@ -11,10 +10,6 @@ from trackfield.draw import uniform
 
 MIN_DELAY_NS: Final = 1_000_000
 """Every frame takes at least 1 ms, so that a cause precedes its effect."""
-
-
-Places = Mapping[str, tuple[float, float]]
-"""Where processes stand, by id: metres east and north."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +52,12 @@ class Link(Protocol):
         """
         ...
 
-    def reception(self, src: str, dst: str, size: int) -> float:
-        """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run."""
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+        """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run.
+
+        ``kind`` matters where kinds are acknowledged differently; None is one that is not mentioned there. Who moves
+        is where it is at ``at_ns``.
+        """
         ...
 
 

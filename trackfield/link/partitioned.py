@@ -31,9 +31,9 @@ class Partitioned:
         fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast)
         return lost(fate, "partition") if self._cut(src, dst, sent_ns) else fate
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``: that of the link while it is not cut."""
-        return self.link.reception(src, dst, size)
+        return self.link.reception(src, dst, size, kind, at_ns)
 
     def _cut(self, src: str, dst: str, at_ns: int) -> bool:
         return any(begin <= at_ns < end and (src in ids) != (dst in ids) for begin, end, ids in self._cuts)
