@@ -31,10 +31,6 @@ class Clock:
         if self._rate(-_LONG) <= 0 or self._rate(_LONG) <= 0:
             raise ValueError(f"ramp_ppb_per_h: {self.ramp_ppb_per_h} stops the clock or turns it back within a year")
 
-    def jumped(self, by_ns: int) -> Clock:
-        """The same, put forward."""
-        return Clock(self.offset_ns + by_ns, self.drift_ppb)
-
     def local(self, true_ns: int) -> int:
         """What the clock shows at a true time; never decreasing.
 
