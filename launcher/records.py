@@ -78,7 +78,11 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run, ready to be driven: the same for both drivers. ``reach_m`` is how far away a sensor reports the target."""
+    """A run, ready to be driven: the same for both drivers.
+
+    ``reach_m`` is how far away a sensor reports the target; ``restart`` says that processes which die unplanned are
+    started again.
+    """
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
@@ -86,3 +90,4 @@ class Plan:
     info: FieldInfo
     step_ns: int
     reach_m: float = 0.0
+    restart: bool = False
