@@ -21,7 +21,8 @@ Plain = dict[str, Any]
 class RunSpec:
     """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
 
-    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids).
+    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids). ``queue`` frames at most
+    wait for a radio that is sending.
     """
 
     run: str
@@ -30,6 +31,7 @@ class RunSpec:
     link: Plain
     speed: float = 1.0
     partitions: Sequence[tuple[int, int, Sequence[str]]] = ()
+    queue: int = 32
 
 
 @dataclass(frozen=True, slots=True)
