@@ -23,7 +23,9 @@ class Place:
 class FieldInfo:
     """What a picture of the run needs besides its events.
 
-    ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated.
+    ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated;
+    ``marks`` the (t s, id, text) of planned faults, in order; ``receptions`` the (src, dst, share of its frames that
+    may be expected to arrive) of the links in use, of a field small enough to draw them.
     """
 
     run: str
@@ -33,6 +35,8 @@ class FieldInfo:
     gaps: tuple[tuple[float, float], ...]
     trackers: tuple[str, ...]
     end_s: float
+    marks: tuple[tuple[float, str, str], ...] = ()
+    receptions: tuple[tuple[str, str, float], ...] = ()
 
 
 RECORDER: Final = "recorder"
@@ -73,10 +77,15 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run, ready to be driven: the same for both drivers."""
+    """A run, ready to be driven: the same for both drivers.
+
+    ``processes`` has a process that lives several times as often, one life after the other. ``restart`` says whether
+    one that dies unplanned is started again.
+    """
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
     path: Path
     info: FieldInfo
     step_ns: int
+    restart: bool = False
