@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from trackfield.drivers.core import Core, Sense
 from trackfield.link.clock import Clock
-from trackfield.link.fate import Places
+from trackfield.link.places import Places
 from trackfield.role import Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
