@@ -69,7 +69,7 @@ class Recorder:
 
     def terminate(self) -> None:
         """Close the books with what there is."""
-        self.dead = [p.id for p in self.plan.processes if p.id not in self.ledger.finals]
+        self.dead = [name for name in self.ledger.diaries if name not in self.ledger.finals]
         self._finish.set()
 
     def run(self) -> None:
@@ -97,7 +97,7 @@ class Recorder:
 
     def _await_finals(self) -> None:
         deadline = time.monotonic() + FINALS_TIMEOUT_S
-        wanted = {p.id for p in self.plan.processes} - set(self.dead)
+        wanted = self.ledger.diaries.keys() - set(self.dead)
         self._drain()
         while wanted - set(self.ledger.finals) and time.monotonic() < deadline:
             time.sleep(0.02)

@@ -52,7 +52,7 @@ class MessageRow:
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report.
+    of a DOA report. ``local_ns`` is what the sender's own clock showed at ``sent_ns``.
     """
 
     kind: str
@@ -68,6 +68,7 @@ class MessageRow:
     text: str = ""
     bearing_deg: float | None = None
     step: int | None = None
+    local_ns: int | None = None
 
     @property
     def delivered(self) -> bool:

@@ -7,7 +7,8 @@ from math import hypot
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from launcher.ledger import Event, Ledger
+from launcher.diary import Event
+from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import MessageRow, Plan
 from launcher.tables import track_rows, write_messages, write_tracks

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
+from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Refused, Told, Wrote
 from trackfield.link.clock import Clock
@@ -50,7 +51,9 @@ def at_start(*effects: Effect, **kwargs: Any) -> Core:
 
 
 def test_a_life_begins_with_its_start() -> None:
-    core = Core(Puppet(), owner="me", clock=Clock(offset_ns=7), sense=lambda *_: None, start_ns=3 * NS)
+    core = Core(
+        Puppet(), owner="me", clock=Clock(offset_ns=7), sense=lambda *_: None, conditions=Conditions(start_ns=3 * NS)
+    )
     assert core.next_key() == (3 * NS, 0, "start")
     core.handle_next()
     assert core.state == (Started(3 * NS + 7),)

@@ -19,6 +19,10 @@ class Clock:
         if self.drift_ppb <= -_NS:
             raise ValueError(f"drift_ppb: {self.drift_ppb} stops the clock or turns it back")
 
+    def jumped(self, by_ns: int) -> Clock:
+        """The same, put forward."""
+        return Clock(self.offset_ns + by_ns, self.drift_ppb)
+
     def local(self, true_ns: int) -> int:
         """What the clock shows at a true time: floor(true * (1 + drift)) + offset; never decreasing."""
         return true_ns * (_NS + self.drift_ppb) // _NS + self.offset_ns
