@@ -135,7 +135,7 @@ def _lives(id: str, own: Sequence[Numbered], end_ns: int) -> tuple[Life, ...]:
     lives, freezes, start = list[Life](), list[Span](), 0
     by, until_ns = -1, 0  # which fault took it down, and until when
     for number, fault in own:
-        if isinstance(fault, SensorFault | Partition):
+        if not isinstance(fault, Kill | Restart | Freeze):
             continue
         at = _ns(fault.at_s)
         ends = isinstance(fault, Kill | Restart)
@@ -147,7 +147,7 @@ def _lives(id: str, own: Sequence[Numbered], end_ns: int) -> tuple[Life, ...]:
             )
         if isinstance(fault, Freeze):
             freezes.append((at, min(_ns(fault.until_s), end_ns)))
-        elif isinstance(fault, Kill | Restart):
+        else:
             lives.append(Life(start, at, _merged(freezes, at)))
             start = until_ns = _ns(fault.until_s) if isinstance(fault, Restart) else end_ns
             by, freezes = number, []

@@ -14,7 +14,7 @@ from trackfield.link.energy import Power
 from trackfield.link.fate import Link
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Partitioned
-from trackfield.link.places import Path, Places, Point, moves
+from trackfield.link.places import Path, Places, Point
 from trackfield.role import Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
@@ -89,16 +89,18 @@ class ProcessSpec:
         return life_name(self.id, self.incarnation - 1)
 
     def plain(self) -> Plain:
-        """The form that travels."""
-        return asdict(self)
+        """The form that travels; what a battery holds may be beyond 64 bits."""
+        power = {name: None if value is None else str(value) for name, value in self.power.items()}
+        return {**asdict(self), "power": power}
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``plain``."""
         tuples = {name: tuple(plain[name]) for name in ("media", "cells", "faults")}
         pairs = {name: tuple((a, b) for a, b in plain[name]) for name in ("freezes", "jumps")}
-        peers = {id: _legs(place) if moves(place) else tuple(place) for id, place in plain["peers"].items()}
-        return cls(**{**plain, **tuples, **pairs, "peers": peers, "legs": _legs(plain["legs"])})
+        power = {name: None if value is None else int(value) for name, value in plain["power"].items()}
+        peers = {id: _place(place) for id, place in plain["peers"].items()}
+        return cls(**{**plain, **tuples, **pairs, "power": power, "peers": peers, "legs": _legs(plain["legs"])})
 
     @property
     def place(self) -> Point | Path:
@@ -127,6 +129,11 @@ def life_name(id: str, incarnation: int) -> str:
 def places_of(processes: Iterable[ProcessSpec]) -> Places:
     """Where all of these are."""
     return {p.id: p.place for p in processes}
+
+
+def _place(plain: Sequence[Any]) -> Point | Path:
+    """A place that came as lists."""
+    return _legs(plain) if isinstance(plain[0], Sequence) else (plain[0], plain[1])
 
 
 def _legs(plain: Iterable[Sequence[Any]]) -> Path:

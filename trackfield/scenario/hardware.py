@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from trackfield.scenario.section import NotNegative, Positive, Section
+from trackfield.scenario.section import Positive, Section
+
+Joules = Annotated[float, Field(gt=0, le=1e9)]
 
 
 class Clocks(Section):
@@ -41,8 +43,6 @@ class Energy(Section):
     device: Literal["cc2420", "cc2420-20dbm", "sx1276", "wifi11b"] | None = Field(
         default=None, description="whose power figures count; unset: those of link.radio, or else cc2420"
     )
-    battery_j: Positive | None = Field(default=None, description="in each sensor node; unset: mains, never empty")
-    centre_battery_j: Positive | None = Field(
-        default=None, description="in the fusion centre; unset: mains, never empty"
-    )
-    sample_mj: NotNegative = Field(default=0.0, description="spent on each reading of the sensor")
+    battery_j: Joules | None = Field(default=None, description="in each sensor node; unset: mains, never empty")
+    centre_battery_j: Joules | None = Field(default=None, description="in the fusion centre; unset: mains, never empty")
+    sample_mj: float = Field(default=0.0, ge=0, le=1e9, description="spent on each reading of the sensor")
