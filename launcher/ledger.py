@@ -55,17 +55,15 @@ class Ledger:
 
     # --- what is seen ---------------------------------------------------------------------------------------------
 
-    def sent(self, frame: Frame, *, again: bool = False) -> None:
-        """A frame left; ``again`` if it is one more address of a transmission already counted."""
-        if not again:
-            name = life_name(frame.src, frame.incarnation)
-            self.sent_by[name] += 1
-            self.sent_kinds[frame.kind] += 1
-            self.payload_bytes += len(frame.payload)
-            self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
-            self.on_air += frame.cost(self.link).bytes_on_air
-            sent, frames = self.sent_bytes[frame.src]
-            self.sent_bytes[frame.src] = sent + len(frame.payload), frames + 1
+    def sent(self, frame: Frame) -> None:
+        """A frame left."""
+        self.sent_by[life_name(frame.src, frame.incarnation)] += 1
+        self.sent_kinds[frame.kind] += 1
+        self.payload_bytes += len(frame.payload)
+        self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
+        self.on_air += frame.cost(self.link).bytes_on_air
+        size, frames = self.sent_bytes[frame.src]
+        self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
         for hearer, row in self._rows(frame):
             outcome, due = "in_flight", None
             if frame.sent_ns < self.run.end_ns:
@@ -152,11 +150,11 @@ class Ledger:
 
     def _rows(self, frame: Frame) -> Iterator[tuple[str, MessageRow]]:
         """Its hearers, each with a row that does not yet know its outcome."""
-        to, src = frame.addresses, self._processes.get(frame.src)
+        src = self._processes.get(frame.src)
         cell = src.cell if src else ""
         said, size = describe(frame.payload), len(frame.payload)
-        asked = self._listeners if to is None else [self._processes[i] for i in to if i in self._processes]
-        for hearer in (p.id for p in asked if p.hears(frame.medium, to, frame.src, cell)):
+        asked = self._listeners if frame.broadcast else filter(None, [self._processes.get(frame.to)])
+        for hearer in (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell)):
             yield (
                 hearer,
                 MessageRow(
@@ -176,8 +174,9 @@ class Ledger:
         if row.due_ns >= self.run.end_ns:
             return replace(row, outcome="in_flight")
         owner = self._owner(row)
-        cause = "dead" if owner is None else owner.misses(frame.medium, row.due_ns)
-        if owner is None or cause is not None:
+        if owner is None:
+            return replace(row, outcome="dead")
+        if (cause := owner.misses(frame.medium, row.due_ns)) is not None:
             return replace(row, outcome=cause)
         reason = owner.refused.get(frame.key(row.due_ns))
         if reason is None:

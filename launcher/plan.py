@@ -50,7 +50,9 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     nodes = [replace(node, peers=places_of(centre)) for node in nodes]
     processes = (*(replace(life, peers=places_of(nodes)) for life in centre), *nodes)
     info = _info(site, spec, processes, faults.marks)
-    return Plan(spec, processes, site.path, info, site.step_ns, scenario.restart == "on-death")
+    sensor = scenario.sensor
+    reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
+    return Plan(spec, processes, site.path, info, site.step_ns, reach_m, scenario.restart == "on-death")
 
 
 def _check_link(spec: RunSpec) -> None:

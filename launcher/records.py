@@ -24,8 +24,8 @@ class FieldInfo:
     """What a picture of the run needs besides its events.
 
     ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated;
-    ``marks`` the (t s, id, text) of planned faults, in order; ``receptions`` the (src, dst, share of its frames that
-    may be expected to arrive) of the links in use, of a field small enough to draw them.
+    ``marks`` the planned faults, (t s, process, text); ``receptions`` the links used, (from, to, share of the
+    frames that arrive).
     """
 
     run: str
@@ -52,7 +52,7 @@ class MessageRow:
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report. ``local_ns`` is what the sender's own clock showed at ``sent_ns``.
+    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known.
     """
 
     kind: str
@@ -80,8 +80,8 @@ class MessageRow:
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
-    ``processes`` has a process that lives several times as often, one life after the other. ``restart`` says whether
-    one that dies unplanned is started again.
+    ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
+    a sensor reports the target; ``restart`` says that processes which die unplanned are started again.
     """
 
     run: RunSpec
@@ -89,4 +89,5 @@ class Plan:
     path: Path
     info: FieldInfo
     step_ns: int
+    reach_m: float = 0.0
     restart: bool = False

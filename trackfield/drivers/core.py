@@ -317,15 +317,14 @@ class Core:
         self._feed(Sampled(now, sensor, value), key)
 
     def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
-        addresses = to if isinstance(to, str) else ",".join(sorted(to))
-        if not addresses:
-            return
-        frame = Frame(self.owner, self.incarnation, kind_name(message), key[0], 0, addresses, medium, encode(message))
-        self.life, leaving, news = radio.send(self.life, frame, self.conditions)
-        if news is not None:
-            self._outputs.append(Told(key, news))
-        if leaving is not None:
-            self._outputs.append(Sent(key, leaving))
+        kind, payload = kind_name(message), encode(message)
+        for address in [to] if isinstance(to, str) else sorted(to):
+            frame = Frame(self.owner, self.incarnation, kind, key[0], 0, address, medium, payload)
+            self.life, leaving, news = radio.send(self.life, frame, self.conditions)
+            if news is not None:
+                self._outputs.append(Told(key, news))
+            if leaving is not None:
+                self._outputs.append(Sent(key, leaving))
 
     def _refuse(self, key: EventKey, reason: str) -> None:
         self._count(LATE if reason == LATE else "ignored")

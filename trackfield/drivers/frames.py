@@ -27,7 +27,7 @@ EventKey = tuple[Any, ...]
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One transmission. ``to`` is an id, ``NEIGHBOURHOOD``, or ids joined by commas in sorted order."""
+    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``."""
 
     src: str
     incarnation: int
@@ -44,19 +44,18 @@ class Frame:
         return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to)
 
     @property
-    def addresses(self) -> tuple[str, ...] | None:
-        """The ids it is meant for; None for a broadcast."""
-        return None if self.to == NEIGHBOURHOOD else tuple(self.to.split(","))
+    def broadcast(self) -> bool:
+        """Whether it is for everybody in reach."""
+        return self.to == NEIGHBOURHOOD
 
     def fate(self, link: Link, hearer: str) -> Fate:
-        """What becomes of it on the way to this hearer; one that is meant for several leaves once, as a broadcast."""
-        size, broadcast = len(self.payload), self.to == NEIGHBOURHOOD or "," in self.to
-        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, broadcast)
+        """What becomes of it on the way to this hearer."""
+        size = len(self.payload)
+        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast)
 
     def cost(self, link: Link) -> Fate:
         """What it costs its sender: a fate of which nothing else is meant."""
-        to = self.addresses
-        return self.fate(link, to[0] if to is not None and len(to) == 1 else NEIGHBOURHOOD)
+        return self.fate(link, self.to)
 
     def key(self, due_ns: int) -> EventKey:
         """Its place among the events of a hearer that receives it at ``due_ns``."""

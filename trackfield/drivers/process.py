@@ -27,7 +27,7 @@ from trackfield.drivers.join import join
 from trackfield.drivers.spec import build_core, link_of
 from trackfield.drivers.telemetry import pack
 from trackfield.link.fate import Link
-from trackfield.role import Store
+from trackfield.role import NEIGHBOURHOOD, Store
 from trackfield.wire import keys
 from trackfield.wire.codec import WireError
 from trackfield.wire.envelope import Envelope
@@ -265,18 +265,17 @@ class Process:
             self._counts["malformed"] += 1
             log.warning("ignored a frame on %s: %s", sample.key_expr, error)
             return
-        to = address.to
         frame = Frame(
             address.src,
             envelope.incarnation,
             address.kind,
             envelope.sent_ns,
             envelope.copy,
-            to or "*",
+            address.to or NEIGHBOURHOOD,
             address.medium,
             sample.payload.to_bytes(),
         )
-        if not self.spec.hears(frame.medium, None if to is None else (to,), frame.src, address.cell or ""):
+        if not self.spec.hears(frame.medium, frame.to, frame.src, address.cell or ""):
             return
         if self._seen.again(frame.identity):
             self._counts["duplicate"] += 1
@@ -319,15 +318,11 @@ class Process:
     def _transmit(self, frame: Frame) -> None:
         envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, self._seq, time.monotonic_ns())
         self._seq += 1
-        to = frame.addresses
-        for key in (
-            [keys.broadcast(frame.medium, self.spec.cell, frame.src, frame.kind)]
-            if to is None
-            else [keys.unicast(frame.medium, dst, frame.src, frame.kind) for dst in to]
-        ):
-            self.session.put(
-                key,
-                frame.payload,
-                attachment=envelope.pack(),
-                congestion_control=zenoh.CongestionControl.DROP,
-            )
+        to_all = (frame.medium, self.spec.cell, frame.src, frame.kind)
+        to_one = (frame.medium, frame.to, frame.src, frame.kind)
+        self.session.put(
+            keys.broadcast(*to_all) if frame.broadcast else keys.unicast(*to_one),
+            frame.payload,
+            attachment=envelope.pack(),
+            congestion_control=zenoh.CongestionControl.DROP,
+        )

@@ -31,9 +31,9 @@ def send(life: Life, frame: Frame, given: Conditions) -> tuple[Life, Frame | Non
         return life, None, None
     since, counts = life.copies
     counts = counts if since == leaves else {}
-    addresses = frame.to.split(",")
-    copy = max(counts.get((frame.kind, address), 0) for address in addresses)
-    counts = {**counts, **{(frame.kind, address): copy + 1 for address in addresses}}
+    address = (frame.kind, frame.to)
+    copy = counts.get(address, 0)
+    counts = {**counts, address: copy + 1}
     frame, life = replace(frame, sent_ns=leaves, copy=copy), life._replace(copies=(leaves, counts))
     if frame.medium == RADIO:
         cost = given.cost(frame)

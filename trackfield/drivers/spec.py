@@ -15,7 +15,7 @@ from trackfield.link.fate import Link
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Partitioned
 from trackfield.link.places import Path, Places, Point
-from trackfield.role import Role
+from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
@@ -112,13 +112,11 @@ class ProcessSpec:
         """Where it and its peers stand."""
         return {**self.peers, self.id: self.place}
 
-    def hears(self, medium: str, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
-        """Whether a frame from ``src`` to these ids (None: a broadcast into ``cell``) comes to this process."""
+    def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
+        """Whether a frame from ``src`` to this address (a broadcast: into ``cell``) comes to this process."""
         if medium not in self.media:
             return False
-        if to is not None:
-            return self.id in to
-        return src != self.id and cell in self.cells
+        return src != self.id and cell in self.cells if to == NEIGHBOURHOOD else to == self.id
 
 
 def life_name(id: str, incarnation: int) -> str:

@@ -30,7 +30,8 @@ class Virtual:
     """A run in virtual time.
 
     ``cores`` holds the engine of each life by its name; ``run`` feeds ``sink`` and returns when nothing is due before
-    ``end_ns``. Frames travel as encoded bytes through the same link as under the process driver.
+    ``end_ns``. ``now_ns`` is the time. Frames travel as encoded bytes through the same link as under the process
+    driver.
     """
 
     def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec], sink: Sink) -> None:
@@ -43,7 +44,7 @@ class Virtual:
             self._lives[p.id].append(p.name)
         self._listeners = [p for p in self._processes.values() if p.cells]
         self._due: list[tuple[EventKey, str]] = []
-        self.end_ns = run.end_ns
+        self.end_ns, self.now_ns = run.end_ns, 0
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> None:
         """Handle every event before the end; ``stop()`` is asked before each and ends the run early."""
@@ -54,6 +55,7 @@ class Virtual:
             if stop():
                 self.end_ns = key[0]
                 break
+            self.now_ns = key[0]
             core = self.cores[name]
             if core.next_key() != key:
                 continue  # something earlier came in between; that has an entry of its own
@@ -84,10 +86,9 @@ class Virtual:
                 self.sink.told(name, output)
 
     def _transmit(self, frame: Frame) -> None:
-        to, cell = frame.addresses, self._processes[frame.src].cell
-        hearers = self._listeners if to is None else [self._processes[id] for id in to if id in self._processes]
-        for hearer in hearers:
-            if hearer.hears(frame.medium, to, frame.src, cell):
+        cell = self._processes[frame.src].cell
+        for hearer in self._listeners if frame.broadcast else [self._processes.get(frame.to)]:
+            if hearer is not None and hearer.hears(frame.medium, frame.to, frame.src, cell):
                 self._deliver(hearer.id, frame)
 
     def _deliver(self, hearer: str, frame: Frame) -> None:
@@ -95,10 +96,10 @@ class Virtual:
         if fate.cause is not None:
             return
         due = frame.sent_ns + fate.delay_ns
+        if due <= self.now_ns:
+            raise IllegalEvent(f"a link delivered {frame.identity} before it was sent")
         for name in self._lives[hearer]:
             core = self.cores[name]
             if core.owns(due):
                 core.offer(Arrival(due, frame, fate))
-                if core.behind:
-                    raise IllegalEvent(f"a link delivered {frame.identity} before it was sent")
                 self._schedule(name, core)
