@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
@@ -25,6 +25,7 @@ from zenoh.handlers import Callback
 
 from launcher import zygote
 from launcher.records import RECORDER, Plan
+from launcher.registry import Registry
 from trackfield.drivers.session import open_client
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
@@ -72,12 +73,10 @@ class Deployment:
         self._own_router = not endpoint
         self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
         self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
-        self._answers = {p.id: p.plain() for p in plan.processes}
-        self._start_ns: int | None = None
+        self.registry = Registry(plan)
         self._lead_ns = round((LEAD_S + LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._children: dict[str, ForkServerProcess] = {}
         self._gone: set[str] = set()
-        self._live: set[str] = set()
         self._reached: set[str] = set()
 
     def __enter__(self) -> Self:
@@ -133,29 +132,14 @@ class Deployment:
         except zenoh.ZError as error:
             what = f"no Zenoh router answers at {self.endpoint} (or it refuses this one's credentials)"
             raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+        self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
         self._held = [
-            self.session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),
             subscribe(keys.telemetry_of_all("reached"), Callback(self._on_reached, indirect=False)),
             subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
-            self.session.liveliness().declare_subscriber(
-                keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
-            ),
         ]
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
-
-    def _answer(self, query: zenoh.Query) -> None:
-        id = query.payload.to_string() if query.payload else ""
-        if id not in self._answers:
-            query.reply_err(f"no process {id!r} in this run")
-            return
-        answer = {"run": asdict(self.plan.run), "process": self._answers[id], "start_ns": self._start_ns}
-        query.reply(query.key_expr, msgpack.packb(answer))
-
-    def _on_live(self, sample: zenoh.Sample) -> None:
-        if sample.kind == zenoh.SampleKind.PUT:
-            self._live.add(str(sample.key_expr).rpartition("/")[2])
 
     def _on_reached(self, sample: zenoh.Sample) -> None:
         self._reached.add(str(sample.key_expr).split("/")[1])
@@ -172,22 +156,22 @@ class Deployment:
         """
         wanted = {p.id for p in self.plan.processes} | {RECORDER}
         deadline = time.monotonic() + READY_TIMEOUT_S
-        while wanted - self._live:
-            if tick(len(wanted & self._live), len(wanted)):
+        while wanted - self.registry.live:
+            if tick(len(wanted & self.registry.live), len(wanted)):
                 return
             for name in self._newly_gone():
                 raise self._failure(f"{name} died at start ({self._why(name)})", name)
             if time.monotonic() > deadline:
-                name = min(wanted - self._live)
+                name = min(wanted - self.registry.live)
                 raise self._failure(
-                    f"{len(wanted - self._live)} of {len(wanted)} processes were not ready in time", name
+                    f"{len(wanted - self.registry.live)} of {len(wanted)} processes were not ready in time", name
                 )
             time.sleep(POLL_S)
 
     def begin(self) -> None:
         """Order the start of emulated time."""
-        self._start_ns = time.monotonic_ns() + self._lead_ns
-        self._order(keys.START, str(self._start_ns))
+        self.registry.start_ns = time.monotonic_ns() + self._lead_ns
+        self._order(keys.START, str(self.registry.start_ns))
 
     def _order(self, key: str, payload: str | bytes) -> None:
         self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
@@ -195,8 +179,8 @@ class Deployment:
     @property
     def now_ns(self) -> int:
         """Emulated time now (negative before the start)."""
-        assert self._start_ns is not None
-        return round((time.monotonic_ns() - self._start_ns) * self.plan.run.speed)
+        assert self.registry.start_ns is not None
+        return round((time.monotonic_ns() - self.registry.start_ns) * self.plan.run.speed)
 
     def watch(self, tick: Callable[[], bool]) -> None:
         """Follow the run to its end; ``tick()`` returns True to end it early."""
@@ -208,6 +192,7 @@ class Deployment:
             if tick() and not ending:
                 ending = True
                 end_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
+                self.registry.end(end_ns)
                 self._order(keys.END, str(end_ns))
             if self.now_ns > end_ns + OVERDUE_S * self.plan.run.speed * 1e9:
                 self.deaths += [Death(id, "did not reach the end", None) for id in sorted(missing)]

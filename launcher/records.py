@@ -48,7 +48,7 @@ class MessageRow:
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report.
+    of a DOA report. ``local_ns`` is what the sender's own clock showed at ``sent_ns``.
     """
 
     kind: str
@@ -64,6 +64,7 @@ class MessageRow:
     text: str = ""
     bearing_deg: float | None = None
     step: int | None = None
+    local_ns: int | None = None
 
     @property
     def delivered(self) -> bool:
@@ -73,10 +74,11 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run, ready to be driven: the same for both drivers."""
+    """A run, ready to be driven: the same for both drivers. ``reach_m`` is how far away a sensor reports the target."""
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
     path: Path
     info: FieldInfo
     step_ns: int
+    reach_m: float = 0.0
