@@ -237,7 +237,7 @@ def test_no_messagepack_crashes_the_decoder(array: list[Any]) -> None:
     refused_or_canonical(_packed(array))
 
 
-@settings(max_examples=600)
+@settings(max_examples=300)
 @given(st.sampled_from(registry.product_kinds()), st.data())
 def test_no_field_crashes_the_decoder(known: registry.Kind, data: st.DataObject) -> None:
     wrong = [data.draw(values | any_of(field).map(int)) for field in known.fields]
