@@ -78,10 +78,16 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run, ready to be driven: the same for both drivers."""
+    """A run, ready to be driven: the same for both drivers.
+
+    ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
+    a sensor reports the target; ``restart`` says that processes which die unplanned are started again.
+    """
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
     path: Path
     info: FieldInfo
     step_ns: int
+    reach_m: float = 0.0
+    restart: bool = False

@@ -108,6 +108,26 @@ def test_no_builder_lets_a_wildcard_through(build: Any) -> None:
         build("*")
 
 
+@pytest.mark.parametrize("name", ["fusion", "n060~1", "A" * 32 + "~123456"])
+def test_a_later_life_tells_under_its_own_name(name: str) -> None:
+    assert keys.live(name) == f"live/{name}"
+    assert keys.telemetry(name, "final") == f"telemetry/{name}/final"
+    assert keys.id_of(name) == name.partition("~")[0]
+    assert zenoh.KeyExpr(keys.telemetry_of_all("final")).includes(zenoh.KeyExpr(keys.telemetry(name, "final")))
+
+
+@pytest.mark.parametrize("name", ["~1", "a~", "a~0", "a~01", "a~b", "a~1~2", "a~1/b", "a~1234567", "*~1", None, 7])
+def test_not_the_name_of_a_life(name: Any) -> None:
+    with pytest.raises(WireError) as caught:
+        keys.live(name)
+    assert caught.value.reason == "key"
+
+
+def test_a_frame_names_its_process_and_no_life() -> None:
+    with pytest.raises(WireError):
+        unicast("field", "fusion", "n060~1", "doa")
+
+
 @pytest.mark.parametrize("medium", keys.MEDIA)
 def test_subscriptions_match_their_own_frames_only(medium: str) -> None:
     """Told by Zenoh's own matcher, which decides in the end."""

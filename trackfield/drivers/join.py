@@ -22,22 +22,27 @@ class JoinError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """The launcher's answer to whoever comes, early or late."""
+    """The launcher's answer to whoever comes, early or late.
+
+    ``start_ns`` is the host's monotonic time at which emulated time began (None: not yet), ``stored`` what an earlier
+    life of the process kept last (``Store``), where that life ended unplanned.
+    """
 
     run: RunSpec
     process: ProcessSpec
     start_ns: int | None
+    stored: bytes | None = None
 
 
-def join(session: zenoh.Session, id: str) -> Joined:
-    """Ask the launcher for all that this process must know. Raises JoinError."""
+def join(session: zenoh.Session, name: str) -> Joined:
+    """Ask the launcher for all that the process of this name must know. Raises JoinError."""
     deadline = time.monotonic() + JOIN_TIMEOUT_S
     while time.monotonic() < deadline:
-        for reply in session.get(keys.JOIN, payload=id, timeout=JOIN_TIMEOUT_S):
+        for reply in session.get(keys.JOIN, payload=name, timeout=JOIN_TIMEOUT_S):
             if reply.ok is None:
-                raise JoinError(f"{id}: {reply.err.payload.to_string() if reply.err else 'refused'}")
+                raise JoinError(f"{name}: {reply.err.payload.to_string() if reply.err else 'refused'}")
             answer = msgpack.unpackb(reply.ok.payload.to_bytes(), strict_map_key=False)
             process = ProcessSpec.from_plain(answer["process"])
-            return Joined(RunSpec(**answer["run"]), process, answer["start_ns"])
+            return Joined(RunSpec(**answer["run"]), process, answer["start_ns"], answer["stored"])
         time.sleep(JOIN_RETRY_S)
-    raise JoinError(f"{id}: no launcher answers in this run")
+    raise JoinError(f"{name}: no launcher answers in this run")

@@ -28,9 +28,11 @@ STOP: Final = "control/stop"
 """All roles leave."""
 FINISH: Final = "control/finish"
 """The recorder closes its books."""
-"""What the recorder found."""
+LIFE: Final = "control/recorder/life"
+"""An unplanned life takes the place of one that died: its specification in plain form, packed. None of ``ORDERS``."""
 
 _ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}")
+_LIFE = re.compile(r"~[1-9][0-9]{0,5}")
 
 
 def check_id(text: object) -> str:
@@ -86,9 +88,24 @@ def parse(key: str) -> Address:
     return Address(_check_medium(medium), to, cell, check_id(src), check_id(kind))
 
 
-def telemetry(process: str, what: str) -> str:
-    """The key under which a process tells ``what`` about itself; raises ``WireError`` (``key``)."""
-    return f"telemetry/{check_id(process)}/{check_id(what)}"
+def check_name(text: object) -> str:
+    """``text`` if it can name a life: an id, followed by ``~`` and a number for each life but the first."""
+    if isinstance(text, str):
+        id, mark, number = text.partition("~")
+        if not mark or _LIFE.fullmatch(mark + number):
+            check_id(id)
+            return text
+    raise WireError("key", f"{text!r} names no life of a process (an id, or one with ~1, ~2 ...)")
+
+
+def id_of(name: str) -> str:
+    """The id of the process of which ``name`` is a life."""
+    return name.partition("~")[0]
+
+
+def telemetry(name: str, what: str) -> str:
+    """The key under which a life tells ``what`` about itself; raises ``WireError`` (``key``)."""
+    return f"telemetry/{check_name(name)}/{check_id(what)}"
 
 
 def telemetry_of_all(what: str) -> str:
@@ -96,9 +113,9 @@ def telemetry_of_all(what: str) -> str:
     return f"telemetry/*/{check_id(what)}"
 
 
-def live(process: str) -> str:
-    """The liveliness token of a process; raises ``WireError`` (``key``)."""
-    return f"live/{check_id(process)}"
+def live(name: str) -> str:
+    """The liveliness token of a life; raises ``WireError`` (``key``)."""
+    return f"live/{check_name(name)}"
 
 
 def _check_medium(medium: str) -> Medium:
