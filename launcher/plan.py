@@ -15,6 +15,7 @@ from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.errors import ScenarioError
 from trackfield.link.models import make_link
+from trackfield.models.sound import audible_radius
 from trackfield.role import NS
 from trackfield.scenario import Plan as Site
 from trackfield.scenario import Scenario
@@ -41,7 +42,9 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     nodes = [replace(node, peers=places_of([centre])) for node in nodes]
     processes = (replace(centre, peers=places_of(nodes)), *nodes)
     _check_link(spec)
-    return Plan(spec, processes, site.path, _info(site, spec, processes), site.step_ns)
+    sensor = scenario.sensor
+    reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.threshold_db)
+    return Plan(spec, processes, site.path, _info(site, spec, processes), site.step_ns, reach_m)
 
 
 def _check_link(spec: RunSpec) -> None:

@@ -27,6 +27,7 @@ class Registry:
         self.arrivals = 0
         self._lives = {p.name: p for p in plan.processes}
         self._stored: dict[str, bytes] = {}
+        self._unplanned: set[str] = set()
 
     def declare(self, session: zenoh.Session) -> None:
         """Answer and listen from now on, for as long as the session is open."""
@@ -48,6 +49,7 @@ class Registry:
         incarnation = 1 + max(p.incarnation for p in self._lives.values() if p.id == last.id)
         life = replace(last, incarnation=incarnation, start_ns=start_ns)
         self._lives[life.name] = life
+        self._unplanned.add(life.name)
         return life
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
@@ -62,7 +64,7 @@ class Registry:
             "run": asdict(self.run),
             "process": life.plain(),
             "start_ns": self.start_ns,
-            "stored": self._stored.get(life.id, b""),
+            "stored": self._stored.get(life.id, b"") if name in self._unplanned else None,
         }
         query.reply(query.key_expr, msgpack.packb(answer))
 

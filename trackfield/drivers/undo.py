@@ -1,0 +1,32 @@
+"""What has to leave when events were undone and handled again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Set
+from typing import Any
+
+from trackfield.drivers.frames import EventKey, Frame, Output, Refused, Sent, Told, Undone
+
+Identity = tuple[Any, ...]
+
+
+def difference(
+    old: list[Output], new: list[Output], since: EventKey, ghosts: Set[Identity]
+) -> tuple[list[Output], set[Identity]]:
+    """What must leave: frames that are new, and telemetry again if it changed; and frames that should not have left.
+
+    ``old`` left the first time, ``new`` when all from the event ``since`` on was handled again. ``ghosts`` are frames
+    that should not have left earlier: their like does not leave again.
+    """
+    left, again = _frames(old), _frames(new)
+    vanished = {frame.identity for frame in left if frame not in again}
+    known = {frame.identity for frame in left} | vanished | ghosts
+    out: list[Output] = [o for o in new if isinstance(o, Sent) and o.frame.identity not in known]
+    told, retold = ([o for o in side if isinstance(o, Told | Refused)] for side in (old, new))
+    if told != retold:
+        out += [Undone(since), *retold]
+    return out, vanished
+
+
+def _frames(outputs: Iterable[Output]) -> list[Frame]:
+    return [o.frame for o in outputs if isinstance(o, Sent)]
