@@ -78,7 +78,7 @@ class Ledger:
             self._written[process] = None
 
     def life(self, spec: ProcessSpec) -> None:
-        """A process that died unplanned lives again; what is due from then on is for its new life. May be told twice."""
+        """A process that died unplanned lives again: what is due from then on is its new life's. May be told twice."""
         if spec.name in self.diaries:
             return
         for diary in self._lives[spec.id]:
