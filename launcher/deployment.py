@@ -2,37 +2,32 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import resource
 import shutil
-import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from multiprocessing.connection import wait
-from multiprocessing.context import ForkServerProcess
+from collections import Counter
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Final, Self
 
 import msgpack
-import psutil
 import zenoh
 from zenoh.handlers import Callback
 
 from launcher import zygote
+from launcher.children import KILL_TIMEOUT_S, Children
 from launcher.records import RECORDER, Plan
 from launcher.registry import Registry
+from launcher.watch import Watch
 from trackfield.drivers.session import open_client
+from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 
 CONNECT_TIMEOUT_S: Final = 10.0
 """For a router that should be there already; one of our own may take as long as any process."""
 READY_TIMEOUT_S: Final = 60.0
+READY_PER_PROCESS_S: Final = 0.05
 LEAD_S: Final = 0.5
 LEAD_PER_PROCESS_S: Final = 0.001
 """Between an order and what it orders, so that every process has it in time."""
@@ -42,44 +37,54 @@ LINGER_S: Final = 0.3
 """For frames that are still on their way when all have reached the end."""
 OVERDUE_S: Final = 20.0
 """After the end, how long (wall time) a process may take to say that it has reached it."""
+STILL_S: Final = 5.0
+"""The same for one that stands still, stopped from outside."""
+ROUTER_STILL_S: Final = 3.0
+"""How long the router may stand still before another takes its place: less than a lease of Zenoh's sessions."""
+ROUTER_AWAY_S: Final = 5.0
+"""How long a router that is not ours may be away."""
+MAX_RESTARTS: Final = 5
+"""Of one process; what dies more often than that is broken."""
+REPEAT_S: Final = 0.3
+"""After somebody came (back), when all orders are given again: it may have missed them."""
 POLL_S: Final = 0.1
 STOP_TIMEOUT_S: Final = 10.0
+STOP_PER_PROCESS_S: Final = 0.01
 WRITE_TIMEOUT_S: Final = 60.0
+GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
 LOG_TAIL: Final = 12
-
-
-@dataclass(frozen=True, slots=True)
-class Death:
-    """A process that died unplanned, at ``t_s`` of emulated time (None: before the start)."""
-
-    id: str
-    why: str
-    t_s: float | None
 
 
 class Deployment:
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
-    ``status`` is what the recorder said of the run last.
-    Raises ``RunFailed`` where a process does not come up; processes that die later are listed in ``deaths``.
+    ``status`` is what the recorder said of the run last. Raises ``RunFailed`` where a process does not come up; what
+    befalls them later is in ``deaths`` and ``stops``.
     """
 
     def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
         self.plan, self.folder = plan, folder
-        self.deaths: list[Death] = []
+        self.registry = Registry(plan)
         self.status: dict[str, Any] = {}
         self.router_cpu_s = 0.0
         self._own_router = not endpoint
         self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
         self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
-        self.registry = Registry(plan)
         self._lead_ns = round((LEAD_S + LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
-        self._children: dict[str, ForkServerProcess] = {}
-        self._gone: set[str] = set()
+        self._end_ns = plan.run.end_ns
+        self._lives = {p.name: p for p in plan.processes}
+        self._restarts: Counter[str] = Counter()
         self._reached: set[str] = set()
+        self._orders: list[tuple[str, str | bytes]] = []
+        self._arrivals, self._repeat_at = 0, 0.0
+        self._router_seen = 0.0
+        self._stopping = False
 
     def __enter__(self) -> Self:
+        self._children = Children(len(self.plan.processes) + 2)
+        self._watch = Watch(self._children, self._clock)
+        self.deaths, self.stops = self._watch.deaths, self._watch.stops
         try:
             self._fork_and_connect()
         except BaseException:
@@ -88,11 +93,7 @@ class Deployment:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for child in self._children.values():
-            if child.is_alive():
-                child.kill()
-        for child in self._children.values():
-            child.join()
+        self._children.close()
         if hasattr(self, "session"):
             self.session.close()  # type: ignore[no-untyped-call]
         shutil.rmtree(self._sockets, ignore_errors=True)
@@ -100,30 +101,24 @@ class Deployment:
     # --- birth ----------------------------------------------------------------------------------------------------
 
     def _fork_and_connect(self) -> None:
-        _allow_many_files(4 * len(self.plan.processes) + 1024)
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(["launcher.zygote"])
-        logs = self.folder / "logs"
-        logs.mkdir(exist_ok=True)
-        run = self.plan.run.run
+        (self.folder / "logs").mkdir(exist_ok=True)
+        if self._own_router:
+            self._fork_router()
+        self._connect()  # before anyone can ask to join
+        self._children.fork(RECORDER, zygote.run_recorder, self.endpoint, self.log(RECORDER), (self.plan, self.folder))
+        for life in self.plan.processes:
+            self._fork_role(life)
 
-        def fork(name: str, target: Callable[..., None], *args: Any) -> None:
-            child = context.Process(target=target, name=name, args=args)
-            child.start()
-            # Each start polls all children that multiprocessing knows of; we watch ours ourselves.
-            multiprocessing.process._children.discard(child)  # type: ignore[attr-defined]
-            self._children[name] = child
+    def _fork_router(self) -> None:
+        for left in self._sockets.iterdir():  # by one that was killed
+            left.unlink()
+        self._children.fork(ROUTER, zygote.run_router, self.endpoint, self.log(ROUTER))
 
-        with _no_main_module(), _zygote_environment():
-            if self._own_router:
-                fork(ROUTER, zygote.run_router, self.endpoint, logs / "router.log")
-            self._connect()  # before anyone can ask to join
-            log = logs / "recorder.log"
-            fork(RECORDER, zygote.run_recorder, self.endpoint, log, (self.plan, self.folder))
-            for p in self.plan.processes:
-                title = p.id if p.id == p.role else f"{p.role} {p.id}"
-                niceness = 0 if p.sink else NICENESS
-                fork(p.id, zygote.run_role, self.endpoint, run, p.id, title, logs / f"{p.id}.log", niceness)
+    def _fork_role(self, life: ProcessSpec) -> None:
+        title = life.name if life.id == life.role else f"{life.role} {life.name}"
+        niceness = 0 if life.sink else NICENESS
+        run, log = self.plan.run.run, self.log(life.name)
+        self._children.fork(life.name, zygote.run_role, self.endpoint, run, life.name, title, log, niceness)
 
     def _connect(self) -> None:
         timeout_s = READY_TIMEOUT_S if self._own_router else CONNECT_TIMEOUT_S
@@ -154,27 +149,23 @@ class Deployment:
 
         Raises ``RunFailed`` for a process that dies first, or is not there in time.
         """
-        wanted = {p.id for p in self.plan.processes} | {RECORDER}
-        deadline = time.monotonic() + READY_TIMEOUT_S
-        while wanted - self.registry.live:
-            if tick(len(wanted & self.registry.live), len(wanted)):
+        wanted = {*self._lives, RECORDER}
+        deadline = time.monotonic() + READY_TIMEOUT_S + READY_PER_PROCESS_S * len(wanted)
+        while missing := wanted - self.registry.live:
+            if tick(len(wanted) - len(missing), len(wanted)):
                 return
-            for name in self._newly_gone():
-                raise self._failure(f"{name} died at start ({self._why(name)})", name)
+            for name, why in self._watch.look():
+                raise self._failure(f"{name} died at start ({why})", name)
             if time.monotonic() > deadline:
-                name = min(wanted - self.registry.live)
-                raise self._failure(
-                    f"{len(wanted - self.registry.live)} of {len(wanted)} processes were not ready in time", name
-                )
+                what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
+                raise self._failure(what, min(missing))
             time.sleep(POLL_S)
 
     def begin(self) -> None:
         """Order the start of emulated time."""
+        self._arrivals = self.registry.arrivals
         self.registry.start_ns = time.monotonic_ns() + self._lead_ns
         self._order(keys.START, str(self.registry.start_ns))
-
-    def _order(self, key: str, payload: str | bytes) -> None:
-        self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     @property
     def now_ns(self) -> int:
@@ -182,108 +173,159 @@ class Deployment:
         assert self.registry.start_ns is not None
         return round((time.monotonic_ns() - self.registry.start_ns) * self.plan.run.speed)
 
+    def _clock(self) -> float | None:
+        return None if self.registry.start_ns is None else min(max(self.now_ns, 0), self._end_ns) / 1e9
+
     def watch(self, tick: Callable[[], bool]) -> None:
         """Follow the run to its end; ``tick()`` returns True to end it early."""
-        roles, end_ns, ending = {p.id for p in self.plan.processes}, self.plan.run.end_ns, False
-        while missing := roles - self._reached - self._gone:
-            self._bury()
+        ending = False
+        while missing := self._to_the_end() - self._reached - self._watch.gone:
+            self._tend()
             if self._router_is_gone():
+                if not self._own_router:
+                    self._watch.died(ROUTER, f"it was away for {ROUTER_AWAY_S:.0f} s")
                 return
             if tick() and not ending:
                 ending = True
-                end_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
-                self.registry.end(end_ns)
-                self._order(keys.END, str(end_ns))
-            if self.now_ns > end_ns + OVERDUE_S * self.plan.run.speed * 1e9:
-                self.deaths += [Death(id, "did not reach the end", None) for id in sorted(missing)]
+                self._end_early()
+            over_s = (self.now_ns - self._end_ns) / 1e9 / self.plan.run.speed
+            if over_s > STILL_S:
+                self._end_still(missing)
+            if over_s > OVERDUE_S:
+                for name in sorted(missing):
+                    self._watch.died(name, "did not reach the end")
                 return
             time.sleep(POLL_S)
 
+    def _to_the_end(self) -> set[str]:
+        """Who should say that it has reached the end."""
+        return {name for name, life in self._lives.items() if life.kill_ns is None or life.kill_ns >= self._end_ns}
+
+    def _end_early(self) -> None:
+        soon_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
+        self._end_ns = min(soon_ns, self._end_ns)
+        self.registry.end(self._end_ns)
+        self._order(keys.END, str(self._end_ns))
+
     def finish(self) -> None:
         """Stop the roles, let the recorder close its files, and end the router. Without a router, force them."""
-        roles, recorder = [self._children[p.id] for p in self.plan.processes], self._children[RECORDER]
+        self._stopping = True
         if self._router_is_gone():
-            for child in roles:
-                child.kill()
-            recorder.terminate()  # it closes its files all the same
+            self._watch.gone.update(self._lives)
+            for name in self._lives:
+                self._children.kill(name)
+            self._children.terminate(RECORDER)  # it closes its files all the same
         else:
             time.sleep(LINGER_S)
             self._order(keys.STOP, b"")
-            _join(roles, STOP_TIMEOUT_S)
-            self.deaths += [Death(c.name, "did not stop when told", None) for c in roles if c.is_alive()]
+            self._await(self._lives, STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives), "did not stop when told")
             self._order(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
-        _join([recorder], WRITE_TIMEOUT_S)
-        if recorder.exitcode != 0 and RECORDER not in self._gone:
-            self.deaths.append(Death(RECORDER, self._why(RECORDER), None))
-        if self._own_router and not self._router_is_gone():
-            times = psutil.Process(self._children[ROUTER].pid).cpu_times()
-            self.router_cpu_s = times.user + times.system
-            self._children[ROUTER].terminate()
-            _join([self._children[ROUTER]], STOP_TIMEOUT_S)
+        self._await([RECORDER], WRITE_TIMEOUT_S, "did not close its files in time")
+        if self._own_router and self._children.alive(ROUTER):
+            self.router_cpu_s = self._children.cpu_s(ROUTER)
+            self._children.terminate(ROUTER)
+            self._children.wait([ROUTER], STOP_TIMEOUT_S)
 
-    def _router_is_gone(self) -> bool:
-        return self._own_router and not self._children[ROUTER].is_alive()
+    def _await(self, names: Iterable[str], timeout_s: float, why: str) -> None:
+        """Wait until these have ended; kill and report those that do not."""
+        deadline = time.monotonic() + timeout_s
+        while left := set(names) - self._watch.gone:
+            over_s = time.monotonic() - deadline
+            if over_s > KILL_TIMEOUT_S:
+                return
+            if over_s > 0:
+                for name in left:
+                    self._watch.kill(name, why)
+            self._end_still(left)
+            time.sleep(POLL_S / 2)
+            self._tend()
 
-    def pids(self) -> dict[str, int]:
-        """The process ids of the roles."""
-        return {p.id: pid for p in self.plan.processes if (pid := self._children[p.id].pid) is not None}
+    def _end_still(self, names: set[str]) -> None:
+        for name in names & self._watch.still(STILL_S):
+            self._watch.kill(name, "stood still at the end, stopped from outside")
 
-    def log_tail(self, name: str) -> str:
-        """The last lines of a process's log."""
-        path = self.folder / "logs" / f"{name}.log"
-        return "\n".join(path.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if path.exists() else ""
+    # --- orders ---------------------------------------------------------------------------------------------------
+
+    def _order(self, key: str, payload: str | bytes) -> None:
+        self._orders.append((key, payload))
+        self._put(key, payload)
+
+    def _put(self, key: str, payload: str | bytes) -> None:
+        self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def _repeat(self) -> None:
+        """Give all orders again to whoever came, or came back, and may have missed them."""
+        now = time.monotonic()
+        if self._arrivals != self.registry.arrivals:
+            self._arrivals, self._repeat_at = self.registry.arrivals, now + REPEAT_S
+        elif self._repeat_at and now > self._repeat_at:
+            self._repeat_at = 0.0
+            for key, payload in self._orders:
+                self._put(key, payload)
 
     # --- death ----------------------------------------------------------------------------------------------------
 
-    def _newly_gone(self) -> list[str]:
-        alive = {c.sentinel: name for name, c in self._children.items() if name not in self._gone}
-        names = [alive[s] for s in wait(list(alive), 0) if isinstance(s, int)]
-        self._gone.update(names)
-        return names
+    def _tend(self) -> None:
+        """See who died or stands still, and do what is to be done about it."""
+        for name, why in self._watch.look():
+            self._bury(name, why)
+        if ROUTER in self._watch.still(ROUTER_STILL_S):
+            self._watch.kill(ROUTER, f"stood still for {ROUTER_STILL_S:.0f} s, stopped from outside, and was killed")
+        self._repeat()
 
-    def _bury(self) -> None:
-        for name in self._newly_gone():
-            t = max(self.now_ns, 0) / 1e9
-            self.deaths.append(Death(name, self._why(name), t))
+    def _bury(self, name: str, why: str) -> None:
+        life = self._lives.get(name)
+        if life is not None and life.kill_ns is not None and self.now_ns >= life.kill_ns:
+            return  # as planned
+        if self._stopping and name != ROUTER and why == GOOD_END:
+            return
+        again = self._start_again(name, life)
+        tired = (
+            "" if again or self._restarts[keys.id_of(name)] < MAX_RESTARTS else f"; {MAX_RESTARTS} restarts are enough"
+        )
+        self._watch.died(name, why + tired, again=again)
 
-    def _why(self, name: str) -> str:
-        self._children[name].join(1)
-        code = self._children[name].exitcode
-        return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+    def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
+        """Start another in the place of one that died, where that is wanted and did not happen too often."""
+        start_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
+        wanted = name == ROUTER if life is None else self.plan.restart and start_ns < self._end_ns
+        if not wanted or self._restarts[keys.id_of(name)] >= MAX_RESTARTS:
+            return False
+        self._restarts[keys.id_of(name)] += 1
+        if life is None:
+            self._fork_router()
+            self._watch.born(ROUTER)
+        else:
+            following = self.registry.next_life(name, start_ns)
+            self._lives[following.name] = following
+            self._order(keys.LIFE, msgpack.packb(following.plain()))
+            self._fork_role(following)
+        return True
+
+    def _router_is_gone(self) -> bool:
+        """Whether there is no router and none to come."""
+        if self._own_router:
+            return ROUTER in self._watch.gone
+        now = time.monotonic()
+        if self.session.info.routers_zid() or not self._router_seen:
+            self._router_seen = now
+        return now - self._router_seen > ROUTER_AWAY_S
+
+    # --- what others ask ------------------------------------------------------------------------------------------
+
+    def pids(self) -> dict[str, int]:
+        """The process ids of the roles, by name."""
+        return {name: pid for name in self._lives if (pid := self._children.pid(name)) is not None}
+
+    def log(self, name: str) -> Path:
+        """A process's log."""
+        return self.folder / "logs" / f"{name}.log"
+
+    def log_tail(self, name: str) -> str:
+        """The last lines of a process's log."""
+        log = self.log(name)
+        return "\n".join(log.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if log.exists() else ""
 
     def _failure(self, what: str, name: str) -> RunFailed:
-        tail, path = self.log_tail(name), self.folder / "logs" / f"{name}.log"
-        return RunFailed(f"{what}; its log, {path}, ends:\n{tail}" if tail else what, process=name, log=tail)
-
-
-def _join(children: list[ForkServerProcess], timeout_s: float) -> None:
-    deadline = time.monotonic() + timeout_s
-    for child in children:
-        child.join(max(deadline - time.monotonic(), 0))
-
-
-def _allow_many_files(wanted: int) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    limit = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
-    if soft != resource.RLIM_INFINITY and soft < limit:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
-
-
-@contextmanager
-def _no_main_module() -> Iterator[None]:
-    """Keep children from importing the caller's main program."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@contextmanager
-def _zygote_environment() -> Iterator[None]:
-    os.environ["TRACKFIELD_ZYGOTE"] = str(os.getpid())
-    try:
-        yield
-    finally:
-        del os.environ["TRACKFIELD_ZYGOTE"]
+        tail, log = self.log_tail(name), self.log(name)
+        return RunFailed(f"{what}; its log, {log}, ends:\n{tail}" if tail else what, process=name, log=tail)

@@ -73,10 +73,14 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run, ready to be driven: the same for both drivers."""
+    """A run, ready to be driven: the same for both drivers.
+
+    ``restart`` says that processes which die unplanned are started again.
+    """
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
     path: Path
     info: FieldInfo
     step_ns: int
+    restart: bool = False

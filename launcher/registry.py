@@ -17,13 +17,14 @@ class Registry:
     """The lives of a run by name, planned and made on the way.
 
     ``run`` is what all share, ``start_ns`` the host's monotonic time at which emulated time began (None: not yet),
-    ``live`` the names of those that are there as Zenoh sees it.
+    ``live`` the names of those that are there as Zenoh sees it, ``arrivals`` how often one came (back).
     """
 
     def __init__(self, plan: Plan) -> None:
         self.run = plan.run
         self.start_ns: int | None = None
         self.live: set[str] = set()
+        self.arrivals = 0
         self._lives = {p.name: p for p in plan.processes}
         self._stored: dict[str, bytes] = {}
 
@@ -42,9 +43,10 @@ class Registry:
         self.run = replace(self.run, end_ns=end_ns)
 
     def next_life(self, name: str, start_ns: int) -> ProcessSpec:
-        """A place for whoever comes after the life ``name``, from this emulated time on to the end."""
+        """A place for whoever comes after the life ``name``, from this emulated time on to that life's planned end."""
         last = self._lives[name]
-        life = replace(last, incarnation=last.incarnation + 1, start_ns=start_ns, kill_ns=None)
+        incarnation = 1 + max(p.incarnation for p in self._lives.values() if p.id == last.id)
+        life = replace(last, incarnation=incarnation, start_ns=start_ns)
         self._lives[life.name] = life
         return life
 
@@ -72,5 +74,6 @@ class Registry:
         name = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT:
             self.live.add(name)
+            self.arrivals += 1
         else:
             self.live.discard(name)

@@ -17,11 +17,12 @@ from typing import Any, Final, Protocol
 
 import psutil
 
-from launcher.deployment import Death, Deployment
+from launcher.deployment import ROUTER, Deployment
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import Plan
 from launcher.result import METRICS, Journal, write_json
+from launcher.watch import Death, Stop
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import ScenarioError
 from trackfield.scenario.places import CENTRE
@@ -141,9 +142,15 @@ def run_processes(
     metrics = _recorded(plan, folder)
     cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() + field.router_cpu_s
     metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
-    died = [{"id": d.id, "host": platform.node(), "why": d.why, "t": d.t_s} for d in field.deaths]
-    metrics["processes"] |= {"ready_s": ready_s, "died": died, "pss_mb_per_node": pss}
-    return _close(folder, metrics, [_complaint(field, d) for d in field.deaths], ended)
+    host = platform.node()
+    metrics["processes"] |= {
+        "ready_s": ready_s,
+        "died": [{"id": d.id, "host": host, "why": d.why, "t": d.t_s} for d in field.deaths],
+        "stopped": [{"id": s.id, "host": host, "t": s.t_s, "s": s.for_s} for s in field.stops],
+        "pss_mb_per_node": pss,
+    }
+    complaints = [_complaint(field, d) for d in field.deaths] + [_remark(s) for s in field.stops]
+    return _close(folder, metrics, complaints, ended)
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
@@ -173,9 +180,18 @@ def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[in
 
 def _complaint(field: Deployment, death: Death) -> str:
     when = "" if death.t_s is None else f" at {death.t_s:.1f} s"
-    tail = field.log_tail(death.id)
-    log = field.folder / "logs" / f"{death.id}.log"
-    return f"{death.id} died{when}: {death.why}" + (f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})")
+    again = " (started again)" if death.again else ""
+    if death.id == ROUTER:
+        again += "; the machine lost the frames that were sent while there was none"
+    tail, log = field.log_tail(death.id), field.log(death.id)
+    ends = f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})"
+    return f"{death.id} died{when}: {death.why}{again}{ends}"
+
+
+def _remark(stop: Stop) -> str:
+    when = "before the start" if stop.t_s is None else f"at {stop.t_s:.1f} s"
+    how_long = "and never went on" if stop.for_s is None else f"for {stop.for_s:.1f} s"
+    return f"{stop.id} was stopped from outside {when}, {how_long}"
 
 
 def _pss_mb(field: Deployment) -> float | None:

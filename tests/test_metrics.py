@@ -31,7 +31,7 @@ KEYS = """
 scenario seed driver wall_s cpu_s
 trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,lost,steps}
 bound.position
-processes.{started,ready_s,died,pss_mb_per_node}
+processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
 frames.host_lost frames.by_kind.<kind>.{sent,payload_bytes_max}

@@ -32,8 +32,8 @@ STOP: Final = "control/stop"
 """All roles leave."""
 FINISH: Final = "control/finish"
 """The recorder closes its books."""
-LIFE: Final = "control/life"
-"""A process that was not planned takes the place of one that died: its specification, in plain form, packed."""
+LIFE: Final = "control/recorder/life"
+"""An unplanned life takes the place of one that died: its specification in plain form, packed. None of ``ORDERS``."""
 
 _ID = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}")
 _LIFE = re.compile(r"~[1-9][0-9]{0,5}")

@@ -1,0 +1,91 @@
+"""What befalls the processes of a run that nobody planned: deaths, and standing still."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from launcher.children import Children
+
+SLICES: Final = 10
+"""A look asks this share of all whether they stand still, so that it costs little however many there are."""
+
+
+@dataclass(frozen=True, slots=True)
+class Death:
+    """A process that died unplanned, at ``t_s`` of emulated time (None: before the start).
+
+    ``again`` says that another was started in its place.
+    """
+
+    id: str
+    why: str
+    t_s: float | None
+    again: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A process that stood still from ``t_s`` of emulated time on, for ``for_s`` (None: it never went on)."""
+
+    id: str
+    t_s: float | None
+    for_s: float | None = None
+
+
+class Watch:
+    """Looks after the children of a run; ``clock`` tells emulated seconds (None: before the start).
+
+    ``gone`` are the names of those that ended, planned or not, ``deaths`` and ``stops`` what is to be reported.
+    """
+
+    def __init__(self, children: Children, clock: Callable[[], float | None]) -> None:
+        self.deaths: list[Death] = []
+        self.stops: list[Stop] = []
+        self.gone: set[str] = set()
+        self._children, self._clock = children, clock
+        self._reasons: dict[str, str] = {}
+        self._still: dict[str, tuple[int, float]] = {}  # where in ``stops``, and since when (monotonic)
+        self._turn = 0
+
+    def look(self) -> list[tuple[str, str]]:
+        """Who ended since the last look, and how; call it ``SLICES`` times a second."""
+        ended = [(name, self._reasons.pop(name, why)) for name, why in self._children.gone() if name not in self.gone]
+        for name, _ in ended:
+            self.gone.add(name)
+            self._still.pop(name, None)
+        self._turn = (self._turn + 1) % SLICES
+        for name in self._children.names()[self._turn :: SLICES]:
+            self._check(name)
+        return ended
+
+    def _check(self, name: str) -> None:
+        still = self._children.stopped(name)
+        if still and name not in self._still:
+            self._still[name] = (len(self.stops), time.monotonic())
+            self.stops.append(Stop(name, self._clock()))
+        elif not still and name in self._still:
+            place, _ = self._still.pop(name)
+            stop, now = self.stops[place], self._clock()
+            if now is not None:
+                self.stops[place] = replace(stop, for_s=now - (stop.t_s or 0.0))
+
+    def still(self, at_least_s: float = 0.0) -> set[str]:
+        """Who has been standing still for so long (wall time) now."""
+        latest = time.monotonic() - at_least_s
+        return {name for name, (_, since) in self._still.items() if since <= latest}
+
+    def died(self, name: str, why: str, *, again: bool = False) -> None:
+        """Report a death, now."""
+        self.deaths.append(Death(name, why, self._clock(), again))
+
+    def kill(self, name: str, why: str) -> None:
+        """End one that is of no use any more; ``look`` will give this reason."""
+        self._reasons[name] = why
+        self._children.kill(name)
+
+    def born(self, name: str) -> None:
+        """One by this name lives again."""
+        self.gone.discard(name)
