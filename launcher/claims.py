@@ -41,22 +41,26 @@ class Claims:
 
     def __init__(self, places: Mapping[str, str]) -> None:
         self._places = dict(places)
-        self.holders: dict[str, Holder] = {}
+        self._holders: dict[str, Holder] = {}
 
-    def take(self, role: str, host: str, now: float) -> str | None:
-        """A place of this role for a process on this host; None if all are taken. Raises ``LookupError``: no such role."""
+    def take(self, role: str, host: str, now: float) -> tuple[str, bool] | None:
+        """A place of this role for a process on this host, and whether somebody lived there before.
+
+        None if all are taken. Raises ``LookupError`` if there is no such role.
+        """
         places = [place for place, its_role in self._places.items() if its_role == role]
         if not places:
             raise LookupError(f"nobody has the role {role!r} in this run")
-        free = [p for p in places if p not in self.holders or self.holders[p].yields_to(host, now)]
+        free = [p for p in places if p not in self._holders or self._holders[p].yields_to(host, now)]
         if not free:
             return None
         place = min(free, key=lambda p: self._rank(p, host))
-        self.holders[place] = Holder(host, now)
-        return place
+        before = self._holders.get(place)
+        self._holders[place] = Holder(host, now)
+        return place, before is not None and before.arrived
 
     def _rank(self, place: str, host: str) -> int:
-        holder = self.holders.get(place)
+        holder = self._holders.get(place)
         if holder is None:
             return 1
         return 0 if holder.host == host else 2
@@ -64,9 +68,5 @@ class Claims:
     def seen(self, place: str, *, live: bool, now: float) -> None:
         """The process at this place came, or went."""
         if place in self._places:
-            holder = self.holders.get(place, Holder(None, now))
-            self.holders[place] = replace(holder, since=now, live=live, arrived=holder.arrived or live)
-
-    def free(self, role: str) -> int:
-        """How many places of this role were never given to anybody."""
-        return sum(its_role == role and place not in self.holders for place, its_role in self._places.items())
+            holder = self._holders.get(place, Holder(None, now))
+            self._holders[place] = replace(holder, since=now, live=live, arrived=holder.arrived or live)

@@ -93,7 +93,9 @@ def run(
 
 @app.command()
 def router(
-    listen: Annotated[list[str], typer.Option(metavar="ENDPOINT", help="Where, like tcp/0.0.0.0:7447; may be repeated.")],
+    listen: Annotated[
+        list[str], typer.Option(metavar="ENDPOINT", help="Where, like tcp/0.0.0.0:7447; may be repeated.")
+    ],
 ) -> None:
     """Be a router for runs whose processes start elsewhere, until Ctrl-C."""
     from launcher.prepare import check_endpoint

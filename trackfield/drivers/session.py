@@ -39,7 +39,7 @@ def is_endpoint(text: str) -> bool:
 
 
 def open_client(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> zenoh.Session:
-    """Join a run (None: see all of them) through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
+    """Join a run (None: see all) through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
     timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
     namespace = {} if run is None else {"namespace": run}
     return _open({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
