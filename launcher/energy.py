@@ -13,7 +13,8 @@ from launcher.records import MessageRow, Plan
 from trackfield.drivers.meter import Activity
 from trackfield.drivers.radio import RADIO
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.link.energy import CAUSES, DEVICES, Power, first_order_receive, first_order_send
+from trackfield.link import first_order
+from trackfield.link.energy import CAUSES, DEVICES, Power
 from trackfield.role import NS, Radio
 
 HEARD: Final = 0.01
@@ -145,17 +146,17 @@ def _first_order_j(ledger: Ledger, nodes: Iterable[Node]) -> float:
     counted = {node.spec.id for node in nodes}
     places = {diary.spec.id: (diary.spec.x, diary.spec.y) for diary in ledger.diaries.values()}
     furthest: dict[tuple[Any, ...], tuple[float, int]] = {}
-    total = 0.0
+    total = 0
     for row in ledger.rows:
         if row.medium != RADIO or row.outcome == "overflow":
             continue
         if row.delivered and row.dst in counted:
-            total += first_order_receive(8 * row.bytes)
+            total += first_order.receive_fj(8 * row.bytes)
         if row.src in counted:
             frame = (row.src, row.incarnation, row.kind, row.sent_ns, row.copy)
             away = dist(places[row.src], places[row.dst])
             furthest[frame] = max(furthest.get(frame, (0.0, 0)), (away, row.bytes))
-    return total + sum(first_order_send(8 * size, away) for away, size in furthest.values())
+    return (total + sum(first_order.send_fj(8 * size, away) for away, size in furthest.values())) * _FJ
 
 
 def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:

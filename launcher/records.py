@@ -80,8 +80,8 @@ class MessageRow:
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
-    ``reach_m`` is how far away a sensor reports the target. ``restart`` says that processes which die unplanned are
-    started again.
+    ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
+    a sensor reports the target; ``restart`` says that processes which die unplanned are started again.
     """
 
     run: RunSpec

@@ -77,7 +77,8 @@ class Core:
 
     ``horizon_ns`` is how far back (true time) events can be undone; 0: never, then all frames must come in order.
     ``inversions`` counts the frames that had to be put in their place; ``host_late`` those that came when it could no
-    longer be done without a trace.
+    longer be done without a trace. A driver that holds frames back for a while says by ``recall`` whether one could
+    still be taken back.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class Core:
         self._forgotten: EventKey = self._last
         self._ghosts: set[tuple[Any, ...]] = set()
         self._outputs: list[Output] = []
+        self.recall: Callable[[Frame], bool] = lambda frame: False
         self._inherited = NOTHING
 
     @property
@@ -361,9 +363,9 @@ class Core:
         new: list[Output] = []
         while (key := self.next_key()) is not None and key <= self._last:
             new += self._step()
-        out, vanished = difference([o for h in undone for o in h.outputs], new, since, self._ghosts)
-        self.host_late += bool(vanished)
-        self._ghosts |= vanished
+        old = [o for h in undone for o in h.outputs]
+        out, mistaken = difference(old, new, since, self._ghosts, self.recall)
+        self.host_late += mistaken
         return out
 
 

@@ -42,6 +42,9 @@ CHANNEL: Final = 100_000
 """Samples that wait in a channel before Zenoh's thread would block."""
 REPEAT_NS: Final = 1_000_000_000
 """How often counters that change are told, and the end that was reached (wall time)."""
+HOLD_NS: Final = 40_000_000
+"""What a process that answers many holds its frames back (wall time): each waits for the radio behind others, and so
+its place depends on requests that this machine may deliver in another order."""
 LINGER_NS: Final = 300_000_000
 """After a planned kill, for frames that were still on their way (wall time)."""
 HERITAGE_NS: Final = 5_000_000_000
@@ -109,6 +112,8 @@ class Process:
         self._seen, self._seq = Seen(), 0
         self._counts_ns, self._reached_ns, self._replay_ns = NEVER, 0, 0
         self._slip, self._latency = Histogram(), Histogram()
+        self.core.recall = self._recall
+        self._outbox: list[tuple[int, Frame]] = []
         self._stored, self._spent = b"", NOTHING
         self._heritage = self._expect_heritage(joined.stored)
         for key in self._inboxes():
@@ -187,6 +192,9 @@ class Process:
 
     def _work(self, now: int) -> int:
         """Do at most one thing that is due; when (wall) the next may be."""
+        if self._outbox and self._outbox[0][0] <= now:
+            self._transmit(self._outbox.pop(0)[1])
+            return now
         key = self.core.next_key()
         due = NEVER if key is None or key[0] >= self._end_ns else self._wall(key[0])
         if not self.core.life.started and not self._heritage.is_set():
@@ -199,7 +207,8 @@ class Process:
             after = time.monotonic_ns()
             self._replay_ns = after + 3 * (after - now)
         elif now < due:
-            return min(due, self._report(now), self._killed_ns())
+            held = self._outbox[0][0] if self._outbox else NEVER
+            return min(due, held, self._report(now), self._killed_ns())
         else:
             self._slip.add(now - due)
             self._handle_next()
@@ -235,6 +244,8 @@ class Process:
         self._release(self.core.catch_up())
         while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
             self._handle_next()
+        for _, frame in self._outbox:
+            self._transmit(frame)
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]
 
@@ -306,7 +317,9 @@ class Process:
 
     def _release(self, outputs: Iterable[Output]) -> None:
         for output in outputs:
-            if isinstance(output, Sent):
+            if isinstance(output, Sent) and self.spec.sink:
+                self._outbox.append((time.monotonic_ns() + HOLD_NS, output.frame))
+            elif isinstance(output, Sent):
                 self._transmit(output.frame)
             elif isinstance(output, Told) and isinstance(output.effect, Store):
                 self._say("stored", output.effect.data)
@@ -314,6 +327,12 @@ class Process:
                 self.session.put(keys.telemetry(self.name, "event"), pack(output))
             else:
                 log.warning("no device is attached to port %s", output.port)
+
+    def _recall(self, frame: Frame) -> bool:
+        """Take a frame back that is still held."""
+        held = [entry for entry in self._outbox if entry[1] != frame]
+        found, self._outbox = len(held) < len(self._outbox), held
+        return found
 
     def _transmit(self, frame: Frame) -> None:
         envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, self._seq, time.monotonic_ns())

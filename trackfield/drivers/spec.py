@@ -14,7 +14,7 @@ from trackfield.link.energy import Power
 from trackfield.link.fate import Link
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Partitioned
-from trackfield.link.places import Places
+from trackfield.link.places import Path, Places, Point
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
@@ -46,7 +46,8 @@ class ProcessSpec:
 
     ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
     those it listens to (none if no role of it consumes broadcasts). ``media`` are the radios and wires it has.
-    ``peers`` says where those stand whose frames it may hear: (x, y) by id, not of the whole field.
+    ``peers`` says where those are whose frames it may hear, not the whole field. A process that moves has ``legs``, as
+    ``link/places.py`` has them; ``x``, ``y`` is where it is at the start.
 
     A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
@@ -75,6 +76,7 @@ class ProcessSpec:
     freezes: tuple[tuple[int, int], ...] = ()
     jumps: tuple[tuple[int, int], ...] = ()
     faults: tuple[Plain, ...] = ()
+    legs: Path = ()
 
     @property
     def name(self) -> str:
@@ -87,21 +89,28 @@ class ProcessSpec:
         return life_name(self.id, self.incarnation - 1)
 
     def plain(self) -> Plain:
-        """The form that travels."""
-        return asdict(self)
+        """The form that travels; what a battery holds may be beyond 64 bits."""
+        power = {name: None if value is None else str(value) for name, value in self.power.items()}
+        return {**asdict(self), "power": power}
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``plain``."""
         tuples = {name: tuple(plain[name]) for name in ("media", "cells", "faults")}
         pairs = {name: tuple((a, b) for a, b in plain[name]) for name in ("freezes", "jumps")}
-        peers = {id: (x, y) for id, (x, y) in plain["peers"].items()}
-        return cls(**{**plain, **tuples, **pairs, "peers": peers})
+        power = {name: None if value is None else int(value) for name, value in plain["power"].items()}
+        peers = {id: _place(place) for id, place in plain["peers"].items()}
+        return cls(**{**plain, **tuples, **pairs, "power": power, "peers": peers, "legs": _legs(plain["legs"])})
+
+    @property
+    def place(self) -> Point | Path:
+        """Where it is, at rest or over time."""
+        return self.legs or (self.x, self.y)
 
     @property
     def places(self) -> Places:
         """Where it and its peers stand."""
-        return {**self.peers, self.id: (self.x, self.y)}
+        return {**self.peers, self.id: self.place}
 
     def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
         """Whether a frame from ``src`` to this address (a broadcast: into ``cell``) comes to this process."""
@@ -116,8 +125,17 @@ def life_name(id: str, incarnation: int) -> str:
 
 
 def places_of(processes: Iterable[ProcessSpec]) -> Places:
-    """Where all of these stand."""
-    return {p.id: (p.x, p.y) for p in processes}
+    """Where all of these are."""
+    return {p.id: p.place for p in processes}
+
+
+def _place(plain: Sequence[Any]) -> Point | Path:
+    """A place that came as lists."""
+    return _legs(plain) if isinstance(plain[0], Sequence) else (plain[0], plain[1])
+
+
+def _legs(plain: Iterable[Sequence[Any]]) -> Path:
+    return tuple((t, x, y) for t, x, y in plain)
 
 
 def role_factory(place: str) -> Callable[..., Role[Any]]:
