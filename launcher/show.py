@@ -7,7 +7,7 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
+MAX_MISSING: Final = 5
 POOR: Final = 0.5
 """Less than this share of the frames received is worth a warning."""
 console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -32,7 +33,7 @@ console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
 class Quiet:
     """Shows nothing."""
 
-    def starting(self, ready: int, of: int) -> None:
+    def starting(self, missing: Collection[str], of: int) -> None:
         """Nothing."""
 
     def running(self, status: dict[str, Any]) -> None:
@@ -47,11 +48,16 @@ class Lines:
         self._next = 0.0
         self._announced = False
 
-    def starting(self, ready: int, of: int) -> None:
-        """Say once that processes come up."""
+    def starting(self, missing: Collection[str], of: int) -> None:
+        """Say that processes come up, and now and then who is missing."""
         if not self._announced:
-            self._announced = True
             console.print(f"starting {of} processes ...")
+        elif time.monotonic() >= self._next:
+            console.print(_missing(missing, of))
+        else:
+            return
+        self._announced = True
+        self._next = time.monotonic() + PLAIN_EVERY_S
 
     def running(self, status: dict[str, Any]) -> None:
         """Say now and then how it goes."""
@@ -68,9 +74,9 @@ class Screen:
     def __init__(self, plan: Plan, live: Live) -> None:
         self.plan, self.live = plan, live
 
-    def starting(self, ready: int, of: int) -> None:
-        """How many are ready."""
-        self.live.update(f"starting processes: {ready} of {of} ready")
+    def starting(self, missing: Collection[str], of: int) -> None:
+        """How many are ready, and who is missing."""
+        self.live.update(f"starting processes: {_missing(missing, of)}")
 
     def running(self, status: dict[str, Any]) -> None:
         """The table."""
@@ -146,6 +152,12 @@ def conclude(outcome: Outcome) -> None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
     folder = str(outcome.folder)
     console.print(Text(f"run folder: {folder}\nnext: {_program()} view {shlex.quote(folder)}"), soft_wrap=True)
+
+
+def _missing(missing: Collection[str], of: int) -> str:
+    first = ", ".join(sorted(missing)[:MAX_MISSING])
+    more = ", ..." if len(missing) > MAX_MISSING else ""
+    return f"{of - len(missing)} of {of} ready, missing {first}{more}"
 
 
 def _fates(status: dict[str, Any]) -> list[str]:

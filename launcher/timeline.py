@@ -53,6 +53,7 @@ class Timeline:
         self._info = info
         self._places = {place.id for place in info.places}
         self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if place.role == "node"}
+        self._begun: set[str] = set()
         self._resting: dict[str, int] = {}
         self._known = {(round(t_s * NS), process, text) for t_s, process, text in info.marks}
         self._pending: defaultdict[tuple[str, Callable[[list[Any]], Columns]], Rows] = defaultdict(list)
@@ -183,14 +184,15 @@ class Timeline:
 
     def _lane(self, t_ns: int, process: str, name: str, lane: str) -> None:
         """A row of the lanes; one that no view shows begins when its sensor first does something."""
-        if process in self._unwatched:
+        path = entity("state", process, *([lane] if lane else []))
+        if process in self._unwatched and path not in self._begun:
             if name == look.REST:
-                self._resting[process] = t_ns
+                self._resting.setdefault(path, t_ns)
                 return
-            self._unwatched.discard(process)
-            if process in self._resting:
-                self._add(entity("state", process), rows.states, self._resting.pop(process), look.REST)
-        self._add(entity("state", process, *([lane] if lane else [])), rows.states, t_ns, name)
+            self._begun.add(path)
+            if path in self._resting:
+                self._add(path, rows.states, self._resting.pop(path), look.REST)
+        self._add(path, rows.states, t_ns, name)
 
     def _mark(self, t_ns: int, process: str, text: str, level: str) -> None:
         self._add("/faults", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
