@@ -309,7 +309,9 @@ def campaign(seeds: Sequence[int], *, processes: int, say: Callable[[str], objec
             say(f"seed {seed} fails: python -m tests.campaign --runs 1 --seed {seed} --processes {int(seed in both)}")
             for what in found[:5]:
                 say("  " + what.replace("\n", "\n  "))
-    say(f"{len(seeds)} runs, {len(both)} of them as processes too, in {time.monotonic() - begun:.0f} s: {failed} failed")
+    say(
+        f"{len(seeds)} runs, {len(both)} of them as processes too, in {time.monotonic() - begun:.0f} s: {failed} failed"
+    )
     return int(failed > 0)
 
 
