@@ -211,13 +211,14 @@ def _field(info: FieldInfo) -> rrb.Spatial2DView:
     )
     truth = [path("field", "truth", part) for part in ("path", "interpolated")]
     trails = [*truth, *(path("field", name, "track") for name in info.trackers)]
-    points = [(place.x, -place.y) for place in info.places] + [(x, -y) for _, x, y in info.truth]
+    points = [(place.x, place.y) for place in info.places] + [(x, y) for _, x, y in info.truth]
+    points += [(x, y) for _, legs in info.paths for _, x, y in legs]
     return rrb.Spatial2DView(
         origin="/",
         contents="/field/**",
         name="Field (E right, N up)",
         background=_GROUND,
-        visual_bounds=_bounds(points),
+        visual_bounds=_bounds([(x, -y) for x, y in points]),
         overrides=dict.fromkeys(trails, so_far),
     )
 

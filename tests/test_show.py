@@ -127,7 +127,7 @@ def test_a_terminal_gets_the_screen(plan: Plan, monkeypatch: pytest.MonkeyPatch)
 def test_a_plan_is_announced_with_its_gaps(plan: Plan, said: Said) -> None:
     show.announce(replace(plan, info=replace(plan.info, gaps=((3.0, 41.5), (50.0, 62.0)))))
     assert said().splitlines() == [
-        "spcpf: 121 sensor nodes, 6 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf",
+        "spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf",
         "note: the track has no fixes from 3.0 s to 41.5 s (38 s): a straight line stands in",
         "note: the track has no fixes from 50.0 s to 62.0 s (12 s): a straight line stands in",
     ]
