@@ -201,7 +201,8 @@ def _remark(field: Deployment, stop: Stop) -> str:
 
 
 def _pss_mb(field: Deployment) -> float | None:
-    nodes = [pid for id, pid in field.pids().items() if id != CENTRE]
+    pids = field.pids()
+    nodes = [pids[p.name] for p in field.plan.processes if p.id != CENTRE and p.name in pids]
     sizes = []
     for pid in nodes[:: max(len(nodes) // PSS_SAMPLE, 1)]:
         try:
