@@ -78,9 +78,11 @@ class Ledger:
             self._written[process] = None
 
     def life(self, spec: ProcessSpec) -> None:
-        """A process that died unplanned lives again; what is due from then on is for its new life."""
+        """A process that died unplanned lives again: what is due from then on is its new life's. May be told twice."""
+        if spec.name in self.diaries:
+            return
         for diary in self._lives[spec.id]:
-            if diary.spec.kill_ns is None:
+            if diary.owns(spec.start_ns):
                 diary.spec = replace(diary.spec, kill_ns=spec.start_ns)
         self.diaries[spec.name] = Diary(spec)
         self._lives[spec.id].append(self.diaries[spec.name])
