@@ -1,4 +1,4 @@
-"""Clocks, energy, faults and what else surrounds a field: what a scenario says of them, and every way to get it wrong."""
+"""Clocks, energy, faults and all else around a field: what a scenario says of them, and each way to get it wrong."""
 
 from __future__ import annotations
 
