@@ -6,7 +6,7 @@ PYTHON ?= python3.13 python3.12 python3.11 python3
 GROUND := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint clean
+.PHONY: help demo test lint study clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -22,6 +22,9 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
+	$(BIN)/python -m tests.campaign
 
 clean:  ## remove the environment and all caches; run folders stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
