@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 from launcher.diary import Diary, Event
 from launcher.records import MessageRow
 from trackfield.drivers.core import LATE
-from trackfield.drivers.frames import Frame, Overflowed, Refused, Told, Undone
+from trackfield.drivers.frames import Died, Frame, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish
 from trackfield.wire.codec import WireError, decode
@@ -50,6 +50,7 @@ class Ledger:
         self._listeners = [p for p in self._processes.values() if p.cells]
         self._timed = {p.id for p in processes if p.clock or p.jumps}
         self._written: dict[str, None] = {}
+        self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
         self._pending: list[tuple[int, int, Frame, MessageRow]] = []
         self._order = 0
 
@@ -114,6 +115,10 @@ class Ledger:
             _, _, frame, row = heappop(self._pending)
             rows.append(self._judge(frame, row))
         events: list[Event] = []
+        while self._kills and self._kills[0][0] <= min(until_ns, self.run.end_ns):
+            kill_ns, name = heappop(self._kills)
+            if self.diaries[name].died is None:
+                events.append(Event(kill_ns, self.diaries[name].spec.id, Died("killed")))
         for name in list(self._written):
             diary = self.diaries[name]
             events += diary.settled(until_ns)
