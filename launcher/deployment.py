@@ -293,10 +293,9 @@ class Deployment:
         if self._stopping and name != ROUTER and why == GOOD_END:
             return
         again = self._start_again(name, life)
-        tired = (
-            "" if again or self._restarts[keys.id_of(name)] < MAX_RESTARTS else f"; {MAX_RESTARTS} restarts are enough"
-        )
-        self._watch.died(name, why + tired, again=again)
+        if not again and self._restarts[keys.id_of(name)] == MAX_RESTARTS:
+            why += f"; {MAX_RESTARTS} restarts are enough"
+        self._watch.died(name, why, again=again)
 
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
         """Start another in the place of one that died, where that is wanted and did not happen too often."""
@@ -327,12 +326,8 @@ class Deployment:
     # --- what others ask ------------------------------------------------------------------------------------------
 
     def pids(self) -> dict[str, int]:
-        """The process ids of the roles, by name."""
-        return {name: self._children.pid(name) for name in self._lives}
-
-    def pid(self, name: str) -> int:
-        """The process id of one, role or not."""
-        return self._children.pid(name)
+        """The process ids of all that run here, by name."""
+        return {name: pid for name in self._children.names() if (pid := self._children.pid(name)) is not None}
 
     def host(self, name: str) -> str:
         """Where it runs."""
