@@ -93,7 +93,7 @@ def test_an_unknown_name_gets_the_nearest(
         ("faults=[{kind='deaf', nodes=['fusion'], at_s=3}]", ["faults[0].nodes: fusion has no sensor", "sensor nodes"]),
         (
             "faults=[{kind='kill', share=1, at_s=99}]",
-            ["faults[0].at_s: is 99, and the run ends at 61 s", "before that"],
+            ["faults[0].at_s: is 99, and the run ends at 61 s"],
         ),
         ("link.acks={daa=3}", ["link.acks: there is no message 'daa'", "did you mean doa?"]),
         ("sensor.threshold=adaptve", ['sensor.threshold: is "adaptve"', 'a number from 0 to 1, or "adaptive"']),
