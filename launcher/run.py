@@ -175,7 +175,9 @@ def _blank(value: object) -> Any:
 def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
     frames = metrics["frames"]
     if frames["host_lost"]:
-        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself (frames.host_lost)")
+        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
+        why = " while there was no router" if routers else ""
+        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)

@@ -197,8 +197,9 @@ def test_a_run_without_any_frame_says_so(plan: Plan, said: Said) -> None:
 
 def test_a_run_in_which_all_is_well_has_nothing_to_add(plan: Plan, said: Said) -> None:
     show.conclude(outcome(metrics_of(plan)))
-    after = said().partition("lost: none")[2].split()
-    assert after[:2] == ["run", "folder:"]
+    energy, after = said().partition("lost: none")[2].strip().splitlines()[:2]
+    assert energy.startswith("energy of sensor nodes: ")
+    assert after.startswith("run folder: ")
 
 
 def test_complaints_are_told_as_they_are_but_not_all(plan: Plan, said: Said) -> None:
