@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 import rerun.blueprint.archetypes as rrba
 
 from launcher.records import FieldInfo, Place
+from launcher.scene import extent, spacing
 
 EMU: Final = "emu"
 """The timeline of emulated time since the start of the run."""
@@ -20,13 +21,17 @@ EMU: Final = "emu"
 Colour = int
 """0xRRGGBBAA."""
 
+REST: Final = "asleep"
+"""The state that nodes are in while nothing happens."""
+DEAD: Final = "dead"
 STATE_COLOURS: Final[dict[str, Colour]] = {
-    "asleep": 0x525661FF,
+    REST: 0x525661FF,
     "awake": 0xB0B7C6FF,
     "reporting": 0x3DBE6CFF,
     "waiting": 0x606C88FF,
     "tracking": 0x3DBE6CFF,
     "coasting": 0xF2A93BFF,
+    DEAD: 0x8E2420FF,
 }
 OTHER_STATE: Final[Colour] = 0xAA78DCFF
 CENTRE: Final[Colour] = 0xF2A93BFF
@@ -37,6 +42,16 @@ RAY: Final[Colour] = 0x4FC07AC8
 INFO: Final[Colour] = 0xC8CDD6FF
 LATE: Final[Colour] = 0xF5B041FF
 LOST: Final[Colour] = 0xF2524BFF
+LEVELS: Final[dict[str, Colour]] = {"INFO": INFO, "WARN": LATE, "ERROR": LOST}
+SERIES: Final[dict[str, tuple[list[str], list[Colour]]]] = {
+    "latency": (["median", "95 %"], [0x8C7BF0FF, 0x5B4FB0FF]),
+    "lost": (["lost", "late"], [LOST, LATE]),
+    "bytes": (["sent to hearers", "delivered"], [0x9A8F6AFF, 0xE6C65CFF]),
+    "clock": (["rms", "largest"], [0x2BD4BDFF, 0x1F7F78FF]),
+    "queue": (["longest"], [0xE68A5CFF]),
+}
+"""Names and colours of the lines of each plot."""
+_SHARES: Final[tuple[Colour, ...]] = (0xF2524BFF, 0xF5D041FF, 0x3DBE6CFF)
 _TRACKERS: Final[tuple[Colour, ...]] = (
     0xFFC83DFF,
     0x4FA3FFFF,
@@ -45,17 +60,39 @@ _TRACKERS: Final[tuple[Colour, ...]] = (
     0xC88C5AFF,
 )
 
+_GROUND: Final = (14, 15, 20)
 _GRAPH_SPACING: Final = 52.0
 LANES: Final = 7
 """Lanes that fit below the field,"""
 ALL_LANES: Final = 200
 """and in the tab with all of them; a field of more sensors is drawn without their names."""
+WHOLE_NETWORK: Final = 2000
+"""Of a network of more places only those are drawn that have to do with something."""
 
 
 def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
     """The colour of a tracker's track, ellipse and error; one that the run did not announce comes last."""
     rank = info.trackers.index(tracker) if tracker in info.trackers else len(info.trackers)
     return _TRACKERS[rank % len(_TRACKERS)]
+
+
+def state_colour(name: str) -> Colour:
+    """The colour of a state, known or not."""
+    return STATE_COLOURS.get(name, OTHER_STATE)
+
+
+@lru_cache(maxsize=1024)
+def share_colour(share: float) -> Colour:
+    """From red (0) through yellow (0.5) to green (1): of batteries and of links."""
+    where = min(max(share, 0.0), 1.0) * (len(_SHARES) - 1)
+    low = min(int(where), len(_SHARES) - 2)
+    pairs = zip(_SHARES[low].to_bytes(4), _SHARES[low + 1].to_bytes(4), strict=True)
+    return int.from_bytes(bytes(round(a + (b - a) * (where - low)) for a, b in pairs))
+
+
+def dot(info: FieldInfo) -> float:
+    """Radius on screen of a sensor."""
+    return 4.5 if len(info.places) <= ALL_LANES else 2.5
 
 
 @lru_cache(maxsize=4096)
@@ -69,8 +106,8 @@ def line_style(colour: Colour, width: float, order: float) -> rr.LineStrips2D:
     return rr.LineStrips2D.from_fields(colors=colour, radii=rr.Radius.ui_points(width / 2), draw_order=order)
 
 
-def point_style(colour: Colour, radius: float, order: float) -> rr.Points2D:
-    """Dots of this radius on screen; a higher order is drawn on top."""
+def point_style(colour: Colour | None, radius: float, order: float) -> rr.Points2D:
+    """Dots of this radius on screen, of one colour or each of its own; a higher order is drawn on top."""
     return rr.Points2D.from_fields(colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)
 
 
@@ -84,7 +121,8 @@ def lanes(info: FieldInfo) -> list[Place]:
     if not sensors or not info.truth:
         return others + sensors
     at = np.array([(place.x, place.y) for place in sensors])
-    nearest = Counter(int(np.argmin(np.hypot(*(at - point[1:]).T))) for point in info.truth)
+    some = info.truth[:: len(info.truth) // 150 + 1]
+    nearest = Counter(int(np.argmin(np.hypot(*(at - point[1:]).T))) for point in some)
     first = [sensors[index] for index, _ in nearest.most_common()]
     return others + first + [place for index, place in enumerate(sensors) if index not in nearest]
 
@@ -97,37 +135,39 @@ def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
     """
     places = sorted(info.places, key=lambda place: place.role != "node")
     at = np.array([(place.x, -place.y) for place in places])
-    some = at[:: len(at) // 100 + 1]
-    apart = np.hypot(*(some[:, None] - at).T)  # (n, at most 100) distances; a place is 0 m from itself
-    nearest = np.sort(apart, axis=0)[1 if len(at) > 1 else 0]
-    scale = _GRAPH_SPACING / max(float(np.median(nearest)), 1e-3)
+    scale = _GRAPH_SPACING / spacing(info)
     south = [0.0 if place.role == "node" else _GRAPH_SPACING / 2 for place in places]
     return {place.id: (x, y + down) for place, (x, y), down in zip(places, (at * scale).tolist(), south, strict=True)}
 
 
+def legend_places(info: FieldInfo, count: int) -> list[tuple[float, float]]:
+    """Where the entries of the legend of the links stand: in a row south of the field."""
+    xs, ys = [place.x for place in info.places], [place.y for place in info.places]
+    step = max(extent(info), 1.0) / 6
+    middle = (min(xs) + max(xs)) / 2
+    return [(middle + (index - (count - 1) / 2) * step, min(ys) - step / 2) for index in range(count)]
+
+
 def layout(info: FieldInfo) -> rrb.Blueprint:
     """The views of a run: field and states on the left, network and messages in the middle, plots right."""
+    right, left = rrb.Corner2D.RightTop, rrb.Corner2D.LeftTop
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_field(info), _states(info, "Node states", LANES), row_shares=[3, 2]),
             rrb.Vertical(
-                _network(info),
-                rrb.Tabs(
-                    rrb.TextLogView(
-                        origin="/",
-                        contents=["/messages/**", "/notes/**"],
-                        name="Messages",
-                        columns=rrb.TextLogColumns(timeline_columns=[EMU], text_log_columns=["LogLevel", "Body"]),
-                    ),
+                _tabs(_network(info), *([_links(info)] if info.receptions else [])),
+                _tabs(
+                    _log("Messages", "/messages/**", "/notes/**", "/faults"),
+                    _log("Faults", "/faults"),
+                    _times(),
                     _states(info, "All states", ALL_LANES),
-                    active_tab=0,
                 ),
                 row_shares=[1, 1],
             ),
             rrb.Vertical(
-                _plot(info, "error", "Error [m]", rrb.Corner2D.RightTop),
-                _plot(info, "latency", "Latency [ms]", rrb.Corner2D.RightTop),
-                _plot(info, "lost", "Frames lost", rrb.Corner2D.LeftTop),
+                _plot(info, "error", "Error [m]", right),
+                _tabs(_plot(info, "latency", "Latency [ms]", right), _plot(info, "clock", "Clock error [ms]", right)),
+                _tabs(_plot(info, "lost", "Frames lost", left), _plot(info, "queue", "Frames waiting", left)),
                 _plot(info, "bytes", "Bytes/s", rrb.Corner2D.RightBottom),
             ),
             column_shares=[5, 4, 3],
@@ -136,6 +176,32 @@ def layout(info: FieldInfo) -> rrb.Blueprint:
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
+    )
+
+
+def _tabs(*views: rrb.View) -> rrb.Tabs:
+    return rrb.Tabs(*views, active_tab=0)
+
+
+def _log(name: str, *contents: str) -> rrb.TextLogView:
+    columns = rrb.TextLogColumns(timeline_columns=[EMU], text_log_columns=["LogLevel", "Body"])
+    return rrb.TextLogView(origin="/", contents=list(contents), name=name, columns=columns)
+
+
+def _times() -> rrb.DataframeView:
+    query = rrba.DataframeQuery(timeline=EMU, auto_scroll=True)
+    return rrb.DataframeView(origin="/times", name="Message times", query=query)
+
+
+def _links(info: FieldInfo) -> rrb.Spatial2DView:
+    places = [(place.x, place.y) for place in info.places]
+    places += [(x, y - 0.05 * extent(info)) for x, y in legend_places(info, 1)]
+    return rrb.Spatial2DView(
+        origin="/",
+        contents="/links/**",
+        name="Radio links (reception)",
+        background=_GROUND,
+        visual_bounds=_bounds([(x, -y) for x, y in places]),
     )
 
 
@@ -150,7 +216,7 @@ def _field(info: FieldInfo) -> rrb.Spatial2DView:
         origin="/",
         contents="/field/**",
         name="Field (E right, N up)",
-        background=(14, 15, 20),
+        background=_GROUND,
         visual_bounds=_bounds(points),
         overrides=dict.fromkeys(trails, so_far),
     )
@@ -181,7 +247,7 @@ def _plot(info: FieldInfo, what: str, name: str, legend: rrb.Corner2D) -> rrb.Ti
 def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:
     return rrb.StateTimelineView(
         origin="/",
-        contents=[path("state", place.id) + "/**" for place in lanes(info)[:count]],
+        contents=["/faults", *(path("state", place.id) + "/**" for place in lanes(info)[:count])],
         name=name,
         time_view=_whole_run(info),
         defaults=[

@@ -328,7 +328,11 @@ class Deployment:
 
     def pids(self) -> dict[str, int]:
         """The process ids of the roles, by name."""
-        return {name: pid for name in self._lives if (pid := self._children.pid(name)) is not None}
+        return {name: self._children.pid(name) for name in self._lives}
+
+    def pid(self, name: str) -> int:
+        """The process id of one, role or not."""
+        return self._children.pid(name)
 
     def host(self, name: str) -> str:
         """Where it runs."""

@@ -7,57 +7,23 @@ cross-check. It sees a run through ``sent``, ``told`` and ``final``, from Zenoh 
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from heapq import heappop, heappush
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
+from launcher.diary import Diary, Event
 from launcher.records import MessageRow
 from trackfield.drivers.core import LATE
-from trackfield.drivers.frames import EventKey, Frame, Refused, Told, Undone
-from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
-from trackfield.link.models import make_link
-from trackfield.role import Note, Publish, Radio, State
+from trackfield.drivers.frames import Frame, Overflowed, Refused, Told, Undone
+from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
+from trackfield.role import Publish
 from trackfield.wire.codec import WireError, decode
-from trackfield.wire.messages import Doa
+from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
 
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Settled telemetry: what a process told at true time ``t_ns``."""
-
-    t_ns: int
-    process: str
-    effect: State | Publish | Note
-
-
-@dataclass(slots=True)
-class Diary:
-    """What one process told, in the order of its events."""
-
-    told: list[Told] = field(default_factory=list)
-    radio: list[Told] = field(default_factory=list)
-    refused: dict[EventKey, str] = field(default_factory=dict)
-    passed: int = 0  # how many of ``told`` were handed on as settled
-
-    def undo(self, since: EventKey) -> None:
-        """Forget what it told from this event on."""
-        for tail in (self.told, self.radio):
-            while tail and tail[-1].key >= since:
-                tail.pop()
-        self.passed = min(self.passed, len(self.told))
-        for key in [k for k in self.refused if k >= since]:
-            del self.refused[key]
-
-    def listens(self, medium: str, t_ns: int) -> bool:
-        """Whether the radio was on for a frame due at ``t_ns``: a change at t counts after t."""
-        before = bisect_left(self.radio, t_ns, key=lambda o: o.key[0])
-        for told in reversed(self.radio[:before]):
-            if isinstance(told.effect, Radio) and told.effect.medium == medium:
-                return told.effect.on
-        return True
+SYNCHRONISING: Final = ("sync-request", "sync-reply")
+"""Kinds of messages by which clocks are set; they leave while the clock is still wrong."""
 
 
 class Ledger:
@@ -70,38 +36,56 @@ class Ledger:
         self.sent_kinds: Counter[str] = Counter()
         self.payload_max: Counter[str] = Counter()
         self.payload_bytes = 0
+        self.on_air = 0
+        self.sent_bytes: defaultdict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
         self.finals: dict[str, dict[str, Any]] = {}
         self.counts: dict[str, dict[str, int]] = {}
-        self.dead: set[str] = set()
+        self.diaries = {p.name: Diary(p) for p in processes}
+        self.clock_errors: dict[tuple[int, str], int] = {}
+        self.link = link_of(run, places_of(processes))
         self._processes = {p.id: p for p in processes}
-        self._listeners = [p for p in processes if p.cells]
-        self._diaries: dict[str, Diary] = defaultdict(Diary)
-        self._link = make_link(run.link, run.seed, places_of(processes))
+        self._lives: defaultdict[str, list[Diary]] = defaultdict(list)
+        for p in processes:
+            self._lives[p.id].append(self.diaries[p.name])
+        self._listeners = [p for p in self._processes.values() if p.cells]
+        self._timed = {p.id for p in processes if p.clock or p.jumps}
+        self._written: dict[str, None] = {}
         self._pending: list[tuple[int, int, Frame, MessageRow]] = []
         self._order = 0
 
     # --- what is seen ---------------------------------------------------------------------------------------------
 
-    def sent(self, frame: Frame, *, again: bool = False) -> None:
-        """A frame left; ``again`` if it is one more address of a transmission already counted."""
-        if not again:
-            self.sent_by[frame.src] += 1
-            self.sent_kinds[frame.kind] += 1
-            self.payload_bytes += len(frame.payload)
-            self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
-        said = describe(frame.payload)
-        for hearer in self._hearers(frame):
-            self._expect(frame, hearer, said)
+    def sent(self, frame: Frame) -> None:
+        """A frame left."""
+        self.sent_by[life_name(frame.src, frame.incarnation)] += 1
+        self.sent_kinds[frame.kind] += 1
+        self.payload_bytes += len(frame.payload)
+        self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
+        self.on_air += frame.cost(self.link).bytes_on_air
+        size, frames = self.sent_bytes[frame.src]
+        self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
+        for hearer, row in self._rows(frame):
+            outcome, due = "in_flight", None
+            if frame.sent_ns < self.run.end_ns:
+                fate = frame.fate(self.link, hearer)
+                outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
+            self._await(frame, replace(row, outcome=outcome, due_ns=due))
 
     def told(self, process: str, output: Told | Refused | Undone) -> None:
         """A process told something."""
-        diary = self._diaries[process]
-        if isinstance(output, Told):
-            (diary.radio if isinstance(output.effect, Radio) else diary.told).append(output)
-        elif isinstance(output, Refused):
-            diary.refused[output.key] = output.reason
-        else:
-            diary.undo(output.key)
+        if process in self.diaries:
+            self.diaries[process].write(output)
+            self._written[process] = None
+
+    def life(self, spec: ProcessSpec) -> None:
+        """A process that died unplanned lives again: what is due from then on is its new life's. May be told twice."""
+        if spec.name in self.diaries:
+            return
+        for diary in self._lives[spec.id]:
+            if diary.owns(spec.start_ns):
+                diary.spec = replace(diary.spec, kill_ns=spec.start_ns)
+        self.diaries[spec.name] = Diary(spec)
+        self._lives[spec.id].append(self.diaries[spec.name])
 
     def end(self, end_ns: int) -> None:
         """The run was ended early, at this true time."""
@@ -114,10 +98,10 @@ class Ledger:
     def estimates(self) -> list[tuple[int, str, Publish]]:
         """All that was published: (true time ns, process, estimate), in time order."""
         published = [
-            (o.key[0], process, o.effect)
-            for process, diary in self._diaries.items()
-            for o in diary.told
-            if isinstance(o.effect, Publish)
+            (told.key[0], diary.spec.id, told.effect)
+            for diary in self.diaries.values()
+            for told in diary.told
+            if isinstance(told.effect, Publish)
         ]
         return sorted(published, key=lambda item: item[:2])
 
@@ -129,77 +113,96 @@ class Ledger:
         while self._pending and self._pending[0][0] <= until_ns:
             _, _, frame, row = heappop(self._pending)
             rows.append(self._judge(frame, row))
+        events: list[Event] = []
+        for name in list(self._written):
+            diary = self.diaries[name]
+            events += diary.settled(until_ns)
+            if diary.passed == len(diary.told):
+                del self._written[name]
+        for event in events:
+            if isinstance(event.effect, Overflowed):
+                rows += [replace(row, outcome="overflow") for _, row in self._rows(event.effect.frame)]
         self.rows += rows
-        events = [event for id, diary in self._diaries.items() for event in _pass_on(id, diary, until_ns)]
         return rows, sorted(events, key=lambda event: event.t_ns)
 
     def close(self, dead: Iterable[str] = ()) -> tuple[list[MessageRow], list[Event]]:
-        """Settle all; ``dead`` names processes that died unplanned, which got only what they had counted."""
-        self.dead = set(dead)
+        """Settle all; ``dead`` names lives that ended unplanned, which got only what they had counted."""
         rows, events = self.settle(max([self.run.end_ns, *(p[0] for p in self._pending)]))
-        for id in self.dead:
-            self._bury(id)
+        for name in set(dead) & self.diaries.keys():
+            self._bury(name)
         return rows, events
 
     def host_lost(self) -> int:
         """Frames that should have reached a process which says that they did not."""
-        due: Counter[str] = Counter(r.dst for r in self.rows if r.delivered or r.outcome == "asleep")
+        due: Counter[str] = Counter()
+        for row in self.rows:
+            if row.delivered or row.outcome == "asleep":
+                owner = self._owner(row)
+                due[owner.spec.name if owner else ""] += 1
         return sum(
-            max(due[id] - record.get("delivered", 0) - record.get("asleep", 0), 0) for id, record in self.finals.items()
+            max(due[name] - record.get("delivered", 0) - record.get("asleep", 0), 0)
+            for name, record in self.finals.items()
         )
 
     def dropped(self) -> int:
         """Frames that left a process and never reached the recorder."""
-        return sum(max(r.get("sent", 0) - self.sent_by[id], 0) for id, r in self.finals.items())
+        return sum(max(r.get("sent", 0) - self.sent_by[name], 0) for name, r in self.finals.items())
 
     # --- the account of one frame ---------------------------------------------------------------------------------
 
-    def _hearers(self, frame: Frame) -> list[str]:
-        to, src = frame.addresses, self._processes.get(frame.src)
+    def _rows(self, frame: Frame) -> Iterator[tuple[str, MessageRow]]:
+        """Its hearers, each with a row that does not yet know its outcome."""
+        src = self._processes.get(frame.src)
         cell = src.cell if src else ""
-        asked = self._listeners if to is None else [self._processes[i] for i in to if i in self._processes]
-        return [p.id for p in asked if p.hears(frame.medium, to, frame.src, cell)]
+        said, size = describe(frame.payload), len(frame.payload)
+        asked = self._listeners if frame.broadcast else filter(None, [self._processes.get(frame.to)])
+        for hearer in (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell)):
+            yield (
+                hearer,
+                MessageRow(
+                    frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, None, "", size, frame.copy,
+                    frame.incarnation, *said,
+                ),
+            )  # fmt: skip
 
-    def _expect(self, frame: Frame, hearer: str, said: Said) -> None:
-        outcome, due = "in_flight", None
-        if frame.sent_ns < self.run.end_ns:
-            fate = frame.fate(self._link, hearer)
-            outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
-        row = MessageRow(
-            frame.kind,
-            frame.src,
-            hearer,
-            frame.medium,
-            frame.sent_ns,
-            due,
-            outcome,
-            len(frame.payload),
-            frame.copy,
-            frame.incarnation,
-            *said,
-        )
+    def _await(self, frame: Frame, row: MessageRow) -> None:
         self._order += 1
-        heappush(self._pending, (due or frame.sent_ns, self._order, frame, row))
+        heappush(self._pending, (row.due_ns or row.sent_ns, self._order, frame, row))
 
     def _judge(self, frame: Frame, row: MessageRow) -> MessageRow:
+        row = self._timed_row(row)
         if row.due_ns is None:
             return row
         if row.due_ns >= self.run.end_ns:
             return replace(row, outcome="in_flight")
-        diary = self._diaries.get(row.dst)
-        if diary is None:
-            return row
-        if not diary.listens(frame.medium, row.due_ns):
-            return replace(row, outcome="asleep")
-        reason = diary.refused.get(frame.key(row.due_ns))
+        owner = self._owner(row)
+        if owner is None:
+            return replace(row, outcome="dead")
+        if (cause := owner.misses(frame.medium, row.due_ns)) is not None:
+            return replace(row, outcome=cause)
+        reason = owner.refused.get(frame.key(row.due_ns))
         if reason is None:
             return row
         return replace(row, outcome="late" if reason == LATE else "ignored")
 
-    def _bury(self, id: str) -> None:
+    def _owner(self, row: MessageRow) -> Diary | None:
+        """The life that owns a frame at its hearer."""
+        return next((diary for diary in self._lives[row.dst] if diary.owns(row.due_ns or 0)), None)
+
+    def _timed_row(self, row: MessageRow) -> MessageRow:
+        """With what its sender's clock showed; the error of that clock is noted, unless it was asking for the time."""
+        name = life_name(row.src, row.incarnation)
+        if name not in self.diaries:
+            return row
+        diary = self.diaries[name]
+        if row.src in self._timed and row.kind not in SYNCHRONISING:
+            self.clock_errors[row.sent_ns, row.src] = diary.clock_error_ns(row.sent_ns)
+        return replace(row, local_ns=diary.local_ns(row.sent_ns))
+
+    def _bury(self, name: str) -> None:
         """A process that died unplanned got the first frames that it counted, and no more."""
-        got = self.counts.get(id, {}).get("delivered", 0)
-        mine = [i for i, r in enumerate(self.rows) if r.dst == id and r.delivered]
+        got, life = self.counts.get(name, {}).get("delivered", 0), self.diaries[name]
+        mine = [i for i, r in enumerate(self.rows) if r.dst == life.spec.id and r.delivered and self._owner(r) is life]
         for i in sorted(mine, key=lambda i: self.rows[i].due_ns or 0)[got:]:
             self.rows[i] = replace(self.rows[i], outcome="dead")
 
@@ -221,14 +224,10 @@ def describe(payload: bytes) -> Said:
     if isinstance(message, Doa):
         text = f"DOA {message.bearing_deg:.1f} deg {message.level_db:.1f} dB"
         return Said(text, message.bearing_deg, message.step)
+    if isinstance(message, Threshold):
+        return Said(f"report from {message.level_db:.2f} dB on")
+    if isinstance(message, SyncRequest):
+        return Said(f"what time is it? (exchange {message.exchange}, here {message.sent_us / 1e6:.6f} s)")
+    if isinstance(message, SyncReply):
+        return Said(f"it is {message.left_us / 1e6:.6f} s (exchange {message.exchange})")
     return Said(repr(message))
-
-
-def _pass_on(id: str, diary: Diary, until_ns: int) -> list[Event]:
-    ready = []
-    while diary.passed < len(diary.told) and diary.told[diary.passed].key[0] <= until_ns:
-        told = diary.told[diary.passed]
-        diary.passed += 1
-        assert not isinstance(told.effect, Radio)
-        ready.append(Event(told.key[0], id, told.effect))
-    return ready

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.energy import energy_metrics, lifetime_metrics, nodes_of
 from launcher.ledger import Ledger
 from launcher.records import MessageRow, Plan
 from launcher.tables import TrackRow
@@ -22,6 +23,7 @@ Metrics = dict[str, Any]
 
 def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metrics:
     """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say."""
+    nodes = nodes_of(plan, ledger)
     return {
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
@@ -38,7 +40,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
             "pss_mb_per_node": None,
         },
         "frames": _frames(ledger),
-        "bytes": {"payload": ledger.payload_bytes, "on_air": None},
+        "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
         "latency_ms": _latencies(ledger.rows, tracks),
         "host_latency_ms": _quantiles(_merged(ledger, "latency")),
         "timing": {
@@ -47,9 +49,9 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
             "inversions": _total(ledger, "inversions"),
             "host_late": _total(ledger, "host_late"),
         },
-        "energy_j": {"total": None, "max_node": None, "by": None, "by_accounting": None},
-        "lifetime_s": {"first_death": None, "half_dead": None, "coverage_lost": None, "extrapolated": None},
-        "clock_error_ms": {"rms": None, "max": None},
+        "energy_j": energy_metrics(ledger, nodes),
+        "lifetime_s": lifetime_metrics(plan, nodes, plan.reach_m),
+        "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped()},
     }
 
@@ -120,6 +122,14 @@ def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metric
                 to_filter.append(fused[row.step] - row.sent_ns)
     to_track = [track.told_ns - track.t_ns for track in tracks]
     return {"link": _exact(link), "to_filter": _exact(to_filter), "to_track": _exact(to_track)}
+
+
+def _clock_errors(ledger: Ledger) -> Metrics:
+    """Of senders' clocks after correction, each time that they sent; null where all clocks are perfect."""
+    if not ledger.clock_errors:
+        return {"rms": None, "max": None}
+    errors = np.abs(np.array(list(ledger.clock_errors.values())) / 1e6)
+    return {"rms": score.rmse(errors[:, None]), "max": float(errors.max())}
 
 
 def _exact(durations_ns: Sequence[int]) -> Metrics:

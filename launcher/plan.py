@@ -10,16 +10,21 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.faults import Faults, Mark, resolve
+from launcher.hardware import FJ_PER_MJ, clock_of, power_of, sync_of
 from launcher.records import FieldInfo, Place, Plan
 from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.errors import ScenarioError
 from trackfield.link.models import make_link
+from trackfield.models.sound import audible_radius
 from trackfield.role import NS
 from trackfield.scenario import Plan as Site
 from trackfield.scenario import Scenario
 from trackfield.scenario import plan as survey
+from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.places import CENTRE
+from trackfield.wire.registry import product_kinds
 
 TRUTH_SAMPLES: Final = 4
 """Points of the true path per step, in pictures."""
@@ -28,24 +33,35 @@ TRUTH_SAMPLES: Final = 4
 def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
-    Raises ``ScenarioError`` where there is no sensor, the target is never in range of one, or the link's file is of no
-    use.
+    Raises ``ScenarioError`` where there is no sensor, the target is never in range of one, the link's file is of no
+    use, or a fault befalls somebody who is not there.
     """
     site = survey(scenario)
     # The last step's deadline falls after the path's end; one step more lets it pass.
     end_ns = (site.steps + 1) * site.step_ns
-    spec = RunSpec(run, scenario.seed, end_ns, scenario.plain()["link"], speed)
-    nodes = [_node(site, index) for index in range(len(site.sensors))]
-    centre = _centre(site)
-    # Nodes and centre send to each other, and nobody else.
-    nodes = [replace(node, peers=places_of([centre])) for node in nodes]
-    processes = (replace(centre, peers=places_of(nodes)), *nodes)
+    faults = resolve(scenario.faults, scenario.seed, [id for id, *_ in site.sensors], [CENTRE], end_ns)
+    link = scenario.plain()["link"]
+    queue = {"queue": link.pop("queue")} if "queue" in link else {}  # of the process, not of what is in the air
+    spec = RunSpec(run, scenario.seed, end_ns, link, speed, faults.partitions, **queue)
     _check_link(spec)
-    return Plan(spec, processes, site.path, _info(site, spec, processes), site.step_ns)
+    nodes = [life for index in range(len(site.sensors)) for life in _lives(_node(site, index), faults, site)]
+    centre = _lives(_centre(site), faults, site)
+    # Nodes and centre send to each other, and nobody else.
+    nodes = [replace(node, peers=places_of(centre)) for node in nodes]
+    processes = (*(replace(life, peers=places_of(nodes)) for life in centre), *nodes)
+    info = _info(site, spec, processes, faults.marks)
+    sensor = scenario.sensor
+    reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
+    return Plan(spec, processes, site.path, info, site.step_ns, reach_m, scenario.restart == "on-death")
 
 
 def _check_link(spec: RunSpec) -> None:
-    """Raise ``ScenarioError`` unless the link can be made; all but its file was checked with the scenario."""
+    """Raise ``ScenarioError`` unless the link can be made; the scenario checked all but its file and ``acks``."""
+    for kind in spec.link.get("acks", {}):
+        known = [one.name for one in product_kinds()]
+        if kind not in known:
+            what = f"there is no message {kind!r}{suggestion(kind, known)}"
+            raise ScenarioError(what, key="link.acks", expected=f"names of messages: {', '.join(known)}")
     try:
         make_link(spec.link, spec.seed)
     except ValueError as error:
@@ -60,11 +76,44 @@ def factory(role: str) -> str:
     raise ScenarioError(f"no installed package offers the role {role!r}", expected="an entry point in trackfield.roles")
 
 
+def _lives(process: ProcessSpec, faults: Faults, site: Site) -> list[ProcessSpec]:
+    """The process in each of its lives; a sensor's noise is another in each, its clock and its faults stay."""
+    fates = faults.of(process.id)
+    return [
+        replace(
+            process,
+            incarnation=incarnation,
+            sound={**process.sound, "incarnation": incarnation} if process.sound else {},
+            start_ns=life.start_ns,
+            kill_ns=life.kill_ns,
+            freezes=life.freezes,
+            jumps=fates.jumps,
+            faults=fates.sensor,
+        )
+        for incarnation, life in enumerate(fates.lives)
+    ]
+
+
 def _node(site: Site, index: int) -> ProcessSpec:
     id, x, y = site.sensors[index]
-    threshold_db = site.scenario.sensor.threshold_db
-    config = {"step_ns": site.step_ns, "threshold_db": threshold_db, "centre": CENTRE}
-    return ProcessSpec(id, "node", factory("node"), config, x, y, site.acoustic(index).to_plain())
+    scenario = site.scenario
+    config: dict[str, Any] = {
+        "step_ns": site.step_ns,
+        "threshold_db": scenario.sensor.threshold_db,
+        "centre": CENTRE,
+        **_if_used(sync=sync_of(scenario, id), adaptive=scenario.sensor.adaptive),
+    }
+    return ProcessSpec(
+        id,
+        "node",
+        factory("node"),
+        config,
+        x,
+        y,
+        site.acoustic(index).to_plain(),
+        clock=clock_of(scenario, id),
+        power=power_of(scenario, scenario.energy.battery_j, round(scenario.energy.sample_mj * FJ_PER_MJ)),
+    )
 
 
 def _centre(site: Site) -> ProcessSpec:
@@ -77,8 +126,39 @@ def _centre(site: Site) -> ProcessSpec:
         "doa_sd_deg": scenario.sensor.doa_sd_deg,
         "seed": scenario.seed,
         "prior": _prior(site),
+        **_if_used(max_age_ns=round(scenario.fusion.max_age_s * NS), threshold=_threshold(scenario)),
     }
-    return ProcessSpec(CENTRE, "fusion", factory("fusion"), config, *site.centre, sink=True)
+    return ProcessSpec(
+        CENTRE,
+        "fusion",
+        factory("fusion"),
+        config,
+        *site.centre,
+        sink=True,
+        power=power_of(scenario, scenario.energy.centre_battery_j),
+        legs=site.route,
+    )
+
+
+def _if_used(**more: Any) -> dict[str, Any]:
+    """Those that are not off: a role has them off by default, and a thousand nodes need not be told so."""
+    return {name: value for name, value in more.items() if value}
+
+
+def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
+    """Within which bounds the centre sets the sensors' threshold, beginning where, and whom it tells; None: never."""
+    sensor = scenario.sensor
+    if not sensor.adaptive:
+        return None
+    low, high = sensor.thresholds_db
+    reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.audible_db)
+    return {
+        "low_db": low,
+        "high_db": high,
+        "start_db": sensor.threshold_db,
+        "target_sd_m": scenario.fusion.target_sd_m,
+        "reach_m": reach_m,
+    }
 
 
 def _prior(site: Site) -> Mapping[str, Sequence[float]] | None:
@@ -91,10 +171,10 @@ def _prior(site: Site) -> Mapping[str, Sequence[float]] | None:
     return {"mean": [x + s * z for x, s, z in zip(truth, sd, draws, strict=True)], "sd": list(sd)}
 
 
-def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec]) -> FieldInfo:
+def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tuple[Mark, ...]) -> FieldInfo:
     every_s = site.step_ns / NS / TRUTH_SAMPLES
     times = np.arange(site.steps * TRUTH_SAMPLES + 1) * every_s
     truth = tuple((t, state[0], state[1]) for t in times.tolist() if (state := site.path.at(t)) is not None)
-    places = tuple(Place(p.id, p.role, p.x, p.y) for p in processes)
+    places = tuple(Place(p.id, p.role, p.x, p.y) for p in processes if not p.incarnation)
     trackers = tuple(site.scenario.fusion.trackers)
-    return FieldInfo(spec.run, site.scenario.name, places, truth, site.path.gaps, trackers, spec.end_ns / NS)
+    return FieldInfo(spec.run, site.scenario.name, places, truth, site.path.gaps, trackers, spec.end_ns / NS, marks)

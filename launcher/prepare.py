@@ -5,23 +5,23 @@ from __future__ import annotations
 import shutil
 import uuid
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from launcher.plan import make_plan
+from launcher.reception import receptions
 from launcher.records import Plan
 from trackfield.drivers.session import PROTOCOLS, is_endpoint
-from trackfield.drivers.spec import places_of
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
-from trackfield.link.models import make_link
 from trackfield.scenario import Scenario
 from trackfield.scenario.links import Trace
 from trackfield.scenario.override import parse
-from trackfield.scenario.places import CENTRE
 from trackfield.scenario.sections import FromFile, Surveyed
-from trackfield.wire.codec import encode
-from trackfield.wire.messages import Doa
+
+MAX_LINKS: Final = 2000
+"""Nobody looks at more links than that."""
 
 
 def load(
@@ -57,10 +57,14 @@ def load(
 
 
 def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
-    """The scenario's plan under a run id of its own. Raises ``ScenarioError``."""
+    """The scenario's plan under a run id of its own, and how well reports get through. Raises ``ScenarioError``."""
     if not 0 < speed <= 100:
         raise ScenarioError(f"is {speed}", key="--speed", expected="more than 0, at most 100")
-    return make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
+    plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
+    if len(plan.info.places) > MAX_LINKS:
+        return plan
+    links = tuple((*link, share) for link, share in receptions(plan)["doa"].items())
+    return replace(plan, info=replace(plan.info, receptions=links))
 
 
 def keep(scenario: Scenario, folder: Path) -> None:
@@ -87,13 +91,6 @@ def check_driver(*, virtual: bool, external: bool, connect: str) -> None:
         raise ScenarioError("there are no processes in virtual time", key="--external", expected="it without --virtual")
     if external and not connect:
         raise ScenarioError("nobody can find a router of our own", key="--external", expected="--connect beside it")
-
-
-def receptions(plan: Plan) -> dict[str, float]:
-    """The share of its reports to the centre that each sensor node may expect to be received."""
-    link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
-    size = len(encode(Doa(step=65535, bearing_deg=359.99, level_db=70.0)))
-    return {p.id: link.reception(p.id, CENTRE, size) for p in plan.processes if p.role == "node"}
 
 
 def remarks(plan: Plan) -> list[str]:

@@ -24,7 +24,7 @@ from launcher.result import METRICS, Journal, summary, write_json
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.process import Inbox, Seen, take_in
 from trackfield.drivers.session import open_client
-from trackfield.drivers.spec import role_factory
+from trackfield.drivers.spec import ProcessSpec, role_factory
 from trackfield.drivers.telemetry import unpack
 from trackfield.role import NEIGHBOURHOOD, NS
 from trackfield.wire import keys
@@ -54,11 +54,10 @@ class Recorder:
         self._arrived, self._finish = Event(), Event()
         self._start_ns: int | None = None
         self._seen = Seen()
-        self._last_seq: dict[tuple[str, int], int] = {}
         self._received = 0
         self._held = [
             take_in(session, key, self._inbox, self._arrived)
-            for key in (keys.ALL_DATA, keys.ALL_TELEMETRY, keys.START, keys.END)
+            for key in (keys.ALL_DATA, keys.ALL_TELEMETRY, keys.START, keys.END, keys.LIFE)
         ]
         self._held.append(session.declare_subscriber(keys.FINISH, Callback(self._on_finish, indirect=False)))
         self._held.append(session.liveliness().declare_token(keys.live(RECORDER)))
@@ -69,7 +68,7 @@ class Recorder:
 
     def terminate(self) -> None:
         """Close the books with what there is."""
-        self.dead = [p.id for p in self.plan.processes if p.id not in self.ledger.finals]
+        self.dead = [name for name in self.ledger.diaries if name not in self.ledger.finals]
         self._finish.set()
 
     def run(self) -> None:
@@ -97,7 +96,7 @@ class Recorder:
 
     def _await_finals(self) -> None:
         deadline = time.monotonic() + FINALS_TIMEOUT_S
-        wanted = {p.id for p in self.plan.processes} - set(self.dead)
+        wanted = self.ledger.diaries.keys() - set(self.dead)
         self._drain()
         while wanted - set(self.ledger.finals) and time.monotonic() < deadline:
             time.sleep(0.02)
@@ -119,6 +118,8 @@ class Recorder:
                     self._start_ns = int(sample.payload.to_string())
                 elif key == keys.END:
                     self.ledger.end(int(sample.payload.to_string()))
+                elif key == keys.LIFE:
+                    self.ledger.life(ProcessSpec.from_plain(msgpack.unpackb(sample.payload.to_bytes())))
             except (WireError, ValueError) as error:
                 log.warning("ignored a sample on %s: %s", key, error)
 
@@ -131,9 +132,7 @@ class Recorder:
         frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
         if self._seen.again(frame.identity):
             return  # its hearers count it as a duplicate
-        life = (address.src, e.incarnation)
-        again, self._last_seq[life] = self._last_seq.get(life) == e.seq, e.seq
-        self.ledger.sent(frame, again=again)
+        self.ledger.sent(frame)
 
     def _telemetry(self, key: str, data: bytes) -> None:
         _, process, what = key.split("/")

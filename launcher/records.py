@@ -23,7 +23,9 @@ class Place:
 class FieldInfo:
     """What a picture of the run needs besides its events.
 
-    ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated.
+    ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated;
+    ``marks`` the planned faults, (t s, process, text); ``receptions`` the links used, (from, to, share of the
+    frames that arrive).
     """
 
     run: str
@@ -33,6 +35,8 @@ class FieldInfo:
     gaps: tuple[tuple[float, float], ...]
     trackers: tuple[str, ...]
     end_s: float
+    marks: tuple[tuple[float, str, str], ...] = ()
+    receptions: tuple[tuple[str, str, float], ...] = ()
 
 
 RECORDER: Final = "recorder"
@@ -48,7 +52,7 @@ class MessageRow:
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report.
+    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known.
     """
 
     kind: str
@@ -64,6 +68,7 @@ class MessageRow:
     text: str = ""
     bearing_deg: float | None = None
     step: int | None = None
+    local_ns: int | None = None
 
     @property
     def delivered(self) -> bool:
@@ -75,7 +80,8 @@ class MessageRow:
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
-    ``restart`` says that processes which die unplanned are started again.
+    ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
+    a sensor reports the target; ``restart`` says that processes which die unplanned are started again.
     """
 
     run: RunSpec
@@ -83,4 +89,5 @@ class Plan:
     path: Path
     info: FieldInfo
     step_ns: int
+    reach_m: float = 0.0
     restart: bool = False

@@ -33,6 +33,7 @@ class Registry:
         self.arrivals = 0
         self._lives = {p.name: p for p in plan.processes}
         self._stored: dict[str, bytes] = {}
+        self._unplanned: set[str] = set()
         self._claims = Claims({p.name: p.role for p in plan.processes}) if open else None
         self._places = {p.name: p.name for p in plan.processes}  # of each life: that of the first one in it
         self._latest = dict(self._places)  # of each place: the life that it has now
@@ -62,6 +63,7 @@ class Registry:
         incarnation = 1 + max(p.incarnation for p in self._lives.values() if p.id == last.id)
         life = replace(last, incarnation=incarnation, start_ns=start_ns)
         self._lives[life.name] = life
+        self._unplanned.add(life.name)
         return life
 
     def claim(self, role: str, host: str) -> str | None:
@@ -99,7 +101,7 @@ class Registry:
             "run": asdict(self.run),
             "process": life.plain(),
             "start_ns": self.start_ns,
-            "stored": self._stored.get(life.id, b""),
+            "stored": self._stored.get(life.id, b"") if name in self._unplanned else None,
         }
         query.reply(query.key_expr, msgpack.packb(answer))
 

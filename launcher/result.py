@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from launcher.ledger import Event, Ledger
+from launcher.diary import Event
+from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import MessageRow, Plan
 from launcher.tables import track_rows, write_messages, write_tracks
 from launcher.timeline import Timeline
+from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.role import NS, Note, Publish, State
 
 TIMELINE: Final = "run.rrd"
@@ -27,6 +30,7 @@ class Journal:
         self.states: dict[str, str] = {}
         self.errors: dict[str, float | None] = {}
         self.outcomes: dict[str, int] = {}
+        self._errors_told = 0
 
     def settle(self, until_ns: int) -> None:
         """Write what is settled up to this true time."""
@@ -55,12 +59,22 @@ class Journal:
                 self.timeline.message(row)
         for event in events:
             self._tell(event)
+        for (t_ns, process), error_ns in islice(self.ledger.clock_errors.items(), self._errors_told, None):
+            self.timeline.clock_error(t_ns, process, error_ns / 1e6)
+        self._errors_told = len(self.ledger.clock_errors)
 
     def _tell(self, event: Event) -> None:
         match event.effect:
             case State(name, lane):
                 self.states[event.process] = name
                 self.timeline.state(event.t_ns, event.process, name, lane)
+            case Charge(share):
+                self.timeline.battery(event.t_ns, event.process, share)
+            case Died(why):
+                self.states[event.process] = "dead"
+                self.timeline.death(event.t_ns, event.process, why)
+            case Queued(_, sent_ns, waited_ns, ahead):
+                self.timeline.queue(sent_ns - waited_ns, event.process, ahead)
             case Note(text):
                 self.timeline.note(event.t_ns, event.process, text)
             case Publish(point):

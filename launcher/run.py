@@ -110,10 +110,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
     virtual = Virtual(plan.run, plan.processes, ledger)
     with _until_signal() as ended:
         virtual.run(stop=lambda: bool(ended))
-    if ended:
-        ledger.end(virtual.now_ns)
-    for id, core in virtual.cores.items():
-        ledger.final(id, {"sent": ledger.sent_by[id], **core.tally})
+    ledger.end(virtual.end_ns)
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time()}
     metrics["timing"]["speed"] = None

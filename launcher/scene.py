@@ -24,43 +24,51 @@ _Change = tuple[float, int, str, Any, Any, float]
 
 
 class Shown:
-    """What is to be seen at an instant, by kind and key; calls come in any order, changes on the raster."""
+    """What is to be seen at an instant, by kind and key; calls come in any order, changes on the raster.
+
+    ``now`` holds what is seen after the last instant that ``until`` gave, which is ``last_ns``.
+    """
 
     def __init__(self) -> None:
         self.now: defaultdict[str, dict[Any, Any]] = defaultdict(dict)
+        self.last_ns = 0
         self._ends: dict[tuple[str, Any], float] = {}
         self._changes: list[_Change] = []
         self._count = 0
-        self._last_ns = -RASTER_NS
 
     def show(self, kind: str, key: Any, value: Any, begin_ns: int, end_ns: float = math.inf) -> None:
-        """The value of this key is seen in [begin, end), or until another one of the key begins."""
+        """The value of this key is seen in [begin, end), or until another one begins; None: nothing is seen."""
         if begin_ns < end_ns:
             self._count += 1
             heapq.heappush(self._changes, (begin_ns, self._count, kind, key, value, end_ns))
 
-    def until(self, t_ns: float) -> Iterator[tuple[int, set[str]]]:
-        """Applies the changes up to a time; yields each instant and the kinds that changed."""
+    def until(self, t_ns: float) -> Iterator[tuple[int, dict[str, set[Any]]]]:
+        """Applies the changes up to a time; yields each instant and the keys that changed, by kind."""
         while self._changes and self._changes[0][0] <= t_ns:
-            self._last_ns = max(self._last_ns, -(-int(self._changes[0][0]) // RASTER_NS) * RASTER_NS)
-            changed = set()
-            while self._changes and self._changes[0][0] <= self._last_ns:
-                changed |= self._apply(heapq.heappop(self._changes))
-            yield self._last_ns, changed
+            self.last_ns = max(self.last_ns, -(-int(self._changes[0][0]) // RASTER_NS) * RASTER_NS)
+            changed: defaultdict[str, set[Any]] = defaultdict(set)
+            while self._changes and self._changes[0][0] <= self.last_ns:
+                self._apply(heapq.heappop(self._changes), changed)
+            yield self.last_ns, changed
 
-    def _apply(self, change: _Change) -> set[str]:
+    def _apply(self, change: _Change, changed: defaultdict[str, set[Any]]) -> None:
         t_ns, count, kind, key, value, end_ns = change
         shown = self.now[kind]
-        if t_ns < end_ns:
-            shown[key] = value
-            self._ends[kind, key] = end_ns
-            if end_ns < math.inf:
-                heapq.heappush(self._changes, (end_ns, count, kind, key, None, end_ns))
-        elif self._ends[kind, key] == end_ns and key in shown:
-            del shown[key]
+        if t_ns >= end_ns:
+            if self._ends.get((kind, key)) != end_ns:
+                return  # another value has begun
+            value = None
+        ended = self._ends.pop((kind, key), None)
+        if end_ns == math.inf and ended is None and shown.get(key) == value:
+            return
+        if value is None:
+            shown.pop(key, None)
         else:
-            return set()
-        return {kind}
+            shown[key] = value
+            if end_ns < math.inf:
+                self._ends[kind, key] = end_ns
+                heapq.heappush(self._changes, (end_ns, count, kind, key, None, end_ns))
+        changed[kind].add(key)
 
 
 @dataclass(slots=True)
@@ -69,19 +77,21 @@ class _Second:
     delivered: int = 0
     lost: int = 0
     late: int = 0
+    waiting: int = 0
     delays_ms: list[float] = field(default_factory=list)
+    errors_ms: list[float] = field(default_factory=list)
 
 
 class Seconds:
-    """Sums over each emulated second, for the plots."""
+    """Sums over each emulated second, for the plots; what comes too late counts in the first one still open."""
 
     def __init__(self) -> None:
         self._open: defaultdict[int, _Second] = defaultdict(_Second)
         self._next = self._lost = self._late = 0
 
-    def count(self, t_ns: int, row: MessageRow) -> None:
-        """Adds a message to the second in which it arrived, or the first one still open."""
-        second = self._open[max(t_ns // NS, self._next)]
+    def message(self, t_ns: int, row: MessageRow) -> None:
+        """Adds a message to the second in which it arrived."""
+        second = self._second(t_ns)
         second.expected += row.bytes
         second.late += row.outcome == "late"
         if not row.delivered:
@@ -91,11 +101,21 @@ class Seconds:
         if row.due_ns is not None:
             second.delays_ms.append((row.due_ns - row.sent_ns) / 1e6)
 
+    def clock(self, t_ns: int, error_ms: float) -> None:
+        """By how much a clock is wrong."""
+        self._second(t_ns).errors_ms.append(error_ms)
+
+    def queue(self, t_ns: int, waiting: int) -> None:
+        """How many frames wait at a radio."""
+        second = self._second(t_ns)
+        second.waiting = max(second.waiting, waiting)
+
     def until(self, t_ns: float) -> Iterator[tuple[int, str, tuple[float, ...]]]:
         """(time, plot, values) of each second that ended by then; infinity: of all that are left.
 
-        The values are lost and late frames so far; bytes per second sent to all hearers and delivered; the
-        median and the 95 % point of the delays of delivered frames in ms.
+        The values are lost and late frames so far; bytes per second sent to all hearers and delivered; the longest
+        queue; the median and the 95 % point of the delays of delivered frames in ms; the root mean square and the
+        largest size of the clocks' errors in ms.
         """
         while self._open if t_ns == math.inf else (self._next + 1) * NS <= t_ns:
             second = self._open.pop(self._next, _Second())
@@ -105,8 +125,15 @@ class Seconds:
             end_ns = self._next * NS
             yield end_ns, "lost", (self._lost, self._late)
             yield end_ns, "bytes", (second.expected, second.delivered)
+            yield end_ns, "queue", (second.waiting,)
             if second.delays_ms:
                 yield end_ns, "latency", tuple(np.percentile(second.delays_ms, (50, 95)))
+            if second.errors_ms:
+                mean_square = math.fsum(error**2 for error in second.errors_ms) / len(second.errors_ms)
+                yield end_ns, "clock", (math.sqrt(mean_square), max(map(abs, second.errors_ms)))
+
+    def _second(self, t_ns: int) -> _Second:
+        return self._open[max(t_ns // NS, self._next)]
 
 
 def rings(centre: Points, covariance: tuple[float, ...]) -> Points:
@@ -130,3 +157,29 @@ def extent(info: FieldInfo) -> float:
     """The longer side of the area of all places, metres."""
     at = np.array([(place.x, place.y) for place in info.places])
     return float(np.max(np.ptp(at, axis=0)))
+
+
+def spacing(info: FieldInfo) -> float:
+    """How far a place typically is from the next one, metres; about 0 where all stand in one spot."""
+    at = np.array([(place.x, place.y) for place in info.places])
+    if len(at) == 1:
+        return 1e-3
+    some = at[:: len(at) // 100 + 1]
+    nearest = [np.partition(np.hypot(*(at - one).T), 1)[1] for one in some]  # a place is 0 m from itself
+    return max(float(np.median(nearest)), 1e-3)
+
+
+def crosses(at: Points, size: float) -> Points:
+    """Two strokes of a cross on each of these points (n, 2), reaching ``size`` metres to each side: (2n, 2, 2)."""
+    strokes = size * np.array([[(-1, -1), (1, 1)], [(-1, 1), (1, -1)]])
+    return np.reshape(at[:, None, None] + strokes, (-1, 2, 2))
+
+
+def halves(info: FieldInfo) -> Points:
+    """A line from sender to hearer for each link used, (n, 2, 2); to the middle only where both ends send."""
+    at = {place.id: (place.x, place.y) for place in info.places}
+    pairs = {(src, dst) for src, dst, _ in info.receptions}
+    ends = np.reshape([(at[src], at[dst]) for src, dst, _ in info.receptions], (-1, 2, 2))
+    both = np.array([(dst, src) in pairs for src, dst, _ in info.receptions], bool)
+    ends[both, 1] = ends[both].mean(axis=1)
+    return ends

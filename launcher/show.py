@@ -16,7 +16,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from launcher.prepare import receptions, remarks
+from launcher.prepare import remarks
+from launcher.reception import receptions
 from launcher.records import ARRIVED, Plan
 from launcher.run import Observer, Outcome
 from trackfield.scenario.places import CENTRE
@@ -107,7 +108,7 @@ def observing(plan: Plan, *, quiet: bool) -> Iterator[Observer]:
 
 def announce(plan: Plan) -> None:
     """What is about to run."""
-    nodes = sum(p.role == "node" for p in plan.processes)
+    nodes = sum(p.role == "node" for p in plan.info.places)
     link = plan.run.link["model"]
     console.print(
         f"{plan.info.scenario}: {nodes} sensor nodes, {plan.info.end_s:.0f} s, link {link}, seed {plan.run.seed}, "
@@ -118,19 +119,22 @@ def announce(plan: Plan) -> None:
 
 
 def foresee(plan: Plan) -> None:
-    """How well the sensors reach the centre."""
-    shares = receptions(plan)
-    worst = min(shares, key=lambda id: shares[id])
-    mean = sum(shares.values()) / len(shares)
-    console.print(
-        f"reception at {CENTRE} of {len(shares)} sensor nodes: mean {mean:.1%}, worst {shares[worst]:.1%} ({worst})"
-    )
-    poor = sum(share < POOR for share in shares.values())
-    if poor:
-        console.print(
-            f"[yellow]warning:[/] from {poor} of {len(shares)} sensor nodes less than {POOR:.0%} of the reports "
-            "arrive; docs/scenarios.md says what a link can reach"
+    """How well each link in use carries what goes over it."""
+    for kind, shares in receptions(plan).items():
+        worst = min(shares, key=lambda link: shares[link])
+        mean = sum(shares.values()) / len(shares)
+        there = worst[1] == CENTRE
+        node = worst[0] if there else worst[1]
+        way = (
+            f"at {CENTRE} from {len(shares)} sensor nodes" if there else f"at {len(shares)} sensor nodes from {CENTRE}"
         )
+        console.print(f"reception of {kind} {way}: mean {mean:.1%}, worst {shares[worst]:.1%} ({node})")
+        poor = sum(share < POOR for share in shares.values())
+        if poor:
+            console.print(
+                f"[yellow]warning:[/] on {poor} of {len(shares)} links less than {POOR:.0%} of {kind} arrive; "
+                "docs/scenarios.md says what a link can reach"
+            )
 
 
 def conclude(outcome: Outcome) -> None:

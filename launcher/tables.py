@@ -18,7 +18,7 @@ STATE = ("x", "y", "vx", "vy")
 
 @dataclass(frozen=True, slots=True)
 class TrackRow:
-    """A published point of a track beside the truth at its time; ``told_ns`` is when it was published."""
+    """A published point of a track beside the truth at its time; ``told_ns`` is when it was published first."""
 
     told_ns: int
     t_ns: int
@@ -27,8 +27,11 @@ class TrackRow:
 
 
 def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns: int) -> list[TrackRow]:
-    """The last estimate of each (tracker, target, step), in that order."""
-    latest = {(p.tracker, p.target, p.step): (told, p) for told, p in estimates}
+    """The last estimate of each (tracker, target, step), in that order, and when there was one first."""
+    latest: dict[tuple[str, str, int], tuple[int, TrackPoint]] = {}
+    for told, point in estimates:
+        key = (point.tracker, point.target, point.step)
+        latest[key] = latest.get(key, (told, point))[0], point
     return [
         TrackRow(told, p.step * step_ns, p, path.at(p.step * step_ns / NS)) for _, (told, p) in sorted(latest.items())
     ]
@@ -38,7 +41,7 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     """One row per (frame, hearer)."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
-        "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(),
+        "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
     }  # fmt: skip
     names = [f.name for f in fields(MessageRow)]
     ordered = sorted(rows, key=lambda r: (r.sent_ns, r.src, r.kind, r.copy, r.dst))

@@ -2,7 +2,7 @@
 
 Rows are kept per entity and sent together (``send_columns``): one at a time, each costs seven times as long
 and 1.1 kB. What is shown for a while (a sensor's state, the bearings and frames of a step) is one array per
-picture on a raster of 50 ms, not an entity per node.
+picture on a raster of 50 ms, not an entity per node, and holds only what is not at rest.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 
 from launcher import blueprint as look
+from launcher import rows, scenery
 from launcher.blueprint import path as entity
+from launcher.picture import Picture
 from launcher.records import FieldInfo, MessageRow
-from launcher.scene import Points, Seconds, Shown, extent, rings
+from launcher.scene import Points, Seconds, rings
 from trackfield.role import NS, TrackPoint
 
 LAG_NS: Final = NS
@@ -32,7 +33,12 @@ HOLD: Final = 16
 BULK: Final = 256
 """or as soon as an entity has so many of them."""
 
-Columns = rr.ComponentColumnList
+BATTERY_STEPS: Final = 20
+"""Levels of a battery that are told apart."""
+MARKS: Final = 100
+"""A mark is as long as the run divided by this."""
+
+Columns = rows.Columns
 Rows = list[tuple[int, Any]]
 
 
@@ -45,33 +51,67 @@ class Timeline:
 
     def __init__(self, path: pathlib.Path, info: FieldInfo) -> None:
         self._info = info
-        self._places = {place.id: place for place in info.places}
-        self._sensors = [place.id for place in info.places if place.role == "node"]
-        self._graph = look.graph_positions(info)
-        self._reach = extent(info) / 4
+        self._places = {place.id for place in info.places}
+        self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if place.role == "node"}
+        self._begun: set[str] = set()
+        self._resting: dict[str, int] = {}
+        self._known = {(round(t_s * NS), process, text) for t_s, process, text in info.marks}
         self._pending: defaultdict[tuple[str, Callable[[list[Any]], Columns]], Rows] = defaultdict(list)
         self._messages: list[MessageRow] = []
-        self._shown = Shown()
+        self._picture = Picture(info, self._add)
         self._seconds = Seconds()
         self._tracks: dict[str, _Track] = {}
+        self._mark_ns = round(info.end_s / MARKS * NS)
         self._step_ns = NS
-        self._newest = self._flushes = self._truths = 0
+        self._newest = self._flushes = self._truths = self._marks = 0
         self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
         self._rec.save(path, default_blueprint=look.layout(info))
         self._rec.send_recording_name(info.run)
-        self._scenery()
+        for static in scenery.parts(info):
+            self._static(*static)
+        for name in ("lost", "bytes", "queue"):
+            self._add(f"/plots/{name}", rows.scalars, 0, (0.0,) if name == "queue" else (0.0, 0.0))
+        for start, end in info.gaps:
+            self._note(round(start * NS), "target", f"path interpolated until {end:g} s", "WARN")
 
     def state(self, t_ns: int, process: str, name: str, lane: str = "") -> None:
         """A process (or one lane of it) entered a state, of any name."""
         self._newest = max(self._newest, t_ns)
-        self._add(entity("state", process, *([lane] if lane else [])), _states, t_ns, name)
-        self._shown.show("state", process, name, t_ns)
+        self._lane(t_ns, process, name, lane)
+        self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
+
+    def death(self, t_ns: int, process: str, why: str) -> None:
+        """The life of a process ended, of an empty battery, say; its next state begins another."""
+        self.state(t_ns, process, look.DEAD)
+        self._mark(t_ns, process, why, "ERROR")
+
+    def fault(self, t_ns: int, process: str, text: str) -> None:
+        """A planned fault began or ended; one that ``FieldInfo.marks`` holds in these words is known already."""
+        if (t_ns, process, text) not in self._known:
+            self._newest = max(self._newest, t_ns)
+            self._mark(t_ns, process, text, "WARN")
+
+    def battery(self, t_ns: int, process: str, share: float) -> None:
+        """What is left in a battery, 0 to 1; a full one, and one never told of, is not drawn."""
+        self._newest = max(self._newest, t_ns)
+        level = round(share * BATTERY_STEPS) / BATTERY_STEPS
+        self._picture.shown.show("battery", process, level if level < 1 else None, t_ns)
+
+    def clock_error(self, t_ns: int, process: str, error_ms: float) -> None:
+        """By how much the clock of a process is wrong; the plot is of those told of in a second."""
+        self._newest = max(self._newest, t_ns)
+        self._seconds.clock(t_ns, error_ms)
+
+    def queue(self, t_ns: int, process: str, waiting: int) -> None:
+        """How many frames wait at the radio of a process; the plot is of the longest told of in a second."""
+        self._newest = max(self._newest, t_ns)
+        self._seconds.queue(t_ns, waiting)
 
     def message(self, row: MessageRow) -> None:
         """A frame reached its hearer, or is known to be lost."""
-        self._newest = max(self._newest, _instant(row))
+        self._newest = max(self._newest, rows.instant(row))
         self._messages.append(row)
 
     def note(self, t_ns: int, process: str, text: str, level: str = "INFO") -> None:
@@ -87,21 +127,21 @@ class Timeline:
             self._step_ns = (t_ns - track.at[0]) // (point.step - track.at[1])
         track.at = (t_ns, point.step)
         here = np.reshape(point.mean[:2], (-1, 2))
-        self._add(track.path + "/position", _points, t_ns, here)
-        self._add(track.path + "/ellipse", _strips, t_ns, rings(here, point.covariance))
+        self._add(track.path + "/position", rows.points, t_ns, here)
+        self._add(track.path + "/ellipse", rows.strips, t_ns, rings(here, point.covariance))
         particles = np.frombuffer(point.particles, "<f4").reshape(-1, 2)
         if len(particles) or track.particles:
             track.particles = True
-            self._add(track.path + "/particles", _points, t_ns, particles)
+            self._add(track.path + "/particles", rows.points, t_ns, particles)
         if len(here) and len(track.last):
-            self._add(track.path + "/track", _strips, t_ns, np.stack((track.last, here), axis=1))
+            self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
         track.last = here
         if len(here):
             fix = (point.mean[0], point.mean[1])
-            self._shown.show("fix", point.tracker, fix, t_ns)
+            self._picture.shown.show("fix", point.tracker, fix, t_ns)
             if truth is not None:
                 error = math.dist(fix, truth)
-                self._add(entity("plots", "error", point.tracker), _scalars, t_ns, (error,))
+                self._add(entity("plots", "error", point.tracker), rows.scalars, t_ns, (error,))
 
     def flush(self) -> None:
         """Sends what is due; to be called every quarter of a second."""
@@ -111,64 +151,17 @@ class Timeline:
 
     def close(self) -> None:
         """Sends all that is left and ends the file; without it the file has no footer."""
+        self._settle(self._newest)
+        self._picture.close()
         self._settle(math.inf)
+        if words := self._picture.words:
+            colours = np.array(list(words.values()), np.uint32)
+            self._static("/faults", rr.StateConfiguration(values=list(words), colors=colours))
         self._send(everything=True)
         self._rec.flush(timeout_sec=5)
         self._rec.disconnect()
 
-    # --- what stands still --------------------------------------------------------------------------------
-
-    def _scenery(self) -> None:
-        static = self._static
-        sensors = [self._places[name] for name in self._sensors]
-        centres = [place for place in self._info.places if place.role != "node"]
-        few = len(sensors) <= look.ALL_LANES
-        static("/field", rr.Transform3D(scale=[1, -1, 1]))  # 2-D views point y down, north is up
-        static(
-            "/field/sensors",
-            rr.Points2D(
-                [(place.x, place.y) for place in sensors],
-                radii=rr.Radius.ui_points(4.5 if few else 2.5),
-                labels=self._sensors,
-                show_labels=False,
-            ),
-        )
-        static(
-            "/field/centres",
-            rr.Points2D(
-                [(place.x, place.y) for place in centres],
-                radii=rr.Radius.ui_points(8),
-                colors=look.CENTRE,
-                draw_order=25,
-                labels=[place.id for place in centres],
-            ),
-        )
-        static("/field/rays", look.line_style(look.RAY, 1.2, order=5))
-        static("/field/truth/path", look.line_style(look.TRUTH, 4.5, order=10))
-        static("/field/truth/interpolated", look.line_style(look.INTERPOLATED, 4.5, order=10))
-        static("/field/truth/position", look.point_style(look.TARGET, 3.5, order=60))
-        static(
-            "/network",
-            rr.GraphNodes(
-                list(self._graph),
-                positions=list(self._graph.values()),
-                labels=list(self._graph),
-                show_labels=few,
-                radii=10.0,
-            ),
-            rr.GraphEdges.from_fields(graph_type="directed"),
-        )
-        for name, labels, colours in (
-            ("latency", ["median", "95 %"], [0x8C7BF0FF, 0x5B4FB0FF]),
-            ("lost", ["lost", "late"], [look.LOST, look.LATE]),
-            ("bytes", ["sent to hearers", "delivered"], [0x9A8F6AFF, 0xE6C65CFF]),
-        ):
-            static(f"/plots/{name}", rr.SeriesLines(colors=colours, names=labels, widths=1.5))
-        for name in ("lost", "bytes"):
-            self._add(f"/plots/{name}", _scalars, 0, (0.0, 0.0))
-        for start, end in self._info.gaps:
-            self._note(round(start * NS), "target", f"path interpolated until {end:g} s", "WARN")
-        self._shown.show("state", "", "", 0)  # a first picture, all asleep
+    # --- what happens -------------------------------------------------------------------------------------
 
     def _track(self, tracker: str) -> _Track:
         if tracker not in self._tracks:
@@ -186,86 +179,84 @@ class Timeline:
     def _static(self, path: str, *what: rr.AsComponents) -> None:
         self._rec.log(path, *what, static=True)
 
-    # --- what happens -------------------------------------------------------------------------------------
-
     def _note(self, t_ns: int, process: str, text: str, level: str) -> None:
-        colour = {"WARN": look.LATE, "ERROR": look.LOST}.get(level, look.INFO)
-        self._add("/notes", _texts, t_ns, (f"{process}: {text}", level, colour))
+        self._add("/notes", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
+
+    def _lane(self, t_ns: int, process: str, name: str, lane: str) -> None:
+        """A row of the lanes; one that no view shows begins when its sensor first does something."""
+        path = entity("state", process, *([lane] if lane else []))
+        if process in self._unwatched and path not in self._begun:
+            if name == look.REST:
+                self._resting.setdefault(path, t_ns)
+                return
+            self._begun.add(path)
+            if path in self._resting:
+                self._add(path, rows.states, self._resting.pop(path), look.REST)
+        self._add(path, rows.states, t_ns, name)
+
+    def _mark(self, t_ns: int, process: str, text: str, level: str) -> None:
+        self._add("/faults", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
+        self._picture.shown.show("mark", (process, text), look.LEVELS[level], t_ns, t_ns + self._mark_ns)
 
     def _settle(self, until_ns: float) -> None:
         """Turns all messages, and all else that happened up to this time, into rows."""
         for row in self._messages:
             self._message(row)
         self._messages.clear()
-        truth, seen = self._info.truth, self._newest / NS
-        while self._truths < len(truth) and truth[self._truths][0] <= seen:
+        self._foreseen(self._newest / NS)
+        self._picture.settle(until_ns)
+        for t_ns, name, values in self._seconds.until(until_ns):
+            self._add(f"/plots/{name}", rows.scalars, t_ns, values)
+
+    def _foreseen(self, until_s: float) -> None:
+        """What was known beforehand, shown only as far as the run came."""
+        truth, marks = self._info.truth, self._info.marks
+        while self._truths < len(truth) and truth[self._truths][0] <= until_s:
             self._truth(self._truths)
             self._truths += 1
-        for t_ns, changed in self._shown.until(until_ns):
-            self._picture(t_ns, changed)
-        for t_ns, name, values in self._seconds.until(until_ns):
-            self._add(f"/plots/{name}", _scalars, t_ns, values)
+        while self._marks < len(marks) and marks[self._marks][0] <= until_s:
+            t_s, process, text = marks[self._marks]
+            self._mark(round(t_s * NS), process, text, "WARN")
+            self._marks += 1
 
     def _message(self, row: MessageRow) -> None:
-        t_ns = _instant(row)
-        self._add(entity("messages", row.kind), _texts, t_ns, _sentence(row))
-        self._seconds.count(t_ns, row)
+        t_ns, show = rows.instant(row), self._picture.shown.show
+        self._add(entity("messages", row.kind), rows.texts, t_ns, rows.sentence(row))
+        self._add("/times", rows.times, t_ns, row)
+        self._seconds.message(t_ns, row)
         if row.src not in self._places or row.dst not in self._places:
             return
         over = row.sent_ns + self._step_ns
         if not row.delivered:
-            self._shown.show("lost", row.src, True, row.sent_ns, over)
+            show("lost", row.src, True, row.sent_ns, over)
             return
-        self._shown.show("edge", (row.src, row.dst), True, t_ns, over)
+        show("edge", (row.src, row.dst), True, t_ns, over)
         if row.bearing_deg is not None and row.outcome == "delivered":
-            self._shown.show("ray", row.src, math.radians(row.bearing_deg), t_ns, over)
-
-    def _rays(self) -> Points:
-        """From each sensor along its bearing to a little past the latest estimate, (n, 2, 2)."""
-        fix = next(iter(self._shown.now["fix"].values()), None)
-        found = []
-        for src, bearing in self._shown.now["ray"].items():
-            x, y = self._places[src].x, self._places[src].y
-            length = self._reach if fix is None else 1.15 * math.dist((x, y), fix) + 5.0
-            found.append((x, y, x + length * math.sin(bearing), y + length * math.cos(bearing)))
-        return np.reshape(found, (-1, 2, 2))
+            show("ray", row.src, math.radians(row.bearing_deg), t_ns, over)
 
     def _truth(self, index: int) -> None:
         t, x, y = self._info.truth[index]
         t_ns = round(t * NS)
-        self._add("/field/truth/position", _points, t_ns, np.array([(x, y)]))
+        self._add("/field/truth/position", rows.points, t_ns, np.array([(x, y)]))
         if index:
             before, *start = self._info.truth[index - 1]
             guessed = any(before < end and t > begin for begin, end in self._info.gaps)
             path = "/field/truth/interpolated" if guessed else "/field/truth/path"
-            self._add(path, _strips, t_ns, np.array([[start, (x, y)]]))
-
-    def _picture(self, t_ns: int, changed: set[str]) -> None:
-        shown = self._shown.now
-        states, lost = shown["state"], shown["lost"]
-        colours = {name: look.STATE_COLOURS.get(states.get(name, "asleep"), look.OTHER_STATE) for name in self._graph}
-        if "state" in changed:
-            self._add("/field/sensors", _point_colours, t_ns, [colours[name] for name in self._sensors])
-        if changed & {"state", "lost"}:
-            reds = [look.LOST if name in lost else colour for name, colour in colours.items()]
-            self._add("/network", _node_colours, t_ns, reds)
-        if "ray" in changed:
-            self._add("/field/rays", _strips, t_ns, self._rays())
-        if "edge" in changed:
-            self._add("/network", _edges, t_ns, np.reshape(sorted(shown["edge"]), (-1, 2)))
+            self._add(path, rows.strips, t_ns, np.array([[start, (x, y)]]))
 
     def _add(self, path: str, columns: Callable[[list[Any]], Columns], t_ns: int, value: Any) -> None:
         self._pending[path, columns].append((t_ns, value))
 
     def _send(self, everything: bool) -> None:
-        for key, rows in list(self._pending.items()):
-            if everything or len(rows) >= BULK:
-                rows.sort(key=lambda row: row[0])
-                times = np.array([t_ns for t_ns, _ in rows], "timedelta64[ns]")
+        for key, found in list(self._pending.items()):
+            if everything or len(found) >= BULK:
                 path, columns = key
-                self._rec.send_columns(
-                    path, [rr.TimeColumn(look.EMU, duration=times)], columns([value for _, value in rows])
-                )
+                found.sort(key=lambda row: row[0])
+                times = np.array([t_ns for t_ns, _ in found], np.int64)
+                if columns is rows.times:
+                    times = rows.apart(times)
+                index = rr.TimeColumn(look.EMU, duration=times.astype("timedelta64[ns]"))
+                self._rec.send_columns(path, [index], columns([value for _, value in found]))
                 del self._pending[key]
 
 
@@ -277,63 +268,3 @@ class _Track:
     at: tuple[int, int] | None = None
     last: Points = field(default_factory=lambda: np.empty((0, 2)))
     particles: bool = False
-
-
-# --- messages as text -------------------------------------------------------------------------------------
-
-
-def _instant(row: MessageRow) -> int:
-    """When a message is shown: when it arrived, or was sent if it did not."""
-    return row.due_ns if row.delivered and row.due_ns is not None else row.sent_ns
-
-
-def _sentence(row: MessageRow) -> tuple[str, str, int]:
-    """A message as a line of the log: text, level, colour."""
-    text = f"{row.src} → {row.dst}  {row.text or row.kind}  ({row.bytes} B)"
-    if not row.delivered:
-        return f"{text}  LOST: {row.outcome}", "ERROR", look.LOST
-    if row.due_ns is not None:
-        text += f"  {(row.due_ns - row.sent_ns) / 1e6:.1f} ms"
-    if row.outcome != "delivered":
-        return f"{text}  {row.outcome.upper()}", "WARN", look.LATE
-    return text, "INFO", look.INFO
-
-
-# --- rows of one kind as columns --------------------------------------------------------------------------
-
-
-def _scalars(values: list[tuple[float, ...]]) -> Columns:
-    return rr.Scalars.columns(scalars=np.array(values))
-
-
-def _states(values: list[str]) -> Columns:
-    return rr.StateChange.columns(state=values)
-
-
-def _texts(values: list[tuple[str, str, int]]) -> Columns:
-    text, level, colour = zip(*values, strict=True)
-    return rr.TextLog.columns(text=text, level=level, color=np.array(colour, np.uint32))
-
-
-def _points(values: list[Points]) -> Columns:
-    return rr.Points2D.columns(positions=np.concatenate(values)).partition(_lengths(values))
-
-
-def _point_colours(values: list[list[int]]) -> Columns:
-    return rr.Points2D.columns(colors=np.array(values, np.uint32).ravel()).partition(_lengths(values))
-
-
-def _node_colours(values: list[list[int]]) -> Columns:
-    return rr.GraphNodes.columns(colors=np.array(values, np.uint32).ravel()).partition(_lengths(values))
-
-
-def _strips(values: list[Points]) -> Columns:
-    return rr.LineStrips2D.columns(strips=np.concatenate(values)).partition(_lengths(values))
-
-
-def _edges(values: list[npt.NDArray[np.str_]]) -> Columns:
-    return rr.GraphEdges.columns(edges=np.concatenate(values)).partition(_lengths(values))
-
-
-def _lengths(values: list[Any]) -> list[int]:
-    return [len(value) for value in values]

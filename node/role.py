@@ -2,14 +2,23 @@
 
 Zhai et al., section III-A: a node is active while the level it receives exceeds its threshold, and sends level
 and direction of arrival to the fusion centre.
+
+A node whose clock is off learns the centre's time by radio (``node/sync.py``): soon after its start, ahead of each
+waking, and every now and then while it is awake. It takes its clock plus its correction for the time; timers are local.
+A new correction may move time back, so the node remembers which steps it has done: none is reported twice.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Final
+from typing import Any, Final
 
+from node.spans import Spans, first_absent, insert
+from node.sync import Synchronisation, Timekeeping
 from trackfield.role import (
+    CancelTimer,
     Effect,
     Event,
     Ignored,
@@ -26,8 +35,11 @@ from trackfield.role import (
     Transitions,
     check_transition,
 )
-from trackfield.wire.messages import Doa
+from trackfield.wire.messages import Doa, SyncReply, Threshold
 from trackfield.world.acoustic import Heard
+
+LAST_STEP: Final = 65535
+"""As far as a report counts."""
 
 
 class Phase(Enum):
@@ -48,53 +60,140 @@ TRANSITIONS: Final[Transitions] = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """All that a node remembers: from which level it reports and since which step, the steps it did, and the time."""
+
+    phase: Phase
+    threshold_db: float
+    threshold_step: int = -1
+    done: Spans = ()
+    time: Timekeeping = field(default_factory=Timekeeping)
+
+
+Step = tuple[Memory, tuple[Effect, ...]]
+
+
 class Node:
     """Reports to ``centre`` in each step of ``step_ns`` in which it hears at least ``threshold_db``.
 
-    Times are local; a step is numbered by the local time it begins at.
+    A step is numbered by the time it begins at. ``sync`` holds the arguments of its ``Synchronisation`` but ``centre``;
+    None: its own clock is right. An ``adaptive`` node reports from the level on that the centre last told it.
     """
 
-    kinds: frozenset[str] = frozenset()
+    def __init__(
+        self,
+        *,
+        step_ns: int,
+        threshold_db: float,
+        centre: str,
+        sync: Mapping[str, Any] | None = None,
+        adaptive: bool = False,
+    ) -> None:
+        self.step_ns, self.threshold_db, self.centre, self.adaptive = step_ns, threshold_db, centre, adaptive
+        self.sync = None if sync is None else Synchronisation(centre, **sync)
+        replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if adaptive else set[str]()
+        self.kinds = frozenset(replies | thresholds)
 
-    def __init__(self, *, step_ns: int, threshold_db: float, centre: str) -> None:
-        self.step_ns, self.threshold_db, self.centre = step_ns, threshold_db, centre
+    def begin(self) -> Memory:
+        """A node that has not started."""
+        return Memory(Phase.NEW, self.threshold_db)
 
-    def begin(self) -> Phase:
-        """The phase is all that a node remembers."""
-        return Phase.NEW
-
-    def handle(self, state: Phase, event: Event) -> tuple[Phase, tuple[Effect, ...]]:
+    def handle(self, state: Memory, event: Event) -> Step:
         """See ``trackfield.role.Role``."""
         after, effects = self._react(state, event)
-        check_transition(TRANSITIONS, state, event, after)
-        if after is not state:
-            effects = (State(after.value), *effects)
+        check_transition(TRANSITIONS, state.phase, event, after.phase)
+        if self._receives(after) is not self._receives(state):
+            effects = (Radio(self._receives(after)), *effects)
+        if after.phase is not state.phase:
+            effects = (State(after.phase.value), *effects)
         return after, effects
 
-    def _react(self, phase: Phase, event: Event) -> tuple[Phase, tuple[Effect, ...]]:
+    def _receives(self, memory: Memory) -> bool:
+        """Whether its receiver is on: only while something may come for it."""
+        return memory.time.waiting or (self.adaptive and memory.phase in (Phase.AWAKE, Phase.REPORTING))
+
+    def _react(self, memory: Memory, event: Event) -> Step:
         match event:
-            case Started():
-                return Phase.ASLEEP, (Radio(False), Sample("wake-up"))
+            case Started(now):
+                return self._start(replace(memory, phase=Phase.ASLEEP), now)
             case Sampled(now, "wake-up", at):
-                return phase, () if at is None else (self._listen_at(max(at, now + 1)),)
-            case Timer():
-                return phase, (Sample("sound"),)
-            case Sampled(_, _, None):
-                return Phase.ASLEEP, (Sample("wake-up"),)
-            case Sampled(now, _, heard):
-                return self._hear(now, heard)
-            case Received():
-                return phase, (Ignored("unexpected"),)
+                return memory, self._wake_at(memory, now, at)
+            case Sampled(now, "sound", heard):
+                return self._hear(replace(memory, done=insert(memory.done, self._step(memory, now))), now, heard)
+            case Timer(now, "step"):
+                return memory, self._listen(memory, now)
+            case Timer(now, name) if self.sync:
+                return self._keep(memory, now, *self.sync.due(memory.time, now, name))
+            case Received(now, message, sender):
+                return self._receive(memory, now, message, sender)
         raise IllegalEvent(f"a node has no use for {event}")
 
-    def _hear(self, now: int, heard: Heard) -> tuple[Phase, tuple[Effect, ...]]:
-        again = self._listen_at(now + 1)
-        if heard.level_db < self.threshold_db:
-            return Phase.AWAKE, (again,)
-        report = Doa(round(now / self.step_ns), heard.bearing_deg, heard.level_db)
-        return Phase.REPORTING, (Send(report, self.centre), again)
+    def _receive(self, memory: Memory, now: int, message: Any, sender: str) -> Step:
+        match message:
+            case SyncReply() if self.sync:
+                return self._keep(memory, now, *self.sync.receive(memory.time, now, message, sender))
+            case Threshold() if self.adaptive:
+                return self._obey(memory, message, sender)
+        return memory, (Ignored("unexpected"),)
 
-    def _listen_at(self, earliest_ns: int) -> SetTimer:
-        """At the first step from then on; step 0 is the start itself, where nothing was heard yet."""
-        step = max(-(-earliest_ns // self.step_ns), 1)
-        return SetTimer("step", step * self.step_ns)
+    def _start(self, memory: Memory, now: int) -> Step:
+        if self.sync is None:
+            return memory, (Radio(False), Sample("wake-up"))
+        time, effects = self.sync.start(now)
+        return replace(memory, time=time), (Radio(False), *effects, Sample("wake-up"))
+
+    # --- steps ----------------------------------------------------------------------------------------------------
+
+    def _step(self, memory: Memory, now: int) -> int:
+        return (now + memory.time.correction_ns) // self.step_ns
+
+    def _listen(self, memory: Memory, now: int) -> tuple[Effect, ...]:
+        """Read the sensor if a step begins now; a process that stood still may have missed it, a clock gone back."""
+        step, since = divmod(now + memory.time.correction_ns, self.step_ns)
+        if since == 0 and 1 <= step <= LAST_STEP and first_absent(memory.done, step) == step:
+            return (Sample("sound"),)
+        return self._listen_from(memory, now)
+
+    def _hear(self, memory: Memory, now: int, heard: Heard | None) -> Step:
+        if heard is None:
+            return replace(memory, phase=Phase.ASLEEP), (Sample("wake-up"),)
+        again = self._listen_from(memory, now)
+        if heard.level_db < memory.threshold_db:
+            return replace(memory, phase=Phase.AWAKE), again
+        report = Doa(self._step(memory, now), heard.bearing_deg, heard.level_db)
+        return replace(memory, phase=Phase.REPORTING), (Send(report, self.centre), *again)
+
+    def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
+        """At the first step from then on that is not done; step 0 is the start itself, where nothing was heard yet."""
+        correction = memory.time.correction_ns
+        step = first_absent(memory.done, max(-(-(earliest_ns + correction) // self.step_ns), 1))
+        return (SetTimer("step", step * self.step_ns - correction),) if step <= LAST_STEP else ()
+
+    def _wake_at(self, memory: Memory, now: int, at: int | None) -> tuple[Effect, ...]:
+        """A sleeper's timers, for it can hear something from local time ``at`` on."""
+        step = () if at is None else self._listen_from(memory, max(at, now))
+        if self.sync is None or memory.time.waiting or memory.time.asked == 0:
+            return step
+        if at is None:
+            return (CancelTimer("sync"),)
+        ahead = at - self.sync.lead_ns
+        return (*step, SetTimer("sync", ahead if ahead - self.sync.lead_ns > now else memory.time.due_ns))
+
+    # --- what the centre tells it ---------------------------------------------------------------------------------
+
+    def _keep(self, memory: Memory, now: int, time: Timekeeping, effects: tuple[Effect, ...]) -> Step:
+        """Go on with a round of exchanges; after it, all timers are set anew."""
+        after = replace(memory, time=time)
+        if time.waiting or not memory.time.waiting:
+            return after, effects
+        if memory.phase is Phase.ASLEEP:
+            return after, (*effects, Sample("wake-up"))
+        return after, (*effects, *self._listen_from(after, now), SetTimer("sync", time.due_ns))
+
+    def _obey(self, memory: Memory, threshold: Threshold, sender: str) -> Step:
+        if sender != self.centre:
+            return memory, (Ignored("foreign"),)
+        if threshold.step <= memory.threshold_step:
+            return memory, (Ignored("outdated"),)
+        return replace(memory, threshold_db=threshold.level_db, threshold_step=threshold.step), ()

@@ -38,6 +38,13 @@ def info(side: int = 11, steps: int = 60, gaps: tuple[tuple[float, float], ...] 
         gaps=gaps,
         trackers=TRACKERS,
         end_s=float(steps + 1),
+        marks=((12.0, "n005", "freeze until 18 s"),),
+        receptions=tuple(
+            link
+            for place in sensors
+            for share in [1 / (1 + (math.hypot(place.x, place.y) / 260) ** 8)]
+            for link in ((place.id, "fusion", share), ("fusion", place.id, share**0.5))
+        ),
     )
 
 
@@ -65,10 +72,12 @@ def calls(field: FieldInfo, seed: int = 1) -> Iterator[Call]:
             found += _states(now, place.id, distance, heard, awake)
             if distance < HEARING_M:
                 found.append(_report(now, place, (x, y), rng))
+                found += _telemetry(now, step, place.id, rng)
         done = now + DEADLINE_NS
         if step in PHASES:
             found.append((done, "state", (done, "fusion", PHASES[step])))
         found += [(done, "estimate", (now, _point(name, step, (x, y), rng), (x, y))) for name in TRACKERS]
+    found += _misfortunes(field)
     found.append((0, "note", (0, "fusion", "two trackers on the same reports")))
     return iter(sorted(found, key=lambda call: call[0]))
 
@@ -93,6 +102,22 @@ def _states(now: int, name: str, distance: float, heard: set[str], awake: set[st
         (group.add if member else group.discard)(name)
 
 
+def _telemetry(now: int, step: int, name: str, rng: random.Random) -> Iterator[Call]:
+    """A sensor that reports empties its battery, one that stands further along the more; its clock is set."""
+    yield now, "battery", (now, name, max(0.0, 1 - 0.04 * step * rng.random()))
+    yield now, "clock_error", (now, name, rng.gauss(0, 3))
+    yield now, "queue", (now, name, rng.choice((1, 1, 2, 5)))
+
+
+def _misfortunes(field: FieldInfo) -> Iterator[Call]:
+    """A fault that was planned as such, and two deaths; one of the dead is started again."""
+    sensors = [place.id for place in field.places if place.role == "node"]
+    for t_s, name, why in ((15, sensors[0], "battery empty"), (25, sensors[-1], "killed")):
+        yield t_s * NS, "death", (t_s * NS, name, why)
+    yield 18 * NS, "fault", (18 * NS, "n005", "freeze ends")
+    yield 45 * NS, "state", (45 * NS, sensors[-1], "asleep")
+
+
 def _report(now: int, place: Place, target: tuple[float, float], rng: random.Random) -> Call:
     bearing = math.degrees(math.atan2(target[0] - place.x, target[1] - place.y)) + rng.gauss(0, 3)
     delay = round(rng.uniform(4e6, 9e6)) + round(rng.expovariate(1 / 4e6))
@@ -112,6 +137,7 @@ def _report(now: int, place: Place, target: tuple[float, float], rng: random.Ran
         bytes=14,
         text=f"DOA {bearing % 360:.1f}° I={rng.uniform(0.4, 3):.2f}",
         bearing_deg=bearing % 360,
+        local_ns=now + 2_000_000,
     )
     return now if lost else now + delay, "message", (row,)
 

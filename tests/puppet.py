@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from tests.toys import Feedback, Reply, Request
+from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core, Sense
 from trackfield.drivers.frames import Arrival, Frame, Output, Sent
 from trackfield.link.clock import Clock
@@ -40,8 +41,15 @@ def blind(name: str, t_ns: int) -> Any:
     raise LookupError(f"no sensor {name} at {t_ns}")
 
 
-def core_of(role: Role[Any], *, clock: Clock | None = None, sense: Sense = blind, horizon_ns: int = 10 * NS) -> Core:
-    return Core(role, owner="me", clock=clock or Clock(), sense=sense, horizon_ns=horizon_ns)
+def core_of(
+    role: Role[Any],
+    *,
+    clock: Clock | None = None,
+    sense: Sense = blind,
+    horizon_ns: int = 10 * NS,
+    conditions: Conditions = Conditions(),  # noqa: B008  a frozen value
+) -> Core:
+    return Core(role, owner="me", clock=clock or Clock(), sense=sense, horizon_ns=horizon_ns, conditions=conditions)
 
 
 def arrival(

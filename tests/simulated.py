@@ -16,8 +16,6 @@ def simulated(plan: Plan) -> tuple[Ledger, list[TrackRow]]:
     ledger = Ledger(plan.run, plan.processes)
     virtual = Virtual(plan.run, plan.processes, ledger)
     virtual.run()
-    for id, core in virtual.cores.items():
-        ledger.final(id, {"sent": ledger.sent_by[id], **core.tally})
     ledger.close()
     return ledger, track_rows([(t, p.estimate) for t, _, p in ledger.estimates()], plan.path, plan.step_ns)
 

@@ -99,7 +99,9 @@ def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp
     assert (said.code, said.out) == (0, "")
     first, second = said.err.splitlines()
     assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf", first)
-    assert re.fullmatch(r"reception at fusion of \d\d sensor nodes: mean 100.0%, worst 100.0% \(n000\)", second)
+    assert re.fullmatch(
+        r"reception of doa at fusion from \d\d sensor nodes: mean 100.0%, worst 100.0% \(n000\)", second
+    )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -108,8 +110,8 @@ def test_validate_tells_the_reception_and_warns_where_it_is_poor(trackfield: Cal
     assert "sensor nodes: mean 92.6%, worst 92.6% (n000)" in said
     assert "warning" not in said
     said = trackfield("validate", "spcpf", "--set", "link.loss=0.51").err
-    assert "reception at fusion of 121 sensor nodes: mean 49.0%, worst 49.0% (n000)" in said
-    warning = "warning: from 121 of 121 sensor nodes less than 50% of the reports arrive"
+    assert "reception of doa at fusion from 121 sensor nodes: mean 49.0%, worst 49.0% (n000)" in said
+    warning = "warning: on 121 of 121 links less than 50% of doa arrive"
     assert warning in " ".join(said.split())
     assert "warning" not in trackfield("validate", "spcpf", "--set", "link.loss=0.5").err
 

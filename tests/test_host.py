@@ -208,7 +208,7 @@ def test_a_sleeping_node_that_is_a_head_keeps_its_radio_on() -> None:
     node = Node(step_ns=NS, threshold_db=50, centre="me")
     hosting = Host({"node": node, "head": Puppet(kinds=["doa"])}, id="me")
     state, effects = after(hosting, START)
-    assert state.states["node"] is Phase.ASLEEP
+    assert state.states["node"].phase is Phase.ASLEEP
     assert effects == (State("asleep", "node"), Sample("wake-up"))
 
 

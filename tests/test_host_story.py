@@ -199,6 +199,9 @@ class Witness:
         if isinstance(output, Told) and isinstance(output.effect, Publish):
             self.points.append((output.key[0], output.effect.estimate))
 
+    def final(self, process: str, record: object) -> None:
+        pass
+
 
 def play(*processes: tuple[str, str]) -> tuple[Virtual, Witness]:
     """Ten seconds of these (id, role of this module) beside the listener, over an ideal link."""

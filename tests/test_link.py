@@ -9,18 +9,14 @@ from __future__ import annotations
 import random
 import tracemalloc
 from math import exp
-from pathlib import Path
 from typing import Any, Final
 
 import pytest
 from scipy.stats import binom, gamma, kstest, nbinom
 
+from tests.links import MS, PLACES, SURE, TRACE, S, likely
 from trackfield.link import MIN_DELAY_NS, MODELS, Fate, make_link
 from trackfield.link.gilbert_elliott import GilbertElliott
-
-MS: Final = 1_000_000
-S: Final = 1_000_000_000
-SURE: Final = 1e-6
 
 FIXED: Final = {"model": "fixed", "loss": 0.05, "delay_ms": 5}
 BURSTS: Final = {
@@ -33,7 +29,6 @@ BURSTS: Final = {
     "jitter_ms": 10,
 }
 RADIO: Final = {"model": "lognormal_prr", "radio": "802154-0dbm", "busy": 0.2, "ack": 2}
-TRACE: Final = {"model": "trace", "file": str(Path(__file__).with_name("trace.csv"))}
 SPECS: Final[list[dict[str, Any]]] = [
     {"model": "ideal"},
     FIXED,
@@ -43,14 +38,9 @@ SPECS: Final[list[dict[str, Any]]] = [
     {"model": "ethernet", "delay_ms": 2},
     TRACE,
 ]
-PLACES: Final = {"n1": (0.0, 0.0), "n2": (70.0, 0.0), "n10": (0.0, 85.0), "fusion": (50.0, 50.0)}
 every_model = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec["model"])
 
 Frame = tuple[str, str, str, int, int, int]
-
-
-def likely(count: int, distribution: Any) -> bool:
-    return bool(distribution.ppf(SURE / 2) <= count <= distribution.isf(SURE / 2))
 
 
 def frames(n: int, seed: int = 0) -> list[Frame]:
@@ -164,7 +154,9 @@ def test_beyond_its_range_a_link_carries_nothing(spec: dict[str, Any]) -> None:
         ({**RADIO, "radio": "lora868", "sf": 6}, "sf"),
         ({**RADIO, "busy": 1}, "busy"),
         ({**RADIO, "busy": -0.1}, "busy"),
-        ({**RADIO, "ack": -1}, "ack"),
+        ({**RADIO, "ack": -1}, "ack: -1"),
+        ({**RADIO, "acks": {"doa": 2, "track": -1}}, "acks.track: -1"),
+        ({"model": "fixed", "acks": {}}, "acks"),
         ({"model": "csma154", "busy": 1.5}, "busy"),
         ({"model": "ethernet", "delay_ms": -1}, "delay_ms"),
         ({"model": "ethernet", "loss": 0.1}, "loss"),

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from node.role import TRANSITIONS, Node, Phase
+from node.role import TRANSITIONS, Memory, Node, Phase
 from trackfield.role import (
     NS,
     Effect,
@@ -27,12 +27,17 @@ from trackfield.role import (
     Timer,
 )
 from trackfield.wire.codec import encode
-from trackfield.wire.messages import Doa
+from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
 from trackfield.world.acoustic import Heard
 
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion")
 LOUD, FAINT = Heard(60.0, 123.45), Heard(50.0, 123.45)
 RUNNING = (Phase.ASLEEP, Phase.AWAKE, Phase.REPORTING)
+
+
+def node_that_is(phase: Phase, *, did: int | None = None) -> Memory:
+    """Its last step was ``did``."""
+    return Memory(phase, 52.5, done=() if did is None else ((1, did),))
 
 
 def at(step: float) -> SetTimer:
@@ -44,9 +49,9 @@ def at(step: float) -> SetTimer:
 
 def test_a_node_starts_asleep_and_asks_when_there_will_be_something_to_hear() -> None:
     """Nobody sends anything to a node: its receiver goes off for good."""
-    assert NODE.begin() is Phase.NEW
-    after, effects = NODE.handle(Phase.NEW, Started(0))
-    assert after is Phase.ASLEEP
+    assert NODE.begin() == node_that_is(Phase.NEW)
+    after, effects = NODE.handle(NODE.begin(), Started(0))
+    assert after == node_that_is(Phase.ASLEEP)
     assert effects == (State("asleep"), Radio(False), Sample("wake-up"))
 
 
@@ -58,26 +63,48 @@ def test_a_node_starts_asleep_and_asks_when_there_will_be_something_to_hear() ->
         (0, 6.1, 7),
         (0, 6.999999999, 7),
         (0, 7.000000001, 8),
-        (9, 4, 10),  # within a window that began in the past: not this step again, but the next
-        (9, 9, 10),
-        (9, 9.5, 10),
         (-2.5, -2, 1),  # a clock that lags
+        (8.5, 4, 9),  # within a window that began in the past
     ],
 )
 def test_it_wakes_at_the_first_step_in_which_something_can_be_heard(
     now_s: float, window_s: float, wakes_s: int
 ) -> None:
+    asleep = node_that_is(Phase.ASLEEP)
     answer = Sampled(round(now_s * NS), "wake-up", round(window_s * NS))
-    assert NODE.handle(Phase.ASLEEP, answer) == (Phase.ASLEEP, (at(wakes_s),))
+    assert NODE.handle(asleep, answer) == (asleep, (at(wakes_s),))
+
+
+@pytest.mark.parametrize("window_s", [4, 9, 9.5])
+def test_a_step_that_it_just_did_is_not_done_again(window_s: float) -> None:
+    asleep = node_that_is(Phase.ASLEEP, did=9)
+    answer = Sampled(9 * NS, "wake-up", round(window_s * NS))
+    assert NODE.handle(asleep, answer) == (asleep, (at(10),))
 
 
 def test_a_node_that_will_never_hear_anything_sleeps_on() -> None:
-    assert NODE.handle(Phase.ASLEEP, Sampled(0, "wake-up", None)) == (Phase.ASLEEP, ())
+    asleep = node_that_is(Phase.ASLEEP)
+    assert NODE.handle(asleep, Sampled(0, "wake-up", None)) == (asleep, ())
 
 
 @pytest.mark.parametrize("phase", RUNNING)
 def test_at_each_step_it_listens(phase: Phase) -> None:
-    assert NODE.handle(phase, Timer(3 * NS, "step")) == (phase, (Sample("sound"),))
+    node = node_that_is(phase)
+    assert NODE.handle(node, Timer(3 * NS, "step")) == (node, (Sample("sound"),))
+
+
+@pytest.mark.parametrize(("now_s", "next_s"), [(3.2, 4), (7.000000001, 8), (3, 6), (0, 6), (-2, 6)])
+def test_a_step_that_it_missed_or_did_is_passed_over(now_s: float, next_s: float) -> None:
+    """A process that stood still is late at its step; one whose clock went back has done it."""
+    node = node_that_is(Phase.AWAKE, did=5 if now_s in (3, 0, -2) else 2)
+    assert NODE.handle(node, Timer(round(now_s * NS), "step")) == (node, (at(next_s),))
+
+
+def test_it_counts_as_far_as_a_report_does() -> None:
+    last = 65535 * NS
+    after, effects = NODE.handle(node_that_is(Phase.REPORTING), Sampled(last, "sound", LOUD))
+    assert effects == (Send(Doa(65535, 123.45, 60.0), "fusion"),)
+    assert NODE.handle(after, Timer(last + NS, "step")) == (after, ())
 
 
 # --- what it hears ------------------------------------------------------------------------------------------------
@@ -85,37 +112,37 @@ def test_at_each_step_it_listens(phase: Phase) -> None:
 
 @pytest.mark.parametrize("before", RUNNING)
 def test_what_is_loud_enough_is_reported_and_it_listens_on(before: Phase) -> None:
-    after, effects = NODE.handle(before, Sampled(3 * NS, "sound", LOUD))
-    assert after is Phase.REPORTING
+    after, effects = NODE.handle(node_that_is(before), Sampled(3 * NS, "sound", LOUD))
+    assert after.phase is Phase.REPORTING
     entered = () if before is Phase.REPORTING else (State("reporting"),)
     assert effects == (*entered, Send(Doa(3, 123.45, 60.0), "fusion"), at(4))
 
 
 @pytest.mark.parametrize("before", RUNNING)
 def test_what_is_too_faint_is_not_reported_but_it_listens_on(before: Phase) -> None:
-    after, effects = NODE.handle(before, Sampled(3 * NS, "sound", FAINT))
-    assert after is Phase.AWAKE
+    after, effects = NODE.handle(node_that_is(before), Sampled(3 * NS, "sound", FAINT))
+    assert after.phase is Phase.AWAKE
     assert effects == (*(() if before is Phase.AWAKE else (State("awake"),)), at(4))
 
 
 @pytest.mark.parametrize("before", RUNNING)
 def test_when_it_hears_nothing_it_asks_when_to_wake_next(before: Phase) -> None:
-    after, effects = NODE.handle(before, Sampled(3 * NS, "sound", None))
-    assert after is Phase.ASLEEP
+    after, effects = NODE.handle(node_that_is(before), Sampled(3 * NS, "sound", None))
+    assert after.phase is Phase.ASLEEP
     assert effects == (*(() if before is Phase.ASLEEP else (State("asleep"),)), Sample("wake-up"))
 
 
 def test_exactly_the_threshold_is_loud_enough() -> None:
-    after, _ = NODE.handle(Phase.AWAKE, Sampled(NS, "sound", Heard(52.5, 0.0)))
-    assert after is Phase.REPORTING
-    after, _ = NODE.handle(Phase.AWAKE, Sampled(NS, "sound", Heard(52.49, 0.0)))
-    assert after is Phase.AWAKE
+    after, _ = NODE.handle(node_that_is(Phase.AWAKE), Sampled(NS, "sound", Heard(52.5, 0.0)))
+    assert after.phase is Phase.REPORTING
+    after, _ = NODE.handle(node_that_is(Phase.AWAKE), Sampled(NS, "sound", Heard(52.49, 0.0)))
+    assert after.phase is Phase.AWAKE
 
 
-@pytest.mark.parametrize(("step_ns", "now", "step"), [(NS // 4, NS, 4), (3 * NS, 9 * NS, 3), (NS, 65535 * NS, 65535)])
+@pytest.mark.parametrize(("step_ns", "now", "step"), [(NS // 4, NS, 4), (3 * NS, 9 * NS, 3), (NS, 65534 * NS, 65534)])
 def test_a_report_is_numbered_by_the_step_of_the_local_clock(step_ns: int, now: int, step: int) -> None:
     node = Node(step_ns=step_ns, threshold_db=52.5, centre="fusion")
-    _, effects = node.handle(Phase.REPORTING, Sampled(now, "sound", LOUD))
+    _, effects = node.handle(node_that_is(Phase.REPORTING), Sampled(now, "sound", LOUD))
     assert effects == (Send(Doa(step, 123.45, 60.0), "fusion"), SetTimer("step", now + step_ns))
 
 
@@ -134,9 +161,9 @@ def test_a_passing_bus() -> None:
         (Sampled(5 * NS, "sound", None), (State("asleep"), Sample("wake-up"))),
         (Sampled(5 * NS, "wake-up", round(40.2 * NS)), (at(41),)),
     ]
-    phase = NODE.begin()
+    state = NODE.begin()
     for event, expected in story:
-        phase, effects = NODE.handle(phase, event)
+        state, effects = NODE.handle(state, event)
         assert effects == expected, event
 
 
@@ -144,8 +171,10 @@ def test_a_passing_bus() -> None:
 
 
 @pytest.mark.parametrize("phase", RUNNING)
-def test_frames_are_ignored(phase: Phase) -> None:
-    assert NODE.handle(phase, Received(5, Doa(1, 0.0, 50.0), "n001")) == (phase, (Ignored("unexpected"),))
+@pytest.mark.parametrize("message", [Doa(1, 0.0, 50.0), SyncReply(0, 0, 0, 0), Threshold(1, 50.0), SyncRequest(0, 0)])
+def test_frames_are_ignored(phase: Phase, message: object) -> None:
+    node = node_that_is(phase)
+    assert NODE.handle(node, Received(5, message, "fusion")) == (node, (Ignored("unexpected"),))
 
 
 def test_it_consumes_no_kind_of_message() -> None:
@@ -160,12 +189,14 @@ def test_it_consumes_no_kind_of_message() -> None:
         (Phase.NEW, Sampled(0, "sound", LOUD)),
         (Phase.NEW, Sampled(0, "wake-up", 5)),
         (Phase.NEW, Received(0, Doa(1, 0.0, 50.0), "n001")),
+        *((phase, Timer(0, name)) for phase in RUNNING for name in ("sync", "reply", "nap")),
+        (Phase.AWAKE, Sampled(0, "smell", None)),
         *((phase, PortRead(0, "tty", b"")) for phase in Phase),
     ],
 )
 def test_a_broken_driver_is_told_so(phase: Phase, event: Event) -> None:
     with pytest.raises(IllegalEvent):
-        NODE.handle(phase, event)
+        NODE.handle(node_that_is(phase), event)
 
 
 # --- whatever happens ---------------------------------------------------------------------------------------------
@@ -184,18 +215,24 @@ events = st.one_of(
 
 @given(st.lists(events, max_size=20))
 def test_any_events_in_any_order(happened: list[Event]) -> None:
-    """Equal calls have equal answers, steps come at whole steps ahead, and what is sent fits the wire."""
-    phase, _ = NODE.handle(NODE.begin(), Started(0))
+    """Equal calls have equal answers, steps come at whole steps ahead, once each, and what is sent fits the wire."""
+    state, _ = NODE.handle(NODE.begin(), Started(0))
+    done: set[int] = set()
     for event in happened:
-        after, effects = NODE.handle(phase, event)
-        assert NODE.handle(phase, event) == (after, effects)
-        allowed: frozenset[Enum] = TRANSITIONS[phase, type(event)]
-        assert after in allowed
-        assert [e.name for e in effects if isinstance(e, State)] == ([after.value] if after is not phase else [])
+        after, effects = NODE.handle(state, event)
+        assert NODE.handle(state, event) == (after, effects)
+        allowed: frozenset[Enum] = TRANSITIONS[state.phase, type(event)]
+        assert after.phase in allowed
+        entered = [after.phase.value] if after.phase is not state.phase else []
+        assert [e.name for e in effects if isinstance(e, State)] == entered
+        if isinstance(event, Sampled) and event.sensor == "sound":
+            done.add(event.now // NS)
         for effect in effects:
             if isinstance(effect, SetTimer):
-                assert effect.at > event.now
-                assert effect.at % NS == 0
+                step, since = divmod(effect.at, NS)
+                assert effect.at >= event.now
+                assert since == 0 < step
+                assert step not in done
             if isinstance(effect, Send):
                 encode(effect.message)
-        phase = after
+        state = after

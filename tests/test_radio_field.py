@@ -8,7 +8,7 @@ import msgpack
 import pytest
 
 from launcher.ledger import Ledger
-from launcher.prepare import receptions
+from launcher.reception import receptions
 from tests.simulated import simulated, spcpf
 from tests.toys import party
 from trackfield.drivers.spec import ProcessSpec, places_of
@@ -83,8 +83,8 @@ def test_ledger_and_receivers_agree_on_broadcasts_and_replies() -> None:
 def test_the_reception_that_a_user_is_told_is_what_the_reports_meet() -> None:
     """Far from half, links of a lognormal field either work or do not: their frames say the same as ``validate``."""
     plan = spcpf(1, ["link.radio=802154-0dbm"])
-    shares = receptions(plan)
+    shares = receptions(plan)["doa"]
     ledger, _ = simulated(plan)
-    clear = [row for row in ledger.rows if not 0.001 < shares[row.src] < 0.9999]
+    clear = [row for row in ledger.rows if not 0.001 < shares[row.src, row.dst] < 0.9999]
     assert len(clear) > 50
-    assert all(row.delivered == (shares[row.src] > 0.5) for row in clear)
+    assert all(row.delivered == (shares[row.src, row.dst] > 0.5) for row in clear)

@@ -53,7 +53,7 @@ def test_link_defaults_are_those_of_the_model() -> None:
 
 def test_a_radio_is_the_one_with_an_amplifier_unless_said_otherwise() -> None:
     link = Scenario.load({**LEAST, "link": {"model": "lognormal_prr"}}).plain()["link"]
-    assert link == {"model": "lognormal_prr", "radio": "802154-20dbm", "busy": 0.0}
+    assert link == {"model": "lognormal_prr", "radio": "802154-20dbm", "busy": 0.0, "queue": 32}
     lora = Scenario.load({**LEAST, "link": {"model": "lognormal_prr", "radio": "lora868", "sf": 12}}).plain()["link"]
     assert lora["sf"] == 12
 
@@ -67,6 +67,7 @@ def test_a_scenario_names_the_radios_and_channels_that_there_are() -> None:
 @pytest.mark.parametrize("model", set(MODELS) - {"trace"})
 def test_every_link_that_a_scenario_accepts_can_be_made(model: str) -> None:
     spec = Scenario.load({**LEAST, "link": {"model": model}}).plain()["link"]
+    spec.pop("queue", None)  # of the process, not of the link
     link = make_link(spec, 1, {"a": (0.0, 0.0), "b": (1.0, 0.0)})
     assert 0.9 < link.reception("a", "b", 12) <= 1
 
@@ -135,12 +136,15 @@ def test_a_scenario_never_changes() -> None:
 
 def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
-    assert properties.keys() == {"name", "seed", "field", "sensor", "target", "link", "fusion"}
+    sections = {"field", "sensor", "target", "link", "fusion", "clock", "energy", "faults"}
+    assert properties.keys() == {"name", "seed", "restart"} | sections
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
     layouts = {"grid", "jittered", "random", "ring", "along-path", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
     sensor = schema()["$defs"]["Sensor"]
-    assert sensor["properties"]["threshold"]["maximum"] == 1
+    assert sensor["properties"]["alpha"]["maximum"] == 20
+    kinds = {"kill", "freeze", "partition", "restart", "stuck", "bias", "deaf", "babble", "clock_jump"}
+    assert set(properties["faults"]["items"]["discriminator"]["mapping"]) == kinds
     assert sensor["additionalProperties"] is False
 
 
@@ -243,7 +247,7 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         ("field", {"layout": "ring", "jitter": 0.1}, "field.jitter: belongs to layout jittered, not to ring"),
         ("field", {"layout": "rnadom"}, "field.layout: unknown layout 'rnadom'; did you mean random?; expected one of"),
         ("sensor", {"position_error": 5}, "sensor.position_error: unknown; did you mean position_error_m?"),
-        ("lnik", {}, "lnik: unknown; did you mean link?; expected one of name, seed, field"),
+        ("lnik", {}, "lnik: unknown; did you mean link?; expected one of name, seed, restart, field"),
         ("sensor", {"alhpa": 2.0}, "sensor.alhpa: unknown; did you mean alpha?; expected one of level_db,"),
         ("sensor", {"zzz": 2.0}, "sensor.zzz: unknown; expected one of level_db, alpha,"),
         ("sensor", 3, "sensor: is 3; expected a section [sensor]"),
@@ -344,9 +348,9 @@ delay_ms = 0.1
         f"{file}:10: sensor.alpha: is 0; expected a number from 0.5 to 20",
         f"{file}:15: link.delay_ms: is 0.1; expected a number of at least 1",
         f"{file}:17: lnik: unknown; did you mean link?; "
-        "expected one of name, seed, field, sensor, target, link, fusion",
+        "expected one of name, seed, restart, field, sensor, target, link, fusion, clock, energy, faults",
         f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of step_s, steps, path",
-        f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1',
+        f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]
 
 
@@ -359,7 +363,8 @@ def test_one_error_names_its_parts(tmp_path: Path) -> None:
 
 
 def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
-    assert failure("spcpf", {"sensor.threshold": 5}) == "sensor.threshold: is 5; expected a number from 0 to 1"
+    message = 'sensor.threshold: is 5; expected a number from 0 to 1, or "adaptive"'
+    assert failure("spcpf", {"sensor.threshold": 5}) == message
     assert failure("spcpf", {"lnik.model": "ideal"}).startswith("lnik: unknown; did you mean link?")
     assert failure("spcpf", {"sensor": {"alpha": 0}}).startswith("sensor.alpha: is 0")
 

@@ -127,10 +127,12 @@ def test_the_document_has_todays_keys() -> None:
 def test_the_tables_have_every_key_with_unit_default_and_range() -> None:
     text = tables()
     for name, section in sections_of_file().items():
-        assert f"### `[{name}]`" in text
+        assert f"### `{section.header(name)}`" in text
         for keys in section.kinds.values():
             assert all(f"| `{key}` |" in text for key in keys)
-    assert "| `threshold` |  | `0.75` | a number from 0 to 1 |" in text
+    assert '| `threshold` |  | `0.75` | a number from 0 to 1, or "adaptive" |' in text
+    assert "### `[[faults]]`" in text
+    assert "| `jump_ms` | clock_jump | ms | required | a number from -1e9 to 1e9, but not 0 |" in text
     assert "| `delay_ms` | fixed | ms | `5.0` | a number of at least 1 |" in text
     assert "| `delay_ms` | gilbert_elliott | ms | `20.0` | a number of at least 1 |" in text
     assert "| `file` | file |  | required | a text |" in text

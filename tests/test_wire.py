@@ -15,9 +15,23 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from trackfield import wire
-from trackfield.wire import Doa, Scaled, WireError, decode, encode, kind, kind_name, registry
+from trackfield.wire import (
+    Doa,
+    Scaled,
+    SyncReply,
+    SyncRequest,
+    Threshold,
+    WireError,
+    decode,
+    encode,
+    kind,
+    kind_name,
+    registry,
+)
 
 VECTORS = json.loads((Path(__file__).parent / "golden" / "wire.json").read_text())
+
+CLASSES = {known.name: known.cls for known in registry.product_kinds()}
 
 steps = st.integers(0, 65535)
 bearings = st.floats(0, 360)
@@ -27,6 +41,16 @@ values = st.recursive(
     st.none() | st.booleans() | integers | st.floats() | st.text() | st.binary(),
     lambda inner: st.lists(inner) | st.dictionaries(st.text() | integers, inner),
     max_leaves=12,
+)
+
+
+def any_of(field: registry.Field) -> st.SearchStrategy[float]:
+    low, high = field.scaled.low, field.scaled.high
+    return st.integers(int(low), int(high)) if field.integral else st.floats(low, high)
+
+
+messages = st.sampled_from(registry.product_kinds()).flatmap(
+    lambda known: st.builds(known.cls, *map(any_of, known.fields))
 )
 
 
@@ -51,10 +75,14 @@ def reason_of(data: Any) -> str:
 
 @pytest.mark.parametrize("vector", VECTORS["messages"], ids=lambda v: v["hex"])
 def test_golden_messages(vector: dict[str, Any]) -> None:
-    message = Doa(**vector["fields"])
+    message = CLASSES[vector["kind"]](**vector["fields"])
     assert kind_name(message) == vector["kind"]
     assert encode(message).hex() == vector["hex"]
     assert decode(bytes.fromhex(vector["hex"])) == message
+
+
+def test_every_kind_has_its_golden_messages() -> None:
+    assert {vector["kind"] for vector in VECTORS["messages"]} == set(CLASSES)
 
 
 @pytest.mark.parametrize("vector", VECTORS["spellings"], ids=lambda v: v["what"])
@@ -84,6 +112,24 @@ def test_a_report_comes_back_within_half_a_resolution(step: int, bearing: float,
     assert abs(back.level_db - level) <= 0.005 + 1e-9
     assert 0 <= back.bearing_deg < 360
     assert encode(back) == data
+
+
+@settings(max_examples=400)
+@given(messages)
+def test_any_message_comes_back_within_half_a_resolution(message: Any) -> None:
+    known = registry.kind_of(message)
+    data = encode(message)
+    back = decode(data)
+    assert type(back) is type(message)
+    assert encode(back) == data
+    for field in known.fields:
+        sent, came = getattr(message, field.name), getattr(back, field.name)
+        if field.integral:
+            assert came == sent
+        else:
+            off = abs(came - sent)
+            turn = field.scaled.high - field.scaled.low + field.scaled.resolution
+            assert min(off, turn - off if field.scaled.cyclic else off) <= field.scaled.resolution / 2 + 1e-9
 
 
 @pytest.mark.parametrize(
@@ -129,6 +175,12 @@ def test_decoded_decimals_are_the_nearest_floats() -> None:
         (Doa(0, False, 0.0), "type"),
         (Doa(0, "90", 0.0), "type"),  # type: ignore[arg-type]
         (Doa(0, 0.0, None), "type"),  # type: ignore[arg-type]
+        (SyncRequest(-1, 0), "range"),
+        (SyncRequest(0, 10**15 + 1), "range"),
+        (SyncRequest(0, 1.5), "type"),  # type: ignore[arg-type]
+        (SyncReply(0, 0, -(10**15) - 1, 0), "range"),
+        (Threshold(65536, 50.0), "range"),
+        (Threshold(0, math.nan), "range"),
         (Doa, "kind"),
         ("doa", "kind"),
         (None, "kind"),
@@ -186,15 +238,16 @@ def test_no_messagepack_crashes_the_decoder(array: list[Any]) -> None:
 
 
 @settings(max_examples=300)
-@given(steps, values, values)
-def test_no_field_crashes_the_decoder(step: int, bearing: object, level: object) -> None:
-    refused_or_canonical(_packed([1, 1, step, bearing, level]))
+@given(st.sampled_from(registry.product_kinds()), st.data())
+def test_no_field_crashes_the_decoder(known: registry.Kind, data: st.DataObject) -> None:
+    wrong = [data.draw(values | any_of(field).map(int)) for field in known.fields]
+    refused_or_canonical(_packed([1, known.number, *wrong]))
 
 
-@settings(max_examples=500)
-@given(steps, bearings, levels, st.integers(0, 11), st.integers(1, 255))
-def test_a_flipped_byte_never_crashes_the_decoder(step: int, bearing: float, level: float, at: int, mask: int) -> None:
-    data = bytearray(encode(Doa(step, bearing, level)))
+@settings(max_examples=800)
+@given(messages, st.integers(0, 40), st.integers(1, 255))
+def test_a_flipped_byte_never_crashes_the_decoder(message: object, at: int, mask: int) -> None:
+    data = bytearray(encode(message))
     data[at % len(data)] ^= mask
     refused_or_canonical(bytes(data))
 
@@ -229,6 +282,10 @@ def test_a_long_payload_is_refused_unread() -> None:
         ([1, 255, 0, 0, 0], "kind"),
         ([1, -1, 0, 0, 0], "kind"),
         ([1, 1], "fields"),
+        ([1, 2, 0, 0, 0], "fields"),
+        ([1, 3, 0, 0, 0], "fields"),
+        ([1, 3, 0, 0, 0, 0.5], "type"),
+        ([1, 4, 0, 20001], "range"),
         ([1, 1, 0, 0, "0"], "type"),
         ([1, 1, 0, 0, b"0"], "type"),
         ([1, 1, 0, 0, [0]], "type"),
@@ -257,7 +314,7 @@ def test_a_kind_of_ones_own() -> None:
     assert kind_name(gust) == "wind"
     assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
     assert decode(encode(gust)) == Wind(12.5, -(2**63))
-    assert [known.name for known in registry.product_kinds()] == ["doa"]
+    assert [known.name for known in registry.product_kinds()] == ["doa", "sync-request", "sync-reply", "threshold"]
 
 
 @pytest.mark.usefixtures("own_kinds")

@@ -10,6 +10,7 @@ import subprocess
 from pathlib import Path
 from typing import Any, Final
 
+import msgpack
 import pytest
 
 from trackfield.wire import keys
@@ -20,19 +21,41 @@ DOCS: Final = (ROOT / "docs" / "wire.md").read_text()
 GOLDEN: Final = ROOT / "tests" / "golden" / "wire.json"
 VECTORS: Final[dict[str, Any]] = json.loads(GOLDEN.read_text())
 
+EDGES: Final = [sign * 2**bits + d for bits in (5, 7, 8, 15, 16, 31, 32, 40) for sign in (-1, 1) for d in (-1, 0, 1)]
+"""Where the spelling of an integer changes."""
 MAIN: Final = """
 #include <stdio.h>
 
-static void print(const uint8_t *data, size_t n)
+void print(const uint8_t *data, size_t n)
 {
     while (n--) printf("%02x", *data++);
     printf("\\n");
 }
 
+void print_integers(const char *payload)
+{
+    uint8_t data[256];
+    int64_t integers[6];
+    size_t length = 0;
+    unsigned byte;
+    int count, i;
+    for (; sscanf(payload, "%2x", &byte) == 1; payload += 2) data[length++] = (uint8_t)byte;
+    count = decode_integers(integers, 6, data, length);
+    printf("%d", count);
+    for (i = 0; i < count; i++) printf(",%lld", (long long)integers[i]);
+    printf("\\n");
+}
+
+uint8_t doa[12], request[15], envelope[24];
+
 int main(void)
 {
-    uint8_t doa[12], envelope[24];
 """
+C_ENCODERS: Final = {
+    "doa": "print(doa, encode_doa(doa, {}));",
+    "sync-request": "print(request, encode_sync_request(request, {}));",
+}
+"""What a node sends."""
 
 
 def test_the_table_of_kinds() -> None:
@@ -60,26 +83,50 @@ def test_every_reason_of_refusal_is_listed() -> None:
     assert raised == set(re.findall(r"^\| `(\w+)` \| (?:came|has|is) ", DOCS, re.MULTILINE))
 
 
-def test_the_c_code_produces_the_golden_vectors(tmp_path: Path) -> None:
+def run_c(calls: list[str], folder: Path) -> list[str]:
+    """What the code of the page prints when a program calls it."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler")
     code = re.search(r"```c\n(.*?)```", DOCS, re.DOTALL)
     assert code
+    source, program = folder / "node.c", folder / "node"
+    source.write_text(code[1] + MAIN + "\n".join(calls) + "\nreturn 0;\n}\n")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
+    strict += ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
+    subprocess.run([compiler, *strict, source, "-o", program, "-lm"], check=True)
+    return subprocess.run([program], check=True, capture_output=True, text=True).stdout.split()
+
+
+def test_the_c_code_produces_the_golden_vectors(tmp_path: Path) -> None:
     calls, expected = [], []
     for vector in VECTORS["messages"]:
-        step, bearing, level = vector["fields"].values()
-        calls.append(f"print(doa, encode_doa(doa, {step}, {bearing}, {level}));")
-        expected.append(vector["hex"])
+        if encoder := C_ENCODERS.get(vector["kind"]):
+            calls.append(encoder.format(", ".join(map(str, vector["fields"].values()))))
+            expected.append(vector["hex"])
+    assert len(expected) == 9
     calls.append("print(doa, encode_doa(doa, 60, 359.996, 71.24));")
     expected.append("9501013c00cd1bd4")
     for vector in VECTORS["envelopes"]:
         numbers = ", ".join(f"{value}u" if value < 2**32 else f"{value}" for value in vector["fields"].values())
         calls.append(f"encode_envelope(envelope, {numbers}); print(envelope, sizeof envelope);")
         expected.append(vector["hex"])
-    source, program = tmp_path / "node.c", tmp_path / "node"
-    source.write_text(code[1] + MAIN + "\n".join(calls) + "\nreturn 0;\n}\n")
-    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
-    subprocess.run([compiler, *strict, source, "-o", program, "-lm"], check=True)
-    printed = subprocess.run([program], check=True, capture_output=True, text=True).stdout
-    assert printed.split() == expected
+    calls += [f"print(request, encode_sync_request(request, 0, {n}));" for n in EDGES]
+    expected += [msgpack.packb([1, 2, 0, n]).hex() for n in EDGES]
+    assert run_c(calls, tmp_path) == expected
+
+
+def test_the_c_code_reads_the_golden_vectors(tmp_path: Path) -> None:
+    """Integers as they are; -1 for what is no array of them. The rest of what is wrong is for a device to check."""
+    taken = [v["hex"] for name in ("messages", "spellings") for v in VECTORS[name]]
+    taken += [v["hex"] for v in VECTORS["refused"] if v["reason"] in ("range", "version", "kind", "fields")]
+    taken += [msgpack.packb([1, 2, 0, n]).hex() for n in EDGES]
+    refused = [v["hex"] for v in VECTORS["refused"] if v["reason"] in ("type", "malformed") and v["hex"] != "9101"]
+    refused += [msgpack.packb([1, 2, 0, 2**63]).hex(), "", "97" + "00" * 7, "dc00", "9101cd00", "92", "92cd00", "92cd"]
+    refused += [good[: 2 * n] for good in taken for n in range(len(good) // 2)]
+    printed = run_c([f'print_integers("{payload}");' for payload in (*taken, *refused)], tmp_path)
+    for payload, line in zip(taken, printed, strict=False):
+        integers = msgpack.unpackb(bytes.fromhex(payload))
+        assert line == ",".join(map(str, [len(integers), *integers])), payload
+    assert set(printed[len(taken) :]) == {"-1"}
+    assert len(printed) == len(taken) + len(refused)

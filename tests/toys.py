@@ -115,7 +115,7 @@ def party(talkers: int, *, steps: int, link: dict[str, object], seed: int = 1, s
     run = RunSpec(f"toys-{seed}", seed, (steps + 1) * NS, link, speed)
     names = [f"t{i:02}" for i in range(talkers)]
     processes = [
-        ProcessSpec("hub", "hub", "tests.toys:Hub"),
+        ProcessSpec("hub", "hub", "tests.toys:Hub", sink=True),
         *(
             ProcessSpec(n, "talker", "tests.toys:Talker", {"name": n, "number": i}, 10.0 * (i + 1), cells=("c0",))
             for i, n in enumerate(names)

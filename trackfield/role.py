@@ -75,7 +75,7 @@ Event = Started | Received | Timer | Sampled | PortRead
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Transmit ``message`` once, to one id, a set of ids, or the neighbourhood."""
+    """Transmit ``message``: to one id, to each of a set of ids in turn, or once to the neighbourhood."""
 
     message: Any
     to: str | frozenset[str]

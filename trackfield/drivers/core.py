@@ -8,25 +8,32 @@ restored and everything since is handled again. What had left already is not sen
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
+from trackfield.drivers import radio
+from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.frames import (
+    RANK_EMPTY,
     RANK_FAULT,
     RANK_TIMER,
     Arrival,
+    Charge,
+    Died,
     EventKey,
     Frame,
     Output,
     Refused,
     Sent,
     Told,
-    Undone,
     Wrote,
 )
+from trackfield.drivers.life import Alarm, Handled, Life
+from trackfield.drivers.meter import Activity
+from trackfield.drivers.undo import difference
 from trackfield.link.clock import Clock
 from trackfield.role import (
     CancelTimer,
@@ -43,61 +50,35 @@ from trackfield.role import (
     Send,
     SetTimer,
     Started,
+    Store,
     Timer,
     Write,
 )
 from trackfield.wire.codec import WireError, decode, encode, kind_name
 from trackfield.wire.keys import Medium
 
+
+class At(NamedTuple):
+    """A sensor's answer that is a time: true, to be shown to the role on its own clock. It costs no energy."""
+
+    true_ns: int | None
+
+
 Sense = Callable[[str, int], Any]
 """Reads the sensor of this name at a true time (ns)."""
 
-LATE = "late"
+NOTHING: Final = Activity()
+LATE: Final = "late"
 """The reason by which a role says that a frame came after its deadline."""
-
-
-class Alarm(NamedTuple):
-    """A pending timer: when it fires and was meant to fire (true time), and the local time it was set for."""
-
-    fires_ns: int
-    due_ns: int
-    at: int
-
-
-class Receiver(NamedTuple):
-    """Whether a radio listens, since when, and whether it did before (a change at t counts after t)."""
-
-    on: bool
-    since_ns: int
-    before: bool
-
-    def at(self, t_ns: int) -> bool:
-        """Whether a frame due at ``t_ns`` is heard."""
-        return self.on if t_ns > self.since_ns else self.before
-
-
-Copies = tuple[int, dict[tuple[str, str], int]]
-"""The instant at which frames left last, and how many of each (kind, address)."""
-Life = tuple[Any, dict[str, Alarm], dict[str, Receiver], Copies, dict[str, int]]
-"""A snapshot: all of a process that changes by handling events. Nobody writes into its parts."""
-
-
-@dataclass(slots=True)
-class Handled:
-    """One entry of the history: the event, the life before it, and what left because of it."""
-
-    key: EventKey
-    before: Life
-    arrival: Arrival | None
-    outputs: list[Output]
 
 
 class Core:
     """One role and its events.
 
     ``horizon_ns`` is how far back (true time) events can be undone; 0: never, then all frames must come in order.
-    ``tally`` counts the frames that were due here by what became of them; ``inversions`` the frames that had to be
-    put in their place; ``host_late`` those that came when it could no longer be done without a trace.
+    ``inversions`` counts the frames that had to be put in their place; ``host_late`` those that came when it could no
+    longer be done without a trace. A driver that holds frames back for a while says by ``recall`` whether one could
+    still be taken back.
     """
 
     def __init__(
@@ -107,51 +88,58 @@ class Core:
         owner: str,
         clock: Clock,
         sense: Sense,
-        start_ns: int = 0,
+        conditions: Conditions = Conditions(),  # noqa: B008  a frozen value
         incarnation: int = 0,
         horizon_ns: int = 0,
     ) -> None:
-        self.role, self.owner, self.clock, self.sense = role, owner, clock, sense
+        self.role, self.owner, self.sense, self.conditions = role, owner, sense, conditions
         self.incarnation, self.horizon_ns = incarnation, horizon_ns
         self.inversions = self.host_late = 0
-        self.state: Any = role.begin()
-        self.tally: dict[str, int] = {}
-        self._alarms: dict[str, Alarm] = {}
-        self._receivers: dict[str, Receiver] = {}
-        self._copies: Copies = (-1, {})
-        self._started = False
-        self._start_key: EventKey = (start_ns, RANK_FAULT, "start")
+        self.life = Life.new(role.begin(), clock, conditions.start_ns)
         self._arrivals: list[tuple[EventKey, int, Arrival]] = []
         self._offered = count()
         self._history: deque[Handled] = deque()
         self._inverted: list[Arrival] = []
-        self._last: EventKey = (start_ns - 1,)
+        self._last: EventKey = (conditions.start_ns - 1,)
         self._forgotten: EventKey = self._last
         self._ghosts: set[tuple[Any, ...]] = set()
         self._outputs: list[Output] = []
+        self.recall: Callable[[Frame], bool] = lambda frame: False
+        self._inherited = NOTHING
 
     @property
-    def _life(self) -> Life:
-        return self.state, self._alarms, self._receivers, self._copies, self.tally
+    def state(self) -> Any:
+        """The role's state."""
+        return self.life.state
 
-    @_life.setter
-    def _life(self, life: Life) -> None:
-        self.state, self._alarms, self._receivers, self._copies, self.tally = life
+    @property
+    def tally(self) -> dict[str, int]:
+        """The frames that were due here, by what became of them."""
+        return self.life.tally
 
     def next_key(self) -> EventKey | None:
         """The key of the next event, or None."""
-        if not self._started:
-            return self._start_key
-        frame = self._arrivals[0][0] if self._arrivals else None
-        timer = self._next_alarm()
-        if timer is None or (frame is not None and frame < timer):
-            return frame
-        return timer
+        life = self.life
+        if life.over:
+            return None
+        key = self._own_key()
+        if life.started:
+            if self._arrivals and (key is None or self._arrivals[0][0] < key):
+                key = self._arrivals[0][0]
+            alarms = life.alarms
+            if alarms:
+                timer = min((a.fires_ns, RANK_TIMER, a.due_ns, name) for name, a in alarms.items())
+                key = timer if key is None else min(timer, key)
+        return key if key is None or key[0] < self.conditions.kill_ns else None
 
     @property
     def behind(self) -> bool:
         """Whether ``catch_up`` has something to do."""
         return bool(self._inverted)
+
+    def owns(self, due_ns: int) -> bool:
+        """Whether a frame due then is this life's."""
+        return self.conditions.start_ns <= due_ns < self.conditions.kill_ns
 
     def offer(self, arrival: Arrival) -> None:
         """Accept a frame due here; one that belongs before what was already handled waits for ``catch_up``."""
@@ -174,7 +162,7 @@ class Core:
         for arrival in self._inverted:
             if arrival.key < self._forgotten:
                 self.host_late += 1
-                self._push(Arrival(self._last[0] + 1, arrival.frame))
+                self._push(replace(arrival, due_ns=self._last[0] + 1))
             else:
                 self.inversions += 1
                 self._push(arrival)
@@ -182,6 +170,26 @@ class Core:
         if self._arrivals and self._arrivals[0][0] < self._last:
             return self._replay(self._arrivals[0][0])
         return []
+
+    def inherit(self, stored: bytes, activity: Activity = NOTHING) -> None:
+        """What an earlier life kept, and what it took from the battery; to be said before this one starts."""
+        meter = self.life.meter._replace(activity=activity)
+        self.life, self._inherited = self.life._replace(stored=stored, meter=meter), activity
+
+    def record(self, until_ns: int) -> dict[str, Any]:
+        """The counters of this life, up to a true time or its own end."""
+        life = self.life
+        end = max(min(until_ns, self.conditions.kill_ns), life.meter.since_ns)
+        meter = life.meter if life.over or not life.started else life.meter.at(end)
+        return {
+            **life.tally,
+            "incarnation": self.incarnation,
+            "inversions": self.inversions,
+            "host_late": self.host_late,
+            "activity": [a - b for a, b in zip(meter.activity, self._inherited, strict=True)],
+            "inherited": list(self._inherited),
+            "metered_ns": meter.since_ns - self.conditions.start_ns,
+        }
 
     def _push(self, arrival: Arrival) -> None:
         heappush(self._arrivals, (arrival.key, next(self._offered), arrival))
@@ -192,8 +200,9 @@ class Core:
         key = self.next_key()
         if key is None:
             raise IllegalEvent("nothing is due")
-        before, self._outputs = self._life, []
+        before, self._outputs = self.life, []
         arrival = self._handle(key)
+        self._tell_charge(key)
         # A timer set for this very instant may have a smaller key than the one that set it.
         outputs, self._last = self._outputs, max(self._last, key)
         self._history.append(Handled(key, before, arrival, outputs))
@@ -201,34 +210,61 @@ class Core:
             self._forgotten = self._history.popleft().key
         return outputs
 
-    def _next_alarm(self) -> EventKey | None:
-        alarms = self._alarms
-        if not alarms:
-            return None
-        return min((a.fires_ns, RANK_TIMER, a.due_ns, name) for name, a in alarms.items())
+    def _own_key(self) -> EventKey | None:
+        """The key of what befalls the process next, whatever its role and others do."""
+        life, given = self.life, self.conditions
+        if not life.started:
+            return given.start_ns, RANK_FAULT, "start"
+        key: EventKey | None = None
+        if life.jumped < len(given.jumps):
+            key = (given.jumps[life.jumped][0], RANK_FAULT, "clock")
+        if given.power.battery_fj is not None:
+            empty = life.meter.empty_ns(given.power)
+            if empty is not None and (key is None or empty < key[0]):
+                key = (empty, RANK_EMPTY)
+        return key
 
     def _handle(self, key: EventKey) -> Arrival | None:
-        t = key[0]
-        if key[1] == RANK_FAULT:
-            self._started = True
-            self._feed(Started(self.clock.local(t)), key)
+        t, life = key[0], self.life
+        self.life = life = life._replace(meter=life.meter.at(t))
+        if key[1] in (RANK_FAULT, RANK_EMPTY):
+            self._befall(key)
             return None
         if key[1] == RANK_TIMER:
             name = key[3]
-            alarm = self._alarms[name]
-            self._alarms = _without(self._alarms, name)
-            self._feed(Timer(alarm.at if alarm.fires_ns == alarm.due_ns else self.clock.local(t), name), key)
+            alarm = life.alarms[name]
+            self._keep_alarms(_without(life.alarms, name))
+            self._feed(Timer(alarm.at if alarm.fires_ns == alarm.due_ns else life.clock.local(t), name), key)
             return None
         arrival = heappop(self._arrivals)[2]
-        self._receive(arrival.frame, key)
+        self._receive(arrival, key)
         return arrival
 
-    def _receive(self, frame: Frame, key: EventKey) -> None:
-        receiver = self._receivers.get(frame.medium)
-        if receiver is not None and not receiver.at(key[0]):
+    def _befall(self, key: EventKey) -> None:
+        """A start, a jump of the clock, or an empty battery."""
+        t, life = key[0], self.life
+        if key[1] == RANK_EMPTY:
+            self.life = life._replace(over=True)
+            self._outputs.append(Told(key, Died("battery")))
+        elif key[2] == "start":
+            self.life = life._replace(started=True)
+            self._feed(Started(life.clock.local(t), life.stored), key)
+        else:
+            # Pending timers are left alone: they fire when they would have, and the clock shows another time then.
+            by = self.conditions.jumps[life.jumped][1]
+            alarms = {name: alarm._replace(at=alarm.at + by) for name, alarm in life.alarms.items()}
+            self.life = life._replace(clock=life.clock.jumped(by), alarms=alarms, jumped=life.jumped + 1)
+
+    def _receive(self, arrival: Arrival, key: EventKey) -> None:
+        t, frame = key[0], arrival.frame
+        if self.conditions.thaw_ns(t) != t:
+            self._count("frozen")
+            return
+        if not radio.listens(self.life, frame.medium, t):
             self._count("asleep")
             return
         self._count("delivered")
+        self.life = radio.hear(self.life, arrival, self.conditions)
         try:
             message = decode(frame.payload)
             if kind_name(message) != frame.kind:
@@ -236,10 +272,11 @@ class Core:
         except WireError as error:
             self._refuse(key, error.reason)
             return
-        self._feed(Received(self.clock.local(key[0]), message, frame.src), key)
+        self._feed(Received(self.life.clock.local(t), message, frame.src), key)
 
     def _feed(self, event: Event, key: EventKey) -> None:
-        self.state, effects = self.role.handle(self.state, event)
+        state, effects = self.role.handle(self.life.state, event)
+        self.life = self.life._replace(state=state)
         for effect in effects:
             self._do(effect, key, event.now)
 
@@ -249,14 +286,15 @@ class Core:
             case Send(message, to, medium):
                 self._send(message, to, medium, key)
             case SetTimer(name, at):
-                due = self.clock.true(at)
-                self._alarms = {**self._alarms, name: Alarm(max(due, t), due, at)}
+                due = self.life.clock.true(at)
+                alarm = Alarm(self.conditions.thaw_ns(max(due, t)), due, at)
+                self._keep_alarms({**self.life.alarms, name: alarm})
             case CancelTimer(name):
-                self._alarms = _without(self._alarms, name)
+                self._keep_alarms(_without(self.life.alarms, name))
             case Sample(sensor):
-                self._feed(Sampled(now, sensor, self.sense(sensor, t)), key)
+                self._sample(sensor, key, now)
             case Radio(on, medium):
-                self._switch(on, medium, t)
+                self.life = radio.switch(self.life, on, medium, t)
                 self._outputs.append(Told(key, effect))
             case Ignored(reason):
                 self._refuse(key, reason)
@@ -265,31 +303,49 @@ class Core:
             case Write(port, data):
                 self._outputs.append(Wrote(key, port, data))
             case _:
+                if isinstance(effect, Store):
+                    self.life = self.life._replace(stored=effect.data)
                 self._outputs.append(Told(key, effect))
 
-    def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
-        t, kind = key[0], kind_name(message)
-        addresses = [to] if isinstance(to, str) else sorted(to)
-        if not addresses:
-            return
-        since, counts = self._copies
-        counts = counts if since == t else {}
-        copy = max(counts.get((kind, address), 0) for address in addresses)
-        self._copies = (t, {**counts, **{(kind, address): copy + 1 for address in addresses}})
-        frame = Frame(self.owner, self.incarnation, kind, t, copy, ",".join(addresses), medium, encode(message))
-        self._outputs.append(Sent(key, frame))
+    def _keep_alarms(self, alarms: dict[str, Alarm]) -> None:
+        self.life = self.life._replace(alarms=alarms)
 
-    def _switch(self, on: bool, medium: Medium, t: int) -> None:
-        old = self._receivers.get(medium, Receiver(True, -1, True))
-        new = Receiver(on, t, old.before if old.since_ns == t else old.on)
-        self._receivers = {**self._receivers, medium: new}
+    def _sample(self, sensor: str, key: EventKey, now: int) -> None:
+        value = self.sense(sensor, key[0])
+        if isinstance(value, At):
+            value = None if value.true_ns is None else self.life.clock.local(value.true_ns)
+        else:
+            self.life = self.life._replace(meter=self.life.meter.used(samples=1))
+        self._feed(Sampled(now, sensor, value), key)
+
+    def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
+        kind, payload = kind_name(message), encode(message)
+        for address in [to] if isinstance(to, str) else sorted(to):
+            frame = Frame(self.owner, self.incarnation, kind, key[0], 0, address, medium, payload)
+            self.life, leaving, news = radio.send(self.life, frame, self.conditions)
+            if news is not None:
+                self._outputs.append(Told(key, news))
+            if leaving is not None:
+                self._outputs.append(Sent(key, leaving))
 
     def _refuse(self, key: EventKey, reason: str) -> None:
         self._count(LATE if reason == LATE else "ignored")
         self._outputs.append(Refused(key, reason))
 
     def _count(self, outcome: str) -> None:
-        self.tally = {**self.tally, outcome: self.tally.get(outcome, 0) + 1}
+        tally = self.life.tally
+        self.life = self.life._replace(tally={**tally, outcome: tally.get(outcome, 0) + 1})
+
+    def _tell_charge(self, key: EventKey) -> None:
+        """Say what is left in the battery whenever it is a per cent less."""
+        power, life = self.conditions.power, self.life
+        left = life.meter.left_fj(power)
+        if left is None or not power.battery_fj:
+            return
+        percent = -(-100 * left // power.battery_fj)
+        if percent < life.told:
+            self.life = life._replace(told=percent)
+            self._outputs.append(Told(key, Charge(percent / 100)))
 
     # --- putting a frame in its place -----------------------------------------------------------------------------
 
@@ -300,32 +356,23 @@ class Core:
             undone.append(self._history.pop())
         undone.reverse()
         if undone:  # else all that came after it vanished in an earlier replay
-            self._life = undone[0].before
+            self.life = undone[0].before
         for handled in undone:
             if handled.arrival is not None:
                 self._push(handled.arrival)
         new: list[Output] = []
         while (key := self.next_key()) is not None and key <= self._last:
             new += self._step()
-        return self._difference([o for h in undone for o in h.outputs], new, since)
-
-    def _difference(self, old: list[Output], new: list[Output], since: EventKey) -> list[Output]:
-        """What must leave after a replay: frames that are new, and telemetry again if it changed."""
-        left, again = _frames(old), _frames(new)
-        vanished = [f for f in left if f not in again]
-        self.host_late += bool(vanished)
-        self._ghosts.update(f.identity for f in vanished)
-        known = {f.identity for f in left} | self._ghosts
-        out: list[Output] = [o for o in new if isinstance(o, Sent) and o.frame.identity not in known]
-        told, retold = ([o for o in side if isinstance(o, Told | Refused)] for side in (old, new))
-        if told != retold:
-            out += [Undone(since), *retold]
+        old = [o for h in undone for o in h.outputs]
+        out, mistaken = difference(old, new, since, self._ghosts, self.recall)
+        self.host_late += mistaken
         return out
+
+
+def spent(record: Mapping[str, Any]) -> Activity:
+    """What all lives up to the one of this record (``Core.record``) did together."""
+    return Activity.total(Activity(*record[part]) for part in ("activity", "inherited"))
 
 
 def _without(alarms: dict[str, Alarm], name: str) -> dict[str, Alarm]:
     return {n: a for n, a in alarms.items() if n != name}
-
-
-def _frames(outputs: Iterable[Output]) -> list[Frame]:
-    return [o.frame for o in outputs if isinstance(o, Sent)]

@@ -12,18 +12,22 @@ from trackfield.wire.keys import Medium
 RANK_FAULT: Final = 0
 RANK_FRAME: Final = 1
 RANK_TIMER: Final = 2
+RANK_EMPTY: Final = 3
+
+FREE: Final = Fate(None)
+"""The fate of a frame that costs nothing."""
 
 EventKey = tuple[Any, ...]
 """Place of an event in the total order of one process.
 
 ``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to)`` for frames,
-``(t, 2, original due, name)`` for timers; t in ns of true time.
+``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that is empty; t in ns of true time.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One transmission. ``to`` is an id, ``NEIGHBOURHOOD``, or ids joined by commas in sorted order."""
+    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``."""
 
     src: str
     incarnation: int
@@ -40,14 +44,18 @@ class Frame:
         return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to)
 
     @property
-    def addresses(self) -> tuple[str, ...] | None:
-        """The ids it is meant for; None for a broadcast."""
-        return None if self.to == NEIGHBOURHOOD else tuple(self.to.split(","))
+    def broadcast(self) -> bool:
+        """Whether it is for everybody in reach."""
+        return self.to == NEIGHBOURHOOD
 
     def fate(self, link: Link, hearer: str) -> Fate:
         """What becomes of it on the way to this hearer."""
-        size, broadcast = len(self.payload), self.to == NEIGHBOURHOOD
-        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, broadcast)
+        size = len(self.payload)
+        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast)
+
+    def cost(self, link: Link) -> Fate:
+        """What it costs its sender: a fate of which nothing else is meant."""
+        return self.fate(link, self.to)
 
     def key(self, due_ns: int) -> EventKey:
         """Its place among the events of a hearer that receives it at ``due_ns``."""
@@ -65,10 +73,11 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame that survived the link and is due at this process."""
+    """A frame that survived the link and is due at this process; ``fate`` says what hearing it costs."""
 
     due_ns: int
     frame: Frame
+    fate: Fate = FREE
 
     @property
     def key(self) -> EventKey:

@@ -25,13 +25,13 @@ class Joined:
     """The launcher's answer to whoever comes, early or late.
 
     ``start_ns`` is the host's monotonic time at which emulated time began (None: not yet), ``stored`` what an earlier
-    life of the process kept last (``Store``).
+    life of the process kept last (``Store``), where that life ended unplanned.
     """
 
     run: RunSpec
     process: ProcessSpec
     start_ns: int | None
-    stored: bytes = b""
+    stored: bytes | None = None
 
 
 def join(session: zenoh.Session, name: str) -> Joined:

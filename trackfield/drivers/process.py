@@ -7,6 +7,8 @@ Emulated time t falls on the host's monotonic clock at ``start + t / speed``; a 
 from __future__ import annotations
 
 import logging
+import os
+import signal
 import time
 from collections import deque
 from collections.abc import Iterable
@@ -17,13 +19,15 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
-from trackfield.drivers.core import Core
+from trackfield.drivers.conditions import NEVER
+from trackfield.drivers.core import NOTHING, Core, spent
 from trackfield.drivers.frames import RANK_TIMER, Arrival, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.join import join
-from trackfield.drivers.spec import build_core
+from trackfield.drivers.spec import build_core, link_of
 from trackfield.drivers.telemetry import pack
-from trackfield.link.models import Link, make_link
+from trackfield.link.fate import Link
+from trackfield.role import NEIGHBOURHOOD, Store
 from trackfield.wire import keys
 from trackfield.wire.codec import WireError
 from trackfield.wire.envelope import Envelope
@@ -38,7 +42,13 @@ CHANNEL: Final = 100_000
 """Samples that wait in a channel before Zenoh's thread would block."""
 REPEAT_NS: Final = 1_000_000_000
 """How often counters that change are told, and the end that was reached (wall time)."""
-NEVER: Final = 1 << 62
+HOLD_NS: Final = 40_000_000
+"""What a process that answers many holds its frames back (wall time): each waits for the radio behind others, and so
+its place depends on requests that this machine may deliver in another order."""
+LINGER_NS: Final = 300_000_000
+"""After a planned kill, for frames that were still on their way (wall time)."""
+HERITAGE_NS: Final = 5_000_000_000
+"""How long a life waits for the last words of the one before it (wall time)."""
 
 
 Inbox = deque[tuple[int, zenoh.Sample]]
@@ -87,20 +97,25 @@ class Seen:
 class Process:
     """One process of the field: declares itself, waits for the start, runs to the end, and says its last word."""
 
-    def __init__(self, session: zenoh.Session, id: str) -> None:
-        self.session, self.id = session, id
+    def __init__(self, session: zenoh.Session, name: str) -> None:
+        self.session, self.name = session, name
         self._inbox: Inbox = deque()
         self._wake, self._stop = Event(), Event()
         self._start_ns: int | None = None
         self._held = [session.declare_subscriber(keys.ORDERS, Callback(self._on_order, indirect=False))]
-        joined = join(session, id)
+        joined = join(session, name)
         self.spec, self._end_ns, self._speed = joined.process, joined.run.end_ns, joined.run.speed
-        self.core: Core = build_core(joined.run, joined.process, horizon_ns=round(HORIZON_S * joined.run.speed * 1e9))
-        self._link: Link = make_link(joined.run.link, joined.run.seed, joined.process.places)
-        self._counts = {"radio": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
+        self._link: Link = link_of(joined.run, joined.process.places)
+        horizon_ns = round(HORIZON_S * joined.run.speed * 1e9)
+        self.core: Core = build_core(joined.run, joined.process, self._link, horizon_ns=horizon_ns)
+        self._counts = {"radio": 0, "partition": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
         self._seen, self._seq = Seen(), 0
         self._counts_ns, self._reached_ns, self._replay_ns = NEVER, 0, 0
         self._slip, self._latency = Histogram(), Histogram()
+        self.core.recall = self._recall
+        self._outbox: list[tuple[int, Frame]] = []
+        self._stored, self._spent = b"", NOTHING
+        self._heritage = self._expect_heritage(joined.stored)
         for key in self._inboxes():
             self._held.append(
                 take_in(session, key, self._inbox, self._wake)
@@ -109,12 +124,33 @@ class Process:
             )
         if joined.start_ns is not None:
             self._start_ns = joined.start_ns
-        self._token = session.liveliness().declare_token(keys.live(id))
+        self._token = session.liveliness().declare_token(keys.live(name))
 
     def _inboxes(self) -> list[str]:
-        media = self.spec.media
+        id, media = self.spec.id, self.spec.media
         cells = [keys.neighbourhood(medium, cell) for medium in media for cell in self.spec.cells]
-        return [keys.inbox(medium, self.id) for medium in media] + cells
+        return [keys.inbox(medium, id) for medium in media] + cells
+
+    def _expect_heritage(self, stored: bytes | None) -> Event:
+        """Set once this life knows what the one before it kept: from the launcher, or from its last words."""
+        known = Event()
+        if not self.spec.incarnation or stored is not None:
+            self._stored = stored or b""
+            known.set()
+            return known
+
+        def on_stored(sample: zenoh.Sample) -> None:
+            self._stored = sample.payload.to_bytes()
+
+        def on_final(sample: zenoh.Sample) -> None:
+            self._spent = spent(msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False))
+            known.set()
+            self._wake.set()
+
+        for what, callback in (("stored", on_stored), ("final", on_final)):
+            key = keys.telemetry(self.spec.before, what)
+            self._held.append(self.session.declare_subscriber(key, Callback(callback, indirect=False)))
+        return known
 
     # --- Zenoh's thread: append and wake, nothing else ------------------------------------------------------------
 
@@ -143,13 +179,26 @@ class Process:
             self._wake.clear()
             self._drain()
             now = time.monotonic_ns()
+            if now >= self._killed_ns():
+                self._close()
+                os.kill(os.getpid(), signal.SIGKILL)  # a planned kill
             self._wake.wait(max(self._work(now) - now, 0) / 1e9)
         self._close()
 
+    def _killed_ns(self) -> int:
+        """When (wall) a planned kill ends this process: after what was still on its way has come."""
+        kill_ns = self.core.conditions.kill_ns
+        return NEVER if kill_ns == NEVER else self._wall(kill_ns) + LINGER_NS
+
     def _work(self, now: int) -> int:
         """Do at most one thing that is due; when (wall) the next may be."""
+        if self._outbox and self._outbox[0][0] <= now:
+            self._transmit(self._outbox.pop(0)[1])
+            return now
         key = self.core.next_key()
         due = NEVER if key is None or key[0] >= self._end_ns else self._wall(key[0])
+        if not self.core.life.started and not self._heritage.is_set():
+            due = max(due, self._wall(self.spec.start_ns) + HERITAGE_NS)
         if self.core.behind:
             # Replays take at most a quarter of the time, but a timer's outputs do not wait for them.
             if now < self._replay_ns and (now < due or (key is not None and key[1] != RANK_TIMER)):
@@ -158,18 +207,24 @@ class Process:
             after = time.monotonic_ns()
             self._replay_ns = after + 3 * (after - now)
         elif now < due:
-            return min(due, self._report(now))
+            held = self._outbox[0][0] if self._outbox else NEVER
+            return min(due, held, self._report(now), self._killed_ns())
         else:
             self._slip.add(now - due)
-            self._release(self.core.handle_next())
+            self._handle_next()
         return now
+
+    def _handle_next(self) -> None:
+        if not self.core.life.started:
+            self.core.inherit(self._stored, self._spent)
+        self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:
         """Tell counters that changed, and the end when it is reached; when (wall) to do so again."""
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             counts = msgpack.packb({**self._counts, **self.core.tally})
-            self.session.put(keys.telemetry(self.id, "counts"), counts)
+            self.session.put(keys.telemetry(self.name, "counts"), counts)
         if now >= self._wall(self._end_ns) and now >= self._reached_ns:
             self._reached_ns = now + REPEAT_NS
             self._say("reached", b"")
@@ -188,24 +243,23 @@ class Process:
         self._drain()
         self._release(self.core.catch_up())
         while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
-            self._release(self.core.handle_next())
+            self._handle_next()
+        for _, frame in self._outbox:
+            self._transmit(frame)
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]
 
     def _say(self, what: str, data: bytes) -> None:
         """Telemetry that must arrive."""
-        key = keys.telemetry(self.id, what)
+        key = keys.telemetry(self.name, what)
         self.session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def record(self) -> dict[str, Any]:
         """The counters of this life, for the recorder's cross-check."""
         return {
-            "sent": self._seq,
-            "incarnation": self.spec.incarnation,
+            **self.core.record(self._end_ns),
             **self._counts,
-            **self.core.tally,
-            "inversions": self.core.inversions,
-            "host_late": self.core.host_late,
+            "sent": self._seq,
             "slip": dict(self._slip.counts),
             "latency": dict(self._latency.counts),
             "cpu_s": time.process_time(),
@@ -222,18 +276,17 @@ class Process:
             self._counts["malformed"] += 1
             log.warning("ignored a frame on %s: %s", sample.key_expr, error)
             return
-        to = address.to
         frame = Frame(
             address.src,
             envelope.incarnation,
             address.kind,
             envelope.sent_ns,
             envelope.copy,
-            to or "*",
+            address.to or NEIGHBOURHOOD,
             address.medium,
             sample.payload.to_bytes(),
         )
-        if not self.spec.hears(frame.medium, None if to is None else (to,), frame.src, address.cell or ""):
+        if not self.spec.hears(frame.medium, frame.to, frame.src, address.cell or ""):
             return
         if self._seen.again(frame.identity):
             self._counts["duplicate"] += 1
@@ -254,33 +307,41 @@ class Process:
     def _receive(self, frame: Frame) -> None:
         if frame.sent_ns >= self._end_ns:
             return  # never due in this run, whatever its fate
-        fate = frame.fate(self._link, self.id)
+        fate = frame.fate(self._link, self.spec.id)
         if fate.cause is not None:
             self._counts[fate.cause] += 1
             return
-        self.core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame))
+        due = frame.sent_ns + fate.delay_ns
+        if self.core.owns(due):
+            self.core.offer(Arrival(due, frame, fate))
 
     def _release(self, outputs: Iterable[Output]) -> None:
         for output in outputs:
-            if isinstance(output, Sent):
+            if isinstance(output, Sent) and self.spec.sink:
+                self._outbox.append((time.monotonic_ns() + HOLD_NS, output.frame))
+            elif isinstance(output, Sent):
                 self._transmit(output.frame)
+            elif isinstance(output, Told) and isinstance(output.effect, Store):
+                self._say("stored", output.effect.data)
             elif isinstance(output, Told | Refused | Undone):
-                self.session.put(keys.telemetry(self.id, "event"), pack(output))
+                self.session.put(keys.telemetry(self.name, "event"), pack(output))
             else:
                 log.warning("no device is attached to port %s", output.port)
+
+    def _recall(self, frame: Frame) -> bool:
+        """Take a frame back that is still held."""
+        held = [entry for entry in self._outbox if entry[1] != frame]
+        found, self._outbox = len(held) < len(self._outbox), held
+        return found
 
     def _transmit(self, frame: Frame) -> None:
         envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, self._seq, time.monotonic_ns())
         self._seq += 1
-        to = frame.addresses
-        for key in (
-            [keys.broadcast(frame.medium, self.spec.cell, self.id, frame.kind)]
-            if to is None
-            else [keys.unicast(frame.medium, dst, self.id, frame.kind) for dst in to]
-        ):
-            self.session.put(
-                key,
-                frame.payload,
-                attachment=envelope.pack(),
-                congestion_control=zenoh.CongestionControl.DROP,
-            )
+        to_all = (frame.medium, self.spec.cell, frame.src, frame.kind)
+        to_one = (frame.medium, frame.to, frame.src, frame.kind)
+        self.session.put(
+            keys.broadcast(*to_all) if frame.broadcast else keys.unicast(*to_one),
+            frame.payload,
+            attachment=envelope.pack(),
+            congestion_control=zenoh.CongestionControl.DROP,
+        )

@@ -7,12 +7,18 @@ from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from typing import Any, Self
 
-from trackfield.drivers.core import Core, Sense
+from trackfield.drivers.conditions import MAINS, NEVER, Conditions
+from trackfield.drivers.core import At, Core, Sense
 from trackfield.link.clock import Clock
-from trackfield.link.fate import Places
-from trackfield.role import Role
+from trackfield.link.energy import Power
+from trackfield.link.fate import Link
+from trackfield.link.models import make_link
+from trackfield.link.partitioned import Partitioned
+from trackfield.link.places import Path, Places, Point
+from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
+from trackfield.world.faulty import with_faults
 
 Plain = dict[str, Any]
 
@@ -21,7 +27,8 @@ Plain = dict[str, Any]
 class RunSpec:
     """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
 
-    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids).
+    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids). ``queue`` frames may
+    wait for a radio.
     """
 
     run: str
@@ -30,6 +37,7 @@ class RunSpec:
     link: Plain
     speed: float = 1.0
     partitions: Sequence[tuple[int, int, Sequence[str]]] = ()
+    queue: int = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +46,8 @@ class ProcessSpec:
 
     ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
     those it listens to (none if no role of it consumes broadcasts). ``media`` are the radios and wires it has.
-    ``peers`` says where those stand whose frames it may hear: (x, y) by id, not of the whole field.
+    ``peers`` says where those are whose frames it may hear, not the whole field. A process that moves has ``legs``, as
+    ``link/places.py`` has them; ``x``, ``y`` is where it is at the start.
 
     A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
@@ -67,41 +76,66 @@ class ProcessSpec:
     freezes: tuple[tuple[int, int], ...] = ()
     jumps: tuple[tuple[int, int], ...] = ()
     faults: tuple[Plain, ...] = ()
+    legs: Path = ()
 
     @property
     def name(self) -> str:
         """The process's own name: its id, and which life of it this is if it is not the first."""
-        return self.id if not self.incarnation else f"{self.id}~{self.incarnation}"
+        return life_name(self.id, self.incarnation)
+
+    @property
+    def before(self) -> str:
+        """The name of the life before this one; there is none before the first."""
+        return life_name(self.id, self.incarnation - 1)
 
     def plain(self) -> Plain:
-        """The form that travels."""
-        return asdict(self)
+        """The form that travels; what a battery holds may be beyond 64 bits."""
+        power = {name: None if value is None else str(value) for name, value in self.power.items()}
+        return {**asdict(self), "power": power}
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``plain``."""
         tuples = {name: tuple(plain[name]) for name in ("media", "cells", "faults")}
         pairs = {name: tuple((a, b) for a, b in plain[name]) for name in ("freezes", "jumps")}
-        peers = {id: (x, y) for id, (x, y) in plain["peers"].items()}
-        return cls(**{**plain, **tuples, **pairs, "peers": peers})
+        power = {name: None if value is None else int(value) for name, value in plain["power"].items()}
+        peers = {id: _place(place) for id, place in plain["peers"].items()}
+        return cls(**{**plain, **tuples, **pairs, "power": power, "peers": peers, "legs": _legs(plain["legs"])})
+
+    @property
+    def place(self) -> Point | Path:
+        """Where it is, at rest or over time."""
+        return self.legs or (self.x, self.y)
 
     @property
     def places(self) -> Places:
         """Where it and its peers stand."""
-        return {**self.peers, self.id: (self.x, self.y)}
+        return {**self.peers, self.id: self.place}
 
-    def hears(self, medium: str, to: tuple[str, ...] | None, src: str, cell: str) -> bool:
-        """Whether a frame from ``src`` to these ids (None: a broadcast into ``cell``) comes to this process."""
+    def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
+        """Whether a frame from ``src`` to this address (a broadcast: into ``cell``) comes to this process."""
         if medium not in self.media:
             return False
-        if to is not None:
-            return self.id in to
-        return src != self.id and cell in self.cells
+        return src != self.id and cell in self.cells if to == NEIGHBOURHOOD else to == self.id
+
+
+def life_name(id: str, incarnation: int) -> str:
+    """What the process of this id is called in this life."""
+    return f"{id}~{incarnation}" if incarnation else id
 
 
 def places_of(processes: Iterable[ProcessSpec]) -> Places:
-    """Where all of these stand."""
-    return {p.id: (p.x, p.y) for p in processes}
+    """Where all of these are."""
+    return {p.id: p.place for p in processes}
+
+
+def _place(plain: Sequence[Any]) -> Point | Path:
+    """A place that came as lists."""
+    return _legs(plain) if isinstance(plain[0], Sequence) else (plain[0], plain[1])
+
+
+def _legs(plain: Iterable[Sequence[Any]]) -> Path:
+    return tuple((t, x, y) for t, x, y in plain)
 
 
 def role_factory(place: str) -> Callable[..., Role[Any]]:
@@ -111,29 +145,42 @@ def role_factory(place: str) -> Callable[..., Role[Any]]:
     return factory
 
 
-def build_core(run: RunSpec, spec: ProcessSpec, *, horizon_ns: int = 0) -> Core:
-    """A process's engine with its sensors and clock."""
-    clock = Clock()
+def link_of(run: RunSpec, places: Places) -> Link:
+    """The run's link among processes that stand at these places."""
+    link = make_link(run.link, run.seed, places)
+    return Partitioned(link, run.partitions) if run.partitions else link
+
+
+def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int = 0) -> Core:
+    """A process's engine with its sensors, clock, battery and faults; ``link`` tells what its frames cost."""
+    clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at < spec.start_ns))
     return Core(
         role_factory(spec.factory)(**spec.config),
         owner=spec.id,
         clock=clock,
-        sense=_senses(run, spec, clock),
+        sense=_senses(spec),
+        conditions=Conditions(
+            start_ns=spec.start_ns,
+            kill_ns=NEVER if spec.kill_ns is None else spec.kill_ns,
+            freezes=spec.freezes,
+            jumps=tuple(jump for jump in spec.jumps if jump[0] >= spec.start_ns),
+            power=Power(**spec.power) if spec.power else MAINS,
+            queue=run.queue,
+            cost=lambda frame: frame.cost(link),
+        ),
         incarnation=spec.incarnation,
         horizon_ns=horizon_ns,
     )
 
 
-def _senses(run: RunSpec, spec: ProcessSpec, clock: Clock) -> Sense:
-    """``sound`` reads the microphone array; ``wake-up`` answers when (local time) it will next hear something."""
-    sensor = AcousticSensor.from_plain(spec.sound) if spec.sound else None
+def _senses(spec: ProcessSpec) -> Sense:
+    """``sound`` reads the microphone array; ``wake-up`` answers when it will next hear something."""
+    healthy = AcousticSensor.from_plain(spec.sound) if spec.sound else None
+    sensor = healthy and with_faults(healthy, spec.faults, spec.config.get("threshold_db", healthy.audible_db))
 
     def sense(name: str, t_ns: int) -> Any:
         if sensor is None:
             raise LookupError(f"{spec.id} has no sensor {name!r}")
-        if name == "sound":
-            return sensor.sample(t_ns)
-        at = sensor.next_window(t_ns)
-        return None if at is None else clock.local(at)
+        return sensor.sample(t_ns) if name == "sound" else At(sensor.next_window(t_ns))
 
     return sense

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import astuple
-from typing import Any
+from typing import Any, Final
 
 import msgpack
 
-from trackfield.drivers.frames import Refused, Told, Undone
-from trackfield.role import Note, Publish, Radio, State, TrackPoint
+from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
+from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
 
 Telemetry = Told | Refused | Undone
+
+_PLAIN: Final = {kind.__name__.lower(): kind for kind in (State, Radio, Note, Corrected, Died, Charge, Queued)}
 
 
 def pack(output: Telemetry) -> bytes:
@@ -18,6 +20,8 @@ def pack(output: Telemetry) -> bytes:
     match output:
         case Told(key, Publish(point)):
             body: tuple[Any, ...] = ("publish", key, *astuple(point))
+        case Told(key, Overflowed(frame)):
+            body = ("overflowed", key, *astuple(frame))
         case Told(key, effect):
             body = (type(effect).__name__.lower(), key, *astuple(effect))
         case Refused(key, reason):
@@ -35,16 +39,14 @@ def unpack(data: bytes) -> Telemetry:
         match name:
             case "publish":
                 return Told(key, Publish(TrackPoint(*fields)))
-            case "state":
-                return Told(key, State(*fields))
-            case "radio":
-                return Told(key, Radio(*fields))
-            case "note":
-                return Told(key, Note(*fields))
+            case "overflowed":
+                return Told(key, Overflowed(Frame(*fields)))
             case "refused":
                 return Refused(key, *fields)
             case "undone":
                 return Undone(key)
+        if name in _PLAIN:
+            return Told(key, _PLAIN[name](*fields))
     except (TypeError, ValueError, msgpack.UnpackException) as error:
         raise ValueError(f"no telemetry: {error}") from None
     raise ValueError(f"unknown telemetry {name!r}")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from heapq import heapify, heappop, heappush
-from typing import Protocol
+from typing import Any, Protocol
 
-from trackfield.drivers.core import Core
+from trackfield.drivers.core import Core, spent
 from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
-from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, places_of
-from trackfield.link.models import make_link
+from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
 from trackfield.role import IllegalEvent
 
 
@@ -22,62 +22,84 @@ class Sink(Protocol):
     def told(self, process: str, output: Told | Refused | Undone) -> None:
         """A process told something."""
 
+    def final(self, process: str, record: Mapping[str, Any]) -> None:
+        """A process's last word."""
+
 
 class Virtual:
     """A run in virtual time.
 
-    ``cores`` holds the engine of each process by id; ``run`` feeds ``sink`` and returns when nothing is due before
-    the end. Frames travel as encoded bytes through the same link as under the process driver.
+    ``cores`` holds the engine of each life by its name; ``run`` feeds ``sink`` and returns when nothing is due before
+    ``end_ns``. ``now_ns`` is the time. Frames travel as encoded bytes through the same link as under the process
+    driver.
     """
 
     def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec], sink: Sink) -> None:
-        self.spec, self.sink = run, sink
-        self.cores = {p.id: build_core(run, p) for p in processes}
+        self.sink = sink
+        self._link = link_of(run, places_of(processes))
+        self.cores = {p.name: build_core(run, p, self._link) for p in processes}
         self._processes = {p.id: p for p in processes}
-        self._listeners = [p for p in processes if p.cells]
-        self._link = make_link(run.link, run.seed, places_of(processes))
+        self._lives: defaultdict[str, list[str]] = defaultdict(list)
+        for p in sorted(processes, key=lambda p: p.incarnation):
+            self._lives[p.id].append(p.name)
+        self._listeners = [p for p in self._processes.values() if p.cells]
         self._due: list[tuple[EventKey, str]] = []
-        self.now_ns = 0
+        self.end_ns, self.now_ns = run.end_ns, 0
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> None:
         """Handle every event before the end; ``stop()`` is asked before each and ends the run early."""
-        self._due = [(key, id) for id, core in self.cores.items() if (key := core.next_key()) is not None]
+        self._due = [(key, name) for name, core in self.cores.items() if (key := core.next_key()) is not None]
         heapify(self._due)
-        end = (self.spec.end_ns,)
-        while self._due and self._due[0][0] < end and not stop():
-            key, id = heappop(self._due)
+        while self._due and self._due[0][0] < (self.end_ns,):
+            key, name = heappop(self._due)
+            if stop():
+                self.end_ns = key[0]
+                break
             self.now_ns = key[0]
-            core = self.cores[id]
+            core = self.cores[name]
             if core.next_key() != key:
                 continue  # something earlier came in between; that has an entry of its own
+            if not core.life.started:
+                self._inherit(core)
             outputs = core.handle_next()
-            self._schedule(id, core)
-            self._release(id, outputs)
+            self._schedule(name, core)
+            self._release(name, outputs)
+        for name, core in self.cores.items():
+            self.sink.final(name, core.record(self.end_ns))
 
-    def _schedule(self, id: str, core: Core) -> None:
+    def _inherit(self, core: Core) -> None:
+        """A life is given what the one before it kept last."""
+        if core.incarnation:
+            before = self.cores[self._lives[core.owner][core.incarnation - 1]]
+            core.inherit(before.life.stored, spent(before.record(self.end_ns)))
+
+    def _schedule(self, name: str, core: Core) -> None:
         if (key := core.next_key()) is not None:
-            heappush(self._due, (key, id))
+            heappush(self._due, (key, name))
 
-    def _release(self, id: str, outputs: Iterable[Output]) -> None:
+    def _release(self, name: str, outputs: Iterable[Output]) -> None:
         for output in outputs:
             if isinstance(output, Sent):
                 self.sink.sent(output.frame)
                 self._transmit(output.frame)
             elif isinstance(output, Told | Refused | Undone):
-                self.sink.told(id, output)
+                self.sink.told(name, output)
 
     def _transmit(self, frame: Frame) -> None:
-        to, cell = frame.addresses, self._processes[frame.src].cell
-        hearers = self._listeners if to is None else [self._processes[id] for id in to if id in self._processes]
-        for hearer in hearers:
-            if hearer.hears(frame.medium, to, frame.src, cell):
+        cell = self._processes[frame.src].cell
+        for hearer in self._listeners if frame.broadcast else [self._processes.get(frame.to)]:
+            if hearer is not None and hearer.hears(frame.medium, frame.to, frame.src, cell):
                 self._deliver(hearer.id, frame)
 
     def _deliver(self, hearer: str, frame: Frame) -> None:
         fate = frame.fate(self._link, hearer)
-        if fate.cause is None:
-            core = self.cores[hearer]
-            core.offer(Arrival(frame.sent_ns + fate.delay_ns, frame))
-            if core.behind:
-                raise IllegalEvent(f"a link delivered {frame.identity} before it was sent")
-            self._schedule(hearer, core)
+        if fate.cause is not None:
+            return
+        due = frame.sent_ns + fate.delay_ns
+        if due <= self.now_ns:
+            raise IllegalEvent(f"a link delivered {frame.identity} before it was sent")
+        for name in self._lives[hearer]:
+            core = self.cores[name]
+            if core.owns(due):
+                core.offer(Arrival(due, frame, fate))
+                self._schedule(name, core)

@@ -12,8 +12,11 @@ Draw = Callable[[str, int], float]
 class Access(Protocol):
     """An access method. ``busy`` is the share of the time in which the channel is found busy, below 1."""
 
-    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> int | None:
-        """How long until the first bit of transmission number ``attempt`` (from 0); None if it is given up."""
+    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
+        """Of transmission number ``attempt`` (from 0): how long until its first bit, and True.
+
+        If it is given up: how long until then, and False.
+        """
         ...
 
     def granted(self, busy: float) -> float:
@@ -24,9 +27,9 @@ class Access(Protocol):
 class Aloha:
     """Sends at once, whoever else does."""
 
-    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> int | None:
+    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""
-        return 0
+        return 0, True
 
     def granted(self, busy: float) -> float:
         """See ``Access.granted``."""

@@ -22,15 +22,15 @@ class Csma:
     cca_ns: int = 128_000
     turnaround_ns: int = 192_000
 
-    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> int | None:
+    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""
         waited = 0
         for k in range(self.tries):
             units = int(draw("backoff", k) * 2 ** min(self.be_min + k, self.be_max))
             waited += units * self.unit_ns + self.cca_ns
             if draw("cca", k) >= busy:
-                return waited + self.turnaround_ns
-        return None
+                return waited + self.turnaround_ns, True
+        return waited, False
 
     def granted(self, busy: float) -> float:
         """See ``Access.granted``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from trackfield.link.fate import Fate
@@ -11,24 +12,25 @@ from trackfield.link.transfer import Transfer
 
 @dataclass(frozen=True)
 class Csma154:
-    """An 802.15.4 radio within easy reach; ``busy`` and ``ack`` as in ``Transfer``."""
+    """An 802.15.4 radio within easy reach; ``busy``, ``ack`` and ``acks`` as in ``Transfer``."""
 
     seed: int
     busy: float = 0.0
     ack: int = 0
+    acks: Mapping[str, int] = field(default_factory=dict)
     _transfer: Transfer = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         radio = RADIOS["802154-0dbm"](0)
-        object.__setattr__(self, "_transfer", Transfer(self.seed, radio, self.busy, self.ack))
+        object.__setattr__(self, "_transfer", Transfer(self.seed, radio, self.busy, self.ack, self.acks))
 
     def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``."""
         return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, _always, _always)
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
-        return self._transfer.reception(size, _always)
+        return self._transfer.reception(size, kind, _always)
 
 
 def _always(frame_bytes: int) -> float:

@@ -20,10 +20,10 @@ class Dcf:
     window_min: int = 32
     window_max: int = 1024
 
-    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> int | None:
+    def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""
         slots = int(draw("backoff", 0) * min(self.window_min << attempt, self.window_max))
-        return self.difs_ns + round(slots * self.slot_ns / (1 - busy))
+        return self.difs_ns + round(slots * self.slot_ns / (1 - busy)), True
 
     def granted(self, busy: float) -> float:
         """See ``Access.granted``: it waits as long as it takes."""

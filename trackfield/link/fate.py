@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from typing import Final, Protocol
 
@@ -13,16 +12,14 @@ MIN_DELAY_NS: Final = 1_000_000
 """Every frame takes at least 1 ms, so that a cause precedes its effect."""
 
 
-Places = Mapping[str, tuple[float, float]]
-"""Where processes stand, by id: metres east and north."""
-
-
 @dataclass(frozen=True, slots=True)
 class Fate:
     """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent.
 
     What it cost: ``attempts`` transmissions by the sender, over all fragments and repeats, of together
-    ``bytes_on_air``, and ``ack_bytes`` sent back by the hearer. The bytes are 0 where a model knows no radio.
+    ``bytes_on_air`` in ``air_ns``, and ``ack_bytes`` sent back by the hearer in ``ack_air_ns``. The sender's radio is
+    taken for ``busy_ns`` from ``sent_ns`` on: by its way to the channel, by sending, by waiting for acknowledgements.
+    Bytes and times are 0 where a model knows no radio.
     """
 
     cause: str | None
@@ -30,9 +27,17 @@ class Fate:
     attempts: int = 1
     bytes_on_air: int = 0
     ack_bytes: int = 0
+    busy_ns: int = 0
+    air_ns: int = 0
+    ack_air_ns: int = 0
 
 
 LOST: Final = Fate("radio")
+
+
+def lost(fate: Fate, cause: str) -> Fate:
+    """The fate of a frame that its hearer could not hear: its sender spends what it would have spent."""
+    return replace(fate, cause=cause, delay_ns=0, ack_bytes=0, ack_air_ns=0)
 
 
 class Link(Protocol):
@@ -42,12 +47,17 @@ class Link(Protocol):
         """The fate of a frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time).
 
         ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A ``broadcast``
-        has a fate per hearer, and is never acknowledged.
+        has a fate per hearer, and is never acknowledged; what it costs its sender is the same for every hearer, and
+        for one whose place is not known: its sender asks about ``*``.
         """
         ...
 
-    def reception(self, src: str, dst: str, size: int) -> float:
-        """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run."""
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+        """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run.
+
+        ``kind`` matters where kinds are acknowledged differently; None is one that is not mentioned there. Who moves
+        is where it is at ``at_ns``.
+        """
         ...
 
 

@@ -26,6 +26,6 @@ class Fixed:
             return LOST
         return Fate(None, delay(self.delay_ms))
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
         return 1 - self.loss

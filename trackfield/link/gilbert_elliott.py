@@ -51,7 +51,7 @@ class GilbertElliott:
         jitter = exponential(self.jitter_ms, self.seed, "jitter", *frame) if self.jitter_ms else 0.0
         return Fate(None, delay(self.delay_ms + jitter))
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
         bad = self.bad_s / (self.good_s + self.bad_s)
         return 1 - bad * self.loss_bad - (1 - bad) * self.loss_good

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import TypeVar
 
-from trackfield.link.fate import Fate, Places
+from trackfield.link.fate import Fate
+from trackfield.link.places import Places, moves
 from trackfield.link.radios import RADIOS, Radio
 from trackfield.link.shadowing import CHANNELS
 from trackfield.link.transfer import Transfer
@@ -31,36 +33,44 @@ class LognormalPrr:
         sf: int | None = None,
         busy: float = 0.0,
         ack: int | None = None,
+        acks: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self.radio = _radio(radio, 9 if sf is None else sf)
         self.channel = _named("channel", self.radio.channel if channel is None else channel, CHANNELS)
         self.tx_dbm = self.radio.tx_dbm if tx_dbm is None else tx_dbm
         self.noise_dbm = self.radio.noise_dbm if noise_dbm is None else noise_dbm
         self._seed, self._places = seed, places
-        self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack)
-        # What was computed before: a few entries per link in use.
+        self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack, acks)
+        self._moving = frozenset(id for id, place in places.items() if moves(place))
+        # What was computed before, of links whose ends stand still: a few entries per link in use.
         self._prr: dict[tuple[str, str, int], float] = {}
 
     def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``."""
-        there, back = partial(self.prr, src, dst), partial(self.prr, dst, src)
+        there, back = partial(self._prr_at, src, dst, sent_ns), partial(self._prr_at, dst, src, sent_ns)
         return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, there, back)
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
-        return self._transfer.reception(size, partial(self.prr, src, dst))
+        return self._transfer.reception(size, kind, partial(self._prr_at, src, dst, at_ns))
 
-    def snr_db(self, src: str, dst: str) -> float:
+    def snr_db(self, src: str, dst: str, at_ns: int = 0) -> float:
         """The signal-to-noise ratio of the link in dB. Raises ``KeyError`` for one whose place is not known."""
-        return self.tx_dbm - self.channel.loss_db(self._seed, self._places, src, dst) - self.noise_dbm
+        return self.tx_dbm - self.channel.loss_db(self._seed, self._places, src, dst, at_ns) - self.noise_dbm
 
-    def prr(self, src: str, dst: str, frame_bytes: int) -> float:
+    def prr(self, src: str, dst: str, frame_bytes: int, at_ns: int = 0) -> float:
         """The share of single frames of ``frame_bytes`` on the air that are received."""
+        if src not in self._places or dst not in self._places:
+            return 0.0
+        if src in self._moving or dst in self._moving:
+            return self.radio.prr(self.snr_db(src, dst, at_ns), frame_bytes)
         key = (src, dst, frame_bytes)
         if key not in self._prr:
-            known = src in self._places and dst in self._places
-            self._prr[key] = self.radio.prr(self.snr_db(src, dst), frame_bytes) if known else 0.0
+            self._prr[key] = self.radio.prr(self.snr_db(src, dst), frame_bytes)
         return self._prr[key]
+
+    def _prr_at(self, src: str, dst: str, at_ns: int, frame_bytes: int) -> float:
+        return self.prr(src, dst, frame_bytes, at_ns)
 
 
 def _named(what: str, name: str, table: Mapping[str, T]) -> T:

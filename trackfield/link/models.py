@@ -7,10 +7,11 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from trackfield.link.csma154 import Csma154
-from trackfield.link.fate import Link, Places
+from trackfield.link.fate import Link
 from trackfield.link.fixed import Fixed
 from trackfield.link.gilbert_elliott import GilbertElliott
 from trackfield.link.lognormal_prr import LognormalPrr
+from trackfield.link.places import Places
 from trackfield.link.ranged import Ranged
 from trackfield.link.trace import Trace
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import dist
+from dataclasses import dataclass
 
-from trackfield.link.fate import Fate, Link, Places
+from trackfield.link.fate import Fate, Link, lost
+from trackfield.link.places import Places, distance_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,12 +19,12 @@ class Ranged:
     def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``; what the sender spends is spent all the same."""
         fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast)
-        return fate if self._reaches(src, dst) else replace(fate, cause="radio", delay_ns=0, ack_bytes=0)
+        return fate if self._reaches(src, dst, sent_ns) else lost(fate, "radio")
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
-        return self.link.reception(src, dst, size) if self._reaches(src, dst) else 0.0
+        return self.link.reception(src, dst, size, kind, at_ns) if self._reaches(src, dst, at_ns) else 0.0
 
-    def _reaches(self, src: str, dst: str) -> bool:
+    def _reaches(self, src: str, dst: str, at_ns: int) -> bool:
         places = self.places
-        return src in places and dst in places and dist(places[src], places[dst]) <= self.range_m
+        return src in places and dst in places and distance_m(places, src, dst, at_ns) <= self.range_m

@@ -7,7 +7,8 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final
 
-from trackfield.link.fate import Fate, Places, check_positive, delay
+from trackfield.link.fate import Fate, check_positive, delay
+from trackfield.link.places import Places
 
 COLUMNS: Final = ("src", "dst", "t_s", "received", "delay_ms")
 
@@ -44,7 +45,7 @@ class Trace:
         last = bisect_right(lines, sent_ns, key=lambda line: line[0])
         return lines[last - 1][1] if last else Fate("radio")
 
-    def reception(self, src: str, dst: str, size: int) -> float:
+    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """The share of the link's lines that say received."""
         lines = self._lines.get((src, dst), [])
         return sum(fate.cause is None for _, fate in lines) / len(lines) if lines else 0.0

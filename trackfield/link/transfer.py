@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
 from trackfield.draw import uniform
@@ -19,21 +19,24 @@ class Transfer:
     """Sends payloads over a radio whose channel is busy for a share ``busy`` of the time.
 
     With ``ack`` = n a fragment is sent until an acknowledgement arrives, n times at most, and counts as arrived when
-    its first acknowledgement is out; with 0 it is sent once. Fragments follow each other; each has a fate of its own,
-    and the payload arrives with the last one, if none is lost.
+    its first acknowledgement is out; with 0 it is sent once. ``acks`` says so for some kinds of message, by name, over
+    ``ack``. Fragments follow each other; each has a fate of its own, and the payload arrives with the last one, if none
+    is lost.
     """
 
     seed: int
     radio: Radio
     busy: float = 0.0
     ack: int = 0
+    acks: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_share("busy", self.busy)
         if self.busy == 1:
             raise ValueError("busy: a channel that is always busy carries nothing")
-        if self.ack < 0:
-            raise ValueError(f"ack: {self.ack} is negative")
+        for name, ack in {"ack": self.ack, **{f"acks.{kind}": ack for kind, ack in self.acks.items()}}.items():
+            if ack < 0:
+                raise ValueError(f"{name}: {ack} is negative")
 
     def fate(self, frame: tuple[str, str, str, int, int], size: int, broadcast: bool, there: Prr, back: Prr) -> Fate:
         """The fate of a payload: ``frame`` is (src, dst, kind, sent_ns, copy).
@@ -43,17 +46,18 @@ class Transfer:
         src, dst, kind, sent_ns, copy = frame
         # A broadcast leaves once for all its hearers, so they share its way to the channel.
         sender = (src, "*" if broadcast else dst, kind, sent_ns, copy)
-        ack = 0 if broadcast else self.ack
-        now, attempts, on_air, acks, arrived = 0, 0, 0, 0, True
+        ack = 0 if broadcast else self.acks.get(kind, self.ack)
+        now, attempts, on_air, air, acks, arrived = 0, 0, 0, 0, 0, True
         for number, part in enumerate(self._frames(size)):
-            got = False
+            got, airtime = False, self.radio.airtime_ns(part)
             for attempt in range(max(ack, 1)):
                 draw = partial(_draw, self.seed, sender, number, attempt)
-                waited = self.radio.access.wait_ns(attempt, self.busy, draw)
-                if waited is None:
+                waited, granted = self.radio.access.wait_ns(attempt, self.busy, draw)
+                now += waited
+                if not granted:
                     break
-                now += waited + self.radio.airtime_ns(part)
-                attempts, on_air = attempts + 1, on_air + part
+                now += airtime
+                attempts, on_air, air = attempts + 1, on_air + part, air + airtime
                 heard = uniform(self.seed, "received", *frame, number, attempt) < there(part)
                 if heard and not got:
                     got, at = True, now + (self.radio.ack_ns if ack else 0)
@@ -65,15 +69,17 @@ class Transfer:
                     break
                 now += self.radio.patience_ns
             arrived = arrived and got
-        cost = (attempts, on_air, acks * self.radio.ack_bytes)
+        ack_bytes, ack_air = self.radio.ack_bytes, self.radio.airtime_ns(self.radio.ack_bytes)
+        cost = (attempts, on_air, acks * ack_bytes, now, air, acks * ack_air)
         return Fate(None, max(at, MIN_DELAY_NS), *cost) if arrived else Fate("radio", 0, *cost)
 
-    def reception(self, size: int, there: Prr) -> float:
-        """The probability that an addressed payload arrives."""
+    def reception(self, size: int, kind: str | None, there: Prr) -> float:
+        """The probability that an addressed payload arrives; ``kind`` None is one without an entry in ``acks``."""
+        ack = self.ack if kind is None else self.acks.get(kind, self.ack)
         granted, whole = self.radio.access.granted(self.busy), 1.0
         for part in self._frames(size):
             again = granted * (1 - there(part))
-            whole *= granted * there(part) * sum(again**i for i in range(max(self.ack, 1)))
+            whole *= granted * there(part) * sum(again**i for i in range(max(ack, 1)))
         return whole
 
     def _frames(self, size: int) -> list[int]:

@@ -17,7 +17,7 @@ def tables() -> str:
     """Every key with unit, default, range and meaning, as Markdown; a table for each section."""
     parts = ["### Outside any section", "", *_table({"": top_level()}, "")]
     for name, section in sections_of_file().items():
-        parts += ["", f"### `[{name}]`", "", *_table(section.kinds, section.tag)]
+        parts += ["", f"### `{section.header(name)}`", "", *_table(section.kinds, section.tag)]
     return "\n".join(parts)
 
 

@@ -6,12 +6,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final, get_args
+from typing import Any, Final, get_args, get_origin
 
 from trackfield.scenario.section import Section
 from trackfield.scenario.sections import Contents
 
-_UNITS: Final = {"m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm"}
+_UNITS: Final = {
+    "m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm", "ppm": "ppm", "j": "J", "mj": "mJ"
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,17 @@ class Kinds:
     """A section: the key ``tag`` that tells its kinds apart, and the keys of each kind.
 
     With one kind only the tag is empty, and so is that kind's name. ``default`` is the kind of a section that
-    is left out; empty if it may not be.
+    is left out; empty if it may not be. A section that is ``many`` stands any number of times, as ``[[name]]``.
     """
 
     tag: str
     kinds: Mapping[str, Mapping[str, Key]]
     default: str
+    many: bool = False
+
+    def header(self, name: str) -> str:
+        """How a section of this ``name`` begins in a file."""
+        return f"[[{name}]]" if self.many else f"[{name}]"
 
     def keys(self, kind: object) -> Mapping[str, Key]:
         """The keys of this kind; those of all kinds for one that does not exist."""
@@ -57,11 +64,16 @@ def sections_of_file() -> Mapping[str, Kinds]:
     """The sections by name."""
     found = {}
     for name, field in Contents.model_fields.items():
-        models = [model for model in (field.annotation, *get_args(field.annotation)) if _is_section(model)]
+        one, tag = field.annotation, field.discriminator
+        many = get_origin(one) is tuple
+        if many:  # tuple[Annotated[union of its kinds, Field(discriminator=...)], ...]
+            one, about = get_args(get_args(one)[0])
+            tag = about.discriminator
+        models = [model for model in (one, *get_args(one)) if _is_section(model)]
         if models:
-            tag = str(field.discriminator or "")
-            kinds = {kind: _keys(model) for model in models for kind in _values(model, tag)}
-            found[name] = Kinds(tag, kinds, getattr(field.default, tag, "") if tag else "")
+            kinds = {kind: _keys(model) for model in models for kind in _values(model, str(tag or ""))}
+            default = "" if many or not tag else getattr(field.default, str(tag), "")
+            found[name] = Kinds(str(tag or ""), kinds, default, many)
     return found
 
 

@@ -2,18 +2,46 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
 from trackfield.scenario.section import Delay, NotNegative, Positive, Section, Share, wrong
 
 Busy = Annotated[float, Field(ge=0, le=0.99)]
 Attempts = Annotated[int, Field(ge=0, le=100)]
 
+_ACKS: Final = "a table of whole numbers from 0 to 100, like { doa = 4 }"
+
+
+def _pairs(value: Any) -> Any:
+    """A scenario is hashable, so a table is kept as its pairs."""
+    if not isinstance(value, Mapping):
+        raise wrong(f"is {value!r}", _ACKS)
+    return tuple(sorted(value.items()))
+
+
+Acks = Annotated[
+    tuple[tuple[str, Attempts], ...],
+    BeforeValidator(_pairs),
+    PlainSerializer(dict),
+    WithJsonSchema({"type": "object", "additionalProperties": {"type": "integer", "minimum": 0, "maximum": 100}}),
+]
+
 
 class _Link(Section):
     range_m: Positive | None = Field(default=None, description="who is further away hears nothing; unset: no limit")
+
+
+class _Radio(_Link):
+    busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
+    acks: Acks | None = Field(
+        default=None, json_schema_extra={"expected": _ACKS}, description="ack for single kinds of message, by name"
+    )
+    queue: int = Field(
+        default=32, ge=1, le=10_000, description="how many frames wait for a radio that is sending; more are dropped"
+    )
 
 
 class Ideal(_Link):
@@ -49,7 +77,7 @@ class Ethernet(_Link):
     delay_ms: Delay = Field(default=1.0, description="from sending to arrival")
 
 
-class LognormalPrr(_Link):
+class LognormalPrr(_Radio):
     """Path loss with frozen shadowing, a radio's reception curve, its access to the channel."""
 
     model: Literal["lognormal_prr"] = Field(
@@ -65,7 +93,6 @@ class LognormalPrr(_Link):
     tx_dbm: float | None = Field(default=None, ge=-60, le=40, description="transmission power; unset: the radio's")
     noise_dbm: float | None = Field(default=None, ge=-180, le=0, description="noise floor; unset: the radio's")
     sf: int | None = Field(default=None, ge=7, le=12, description="spreading factor, of lora868 alone; unset: 9")
-    busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
     ack: Attempts | None = Field(
         default=None,
         description="how often a frame is sent until acknowledged; 0: once, without; unset: 7 for wifi11b, else 0",
@@ -82,11 +109,10 @@ class LognormalPrr(_Link):
         return self
 
 
-class Csma154(_Link):
+class Csma154(_Radio):
     """The delays of 802.15.4 alone: who finds the channel busy five times gives up, all else arrives."""
 
     model: Literal["csma154"] = Field(default="csma154", description="the delays of an 802.15.4 radio in easy reach")
-    busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
     ack: Attempts = Field(
         default=0, description="how often a frame is sent at most until it is acknowledged; 0: once, without"
     )

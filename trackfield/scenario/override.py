@@ -38,6 +38,9 @@ def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     changed: dict[str, Any] = deepcopy(dict(data))
     for name, section in sections_of_file().items():
         own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith(f"{name}.")}
+        if own and section.many:
+            what = "are a list, which is set as a whole"
+            raise ScenarioError(what, key=name, expected=f"{name}=[{{{section.tag}='...', ...}}, ...]")
         old = changed.get(name, {section.tag: section.default})
         if own and section.tag and isinstance(old, dict):
             changed[name] = _of_kind(section, old, own)

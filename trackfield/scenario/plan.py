@@ -13,14 +13,16 @@ import numpy as np
 from trackfield.errors import ScenarioError
 from trackfield.models.sound import audible_radius
 from trackfield.scenario.layout import believed, layout
-from trackfield.scenario.places import Place
+from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sections import MAX_STEPS, FromFile, Manoeuvre
 from trackfield.world import targets
 from trackfield.world.acoustic import AcousticSensor, Window
 from trackfield.world.path import Path
 from trackfield.world.tracks import read_track
-from trackfield.world.windows import distances, windows
+from trackfield.world.windows import Array, distances, windows
+
+Leg = tuple[int, float, float]
 
 _NS: Final = 1_000_000_000
 _LENGTH_S: Final = {"s1": 60, "s2": 75, "s3": 40}
@@ -32,7 +34,8 @@ class Plan:
 
     The steps are at 0, ``step_ns``, ... up to and including ``steps`` times ``step_ns``. ``windows`` hold
     each sensor's audible windows; ``believed`` are the sensors where the fusion centre takes them to stand;
-    ``centre`` is where it stands itself (m).
+    ``centre`` is where it stands itself (m), and if it drives, ``route`` when it is where: (t ns, x m, y m), in a
+    straight line from one to the next.
     """
 
     scenario: Scenario
@@ -43,6 +46,7 @@ class Plan:
     believed: tuple[Place, ...]
     windows: tuple[tuple[Window, ...], ...]
     centre: tuple[float, float]
+    route: tuple[Leg, ...] = ()
 
     def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
         """What the sensor of this index hears."""
@@ -75,8 +79,6 @@ def plan(scenario: Scenario) -> Plan:
     positions = np.array([place[1:] for place in sensors])
     sensor = scenario.sensor
     radius = audible_radius(sensor.level_db, sensor.alpha, sensor.audible_db)
-    east, north = centre or ((positions.min(axis=0) + positions.max(axis=0)) / 2).tolist()
-    x, y = scenario.fusion.x_m, scenario.fusion.y_m
     return Plan(
         scenario=scenario,
         path=path,
@@ -85,8 +87,18 @@ def plan(scenario: Scenario) -> Plan:
         sensors=tuple(sensors),
         believed=tuple(believed(scenario, sensors)),
         windows=tuple(windows(positions, path, radius)),
-        centre=(east if x is None else x, north if y is None else y),
+        centre=_centre(scenario, centre, positions),
+        route=tuple((round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
     )
+
+
+def _centre(scenario: Scenario, surveyed: Point | None, positions: Array) -> Point:
+    """Where the fusion centre stands at the start: as its section says, as its file says, or amid the sensors."""
+    fusion = scenario.fusion
+    if fusion.path is not None:
+        return fusion.path[0][1:]  # from the start on: no time in it is below 0
+    east, north = surveyed or ((positions.min(axis=0) + positions.max(axis=0)) / 2).tolist()
+    return east if fusion.x_m is None else fusion.x_m, north if fusion.y_m is None else fusion.y_m
 
 
 def target_path(scenario: Scenario) -> tuple[int, Path]:
@@ -125,7 +137,7 @@ def check(scenario: Scenario, sensors: Sequence[Place], path: Path) -> None:
     """Raise ``ScenarioError`` unless the target comes near enough to some sensor for a report."""
     positions = np.array([place[1:] for place in sensors])
     sensor = scenario.sensor
-    radius = audible_radius(sensor.level_db, sensor.alpha, sensor.threshold_db)
+    radius = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
     if np.isfinite(distances(positions, path, radius)).any():
         return
     far = distances(positions, path, np.inf)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from pydantic import ValidationError
 
 from trackfield.errors import ScenarioError
 from trackfield.scenario.keys import Kinds, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
+
+NUMBER: Final = re.compile(r"\[(\d+)\]")
+"""Which of a list of sections: ``faults[0]``."""
 
 
 def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
@@ -25,7 +29,8 @@ def problems(error: ValidationError, file: str, text: str, set_keys: Collection[
     for one in error.errors(include_url=False):
         path, what, expected = _problem(one)
         key = ".".join(path)
-        is_set = any(f"{key}.".startswith(f"{new}.") or new.startswith(f"{key}.") for new in set_keys)
+        place = f"{re.sub(NUMBER, '', key)}."
+        is_set = any(place.startswith(f"{new}.") or new.startswith(place) for new in set_keys)
         here = "" if is_set else file
         line = line_of(text, path) if here else None
         where = f"{here}:{line}" if line else here
@@ -35,18 +40,16 @@ def problems(error: ValidationError, file: str, text: str, set_keys: Collection[
 
 def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
     """The key's path, what is wrong with it, and what is expected."""
-    path = [str(part) for part in error["loc"] if not isinstance(part, int)]
+    path, section, kind = _where(error["loc"])
     context = error.get("ctx", {})
-    section = sections_of_file().get(path[0]) if path else None
-    kind = path.pop(1) if section and section.tag and len(path) > 1 else ""
     missing = error["type"] == "missing" and isinstance(error["loc"][-1], str)
     what, expected = "missing" if missing else f"is {_short(error['input'])}", "a section"
     match error["type"]:
         case "own":
             what, expected = context["what"], context["expected"]
-            path = context["key"].split(".") if context["key"] else path
+            path = [*(path if context["key"].startswith(".") else ()), *filter(None, context["key"].split("."))] or path
         case "extra_forbidden":
-            what, expected = _unknown(path, section, kind)
+            what, expected = _unknown(path[-1], section, kind)
         case "union_tag_invalid" if section:
             what, expected = f"unknown {section.tag} {context['tag']!r}", _one_of(section.kinds)
             what += suggestion(str(context["tag"]), section.kinds)
@@ -54,7 +57,7 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
         case "union_tag_not_found" if section:
             what, expected, path = "missing", _one_of(section.kinds), [*path, section.tag]
         case _ if section:
-            expected = section.keys(kind)[path[1]].expected if len(path) > 1 else f"a section [{path[0]}]"
+            expected = section.keys(kind)[path[1]].expected if len(path) > 1 else _a_section(path[0], section)
         case _:
             expected = top_level()[path[0]].expected
     if error["type"] == "literal_error":
@@ -62,9 +65,26 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
     return path, what, expected
 
 
-def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str, str]:
+def _where(loc: Sequence[str | int]) -> tuple[list[str], Kinds | None, str]:
+    """The path of the key at this place, the section that it is in, and which kind of it."""
+    path = [part for part in loc if isinstance(part, str)]
+    section = sections_of_file().get(path[0]) if path else None
+    if section is None:
+        return path, None, ""
+    kind = path.pop(1) if section.tag and len(path) > 1 else ""
+    if section.many and len(loc) > 1:
+        path[0] += f"[{loc[1]}]"
+    return path[:2], section, kind  # further down there are only the parts of a value
+
+
+def _a_section(name: str, section: Kinds) -> str:
+    """What stands where a section of this name ought to be: one, or (where its number is missing) a list of them."""
+    alone = re.sub(NUMBER, "", name)
+    return f"{'sections' if section.many and alone == name else 'a section'} {section.header(alone)}"
+
+
+def _unknown(name: str, section: Kinds | None, kind: str) -> tuple[str, str]:
     """What to say of a key that nobody knows, or that belongs to another kind of its section."""
-    name = path[-1]
     if section is None:
         known: Collection[str] = [*top_level(), *sections_of_file()]
         return f"unknown{suggestion(name, known)}", _one_of(known)
@@ -85,18 +105,21 @@ def _short(value: object) -> str:
 
 
 def line_of(text: str, path: Sequence[str]) -> int | None:
-    """The line on which a TOML text sets this key, or opens this section; None if it cannot be told.
+    """The line on which a TOML text sets this key, or else opens its section; None if neither can be told.
 
-    Knows ``[section]`` headers and ``key =`` on a line of its own, which is how scenario files are written.
+    Knows ``[section]`` and ``[[section]]`` headers, and ``key =`` on a line of its own, which is how scenario files are
+    written.
     """
-    here = ""
+    here, opened = "", None
+    seen: Counter[str] = Counter()
     for number, line in enumerate(text.splitlines(), start=1):
-        if header := re.match(r"\s*\[\s*([\w.-]+)\s*\]", line):
-            here = header[1]
-            if [here] == list(path):
-                return number
+        if header := re.match(r"\s*\[(\[)?\s*([\w.-]+)\s*\]", line):
+            here = f"{header[2]}[{seen[header[2]]}]" if header[1] else header[2]
+            seen[header[2]] += 1
+            if [here] == list(path[:1]):
+                opened = number
             continue
         setting = re.match(r"""\s*["']?([\w-]+)["']?\s*=""", line)
         if setting and [*filter(None, [here]), setting[1]] == list(path[:2]):
             return number
-    return None
+    return opened

@@ -9,10 +9,10 @@ from typing import Any, Self
 
 import tomlkit
 from pydantic import ValidationError
-from tomlkit.items import Item
+from tomlkit.items import Item, Table
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario.keys import Key, sections_of_file, top_level
+from trackfield.scenario.keys import Key, Kinds, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
 from trackfield.scenario.packaged import names, packaged_file
@@ -59,7 +59,8 @@ class Scenario(Contents):
 
     def plain(self) -> dict[str, Any]:
         """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""
-        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        written = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return {name: value for name, value in written.items() if value != []}
 
     def to_toml(self) -> str:
         """A scenario file that says the same, with every default written out and every key explained."""
@@ -69,11 +70,14 @@ class Scenario(Contents):
                 document.add(name, _setting(top_level()[name], value))
                 continue
             section = sections_of_file()[name]
-            keys, table = section.keys(value.get(section.tag)), tomlkit.table()
-            for key in sorted(value, key=lambda key: key != section.tag):
-                table.add(key, _setting(keys[key], value[key]))
             document.add(tomlkit.nl())
-            document.add(name, table)
+            if section.many:
+                tables = tomlkit.aot()
+                for one in value:
+                    tables.append(_table(section, one))
+                document.add(name, tables)
+            else:
+                document.add(name, _table(section, value))
         return tomlkit.dumps(document)
 
     @classmethod
@@ -125,8 +129,20 @@ def _tuples(value: Any) -> Any:
     return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
+def _table(section: Kinds, values: Mapping[str, Any]) -> Table:
+    """A section as TOML, the key that names its kind first."""
+    keys, table = section.keys(values.get(section.tag)), tomlkit.table()
+    for key in sorted(values, key=lambda key: key != section.tag):
+        table.add(key, _setting(keys[key], values[key]))
+    return table
+
+
 def _setting(key: Key, value: Any) -> Item:
     """The value as TOML, followed by what the key means, in a column where it fits."""
-    item: Item = tomlkit.item(value).comment(key.meaning)
+    item: Item = tomlkit.item(value)
+    if isinstance(value, Mapping):
+        item = tomlkit.inline_table()
+        item.update(value)
+    item.comment(key.meaning)
     item.trivia.comment_ws = " " * max(2, 36 - len(f"{key.name} = {item.as_string()}"))
     return item

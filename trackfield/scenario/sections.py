@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     JsonValue,
@@ -20,6 +21,8 @@ from pydantic import (
     model_validator,
 )
 
+from trackfield.scenario.faults import Fault
+from trackfield.scenario.hardware import Clocks, Energy
 from trackfield.scenario.links import Ideal, Link
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.section import NotNegative, Positive, Section, Share, wrong
@@ -108,7 +111,13 @@ class Sensor(Section):
         le=20,
         description="decay: the level falls by 5 alpha dB for each tenfold distance",
     )
-    threshold: Share = Field(default=0.75, description="a sensor reports above this share of level_db")
+    threshold: Share | Literal["adaptive"] = Field(
+        default=0.75,
+        json_schema_extra={"expected": 'a number from 0 to 1, or "adaptive"'},
+        description="a sensor reports above this share of level_db; adaptive: above what the centre tells it",
+    )
+    threshold_min: Share = Field(default=0.70, description="the lowest that an adaptive threshold may be")
+    threshold_max: Share = Field(default=0.80, description="the highest that an adaptive threshold may be")
     doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
     level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
     margin_db: float = Field(default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold")
@@ -119,15 +128,34 @@ class Sensor(Section):
         description="standard deviation, east and north, of where the centre believes a sensor to stand",
     )
 
+    @model_validator(mode="after")
+    def _bounds_in_order(self) -> Self:
+        if self.threshold_min > self.threshold_max:
+            least = f"at least threshold_min, which is {self.threshold_min:g}"
+            raise wrong(f"is {self.threshold_max:g}", least, ".threshold_max")
+        return self
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether the fusion centre tells the sensors their threshold."""
+        return self.threshold == "adaptive"
+
+    @property
+    def thresholds_db(self) -> tuple[float, float]:
+        """The lowest and the highest level from which a sensor may come to report."""
+        if self.threshold == "adaptive":
+            return self.threshold_min * self.level_db, self.threshold_max * self.level_db
+        return self.threshold * self.level_db, self.threshold * self.level_db
+
     @property
     def threshold_db(self) -> float:
-        """The level above which a sensor reports."""
-        return self.threshold * self.level_db
+        """The level above which a sensor reports, until it is told otherwise."""
+        return sum(self.thresholds_db) / 2
 
     @property
     def audible_db(self) -> float:
         """The level above which a sensor hears anything."""
-        return self.threshold_db - self.margin_db
+        return self.thresholds_db[0] - self.margin_db
 
 
 # --- [target]: what moves -----------------------------------------------------------------------------------
@@ -183,22 +211,25 @@ class FromFile(_Target):
     )
 
 
+Leg = tuple[NotNegative, float, float]
+"""(t_s, x_m, y_m)"""
+_LEGS: dict[str, JsonValue] = {"expected": "a list of at least two [t_s, x_m, y_m], with increasing times"}
+
+
+def _increasing(points: tuple[Leg, ...] | None) -> tuple[Leg, ...] | None:
+    if any(b[0] <= a[0] for a, b in pairwise(points or ())):
+        raise wrong("its times do not increase", "increasing times")
+    return points
+
+
+Legs = Annotated[tuple[Leg, ...], Field(min_length=2), AfterValidator(_increasing)]
+
+
 class Waypoints(_Target):
     """Straight legs at constant speed."""
 
     path: Literal["waypoints"] = Field(default="waypoints", description="straight legs at constant speed")
-    waypoints: tuple[tuple[NotNegative, float, float], ...] = Field(
-        min_length=2,
-        json_schema_extra={"expected": "a list of at least two [t_s, x_m, y_m], with increasing times"},
-        description="when the target is where, in metres east and north",
-    )
-
-    @field_validator("waypoints")
-    @classmethod
-    def _increasing(cls, points: tuple[tuple[float, float, float], ...]) -> tuple[tuple[float, float, float], ...]:
-        if any(b[0] <= a[0] for a, b in pairwise(points)):
-            raise wrong("its times do not increase", "increasing times")
-        return points
+    waypoints: Legs = Field(json_schema_extra=_LEGS, description="when the target is where, in metres east and north")
 
 
 # --- [fusion]: the centre -----------------------------------------------------------------------------------
@@ -211,8 +242,22 @@ class Fusion(Section):
         default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
     )
     deadline_s: float = Field(default=0.3, gt=0, description="how long a step waits for its reports; at most step_s")
+    max_age_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=3600,
+        description="up to which age a late report is taken in after all, by going back to its step and on from there",
+    )
+    target_sd_m: Positive = Field(
+        default=3.0, description="standard deviation of the position that an adaptive threshold aims at"
+    )
     x_m: float | None = Field(default=None, description="where the centre stands, east; unset: the middle of the field")
     y_m: float | None = Field(default=None, description="where it stands, north; unset: the middle of the field")
+    path: Legs | None = Field(
+        default=None,
+        json_schema_extra=_LEGS,
+        description="when the centre is where, in metres east and north, if it drives; unset: it stands",
+    )
     prior: Literal["paper", "none"] = Field(
         default="none",
         description="start around the true state (paper), or from the first reports alone (none)",
@@ -233,6 +278,13 @@ class Fusion(Section):
                 raise wrong(f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}")
         return trackers
 
+    @model_validator(mode="after")
+    def _stands_or_drives(self) -> Self:
+        for name, value in (("x_m", self.x_m), ("y_m", self.y_m)):
+            if self.path is not None and value is not None:
+                raise wrong(f"is {value:g}, and fusion.path says where the centre is", "one of the two", f".{name}")
+        return self
+
 
 # --- the whole ----------------------------------------------------------------------------------------------
 
@@ -246,11 +298,17 @@ class Contents(Section):
         description="what runs of this scenario are called",
     )
     seed: int = Field(default=1, ge=0, description="of every random draw; another seed, another run")
+    restart: Literal["never", "on-death"] = Field(
+        default="never", description="what becomes of a process that dies unplanned: nothing, or it is started again"
+    )
     field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Surveyed, Field(discriminator="layout")] = Grid()
     sensor: Sensor = Sensor()
     target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
     link: Annotated[Link, Field(discriminator="model")] = Ideal()
     fusion: Fusion = Fusion()
+    clock: Clocks = Clocks()
+    energy: Energy = Energy()
+    faults: tuple[Annotated[Fault, Field(discriminator="kind")], ...] = ()
 
     @model_validator(mode="after")
     def _deadline_within_step(self) -> Self:

@@ -6,13 +6,15 @@ from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import degrees, hypot
-from typing import Any, Final, Self
+from typing import Any, Final, Protocol, Self
 
 from trackfield.draw import normal
 from trackfield.models.sound import bearing, level_db
 from trackfield.world.path import Path
 
 _NS: Final = 1_000_000_000
+LOUDEST_DB: Final = 200.0
+"""The highest level that an array shows, and that fits into a report (docs/wire.md)."""
 
 Window = tuple[int, int]
 """(from ns, to ns), both included, in true time since the start of the run."""
@@ -24,6 +26,24 @@ class Heard:
 
     level_db: float
     bearing_deg: float
+
+    @classmethod
+    def at(cls, level_db: float, angle_deg: float) -> Self:
+        """The reading of an array that shows 200 dB at most, from any angle."""
+        turned = angle_deg % 360.0  # a tiny negative angle rounds up to a full turn
+        return cls(min(level_db, LOUDEST_DB), 0.0 if turned == 360.0 else turned)
+
+
+class Ears(Protocol):
+    """What a node asks of its sensor; times are true."""
+
+    def sample(self, t_ns: int) -> Heard | None:
+        """The reading at this time; None if nothing is heard."""
+        ...
+
+    def next_window(self, t_ns: int) -> int | None:
+        """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +78,7 @@ class AcousticSensor:
         if level < self.audible_db:
             return None
         angle = degrees(bearing(dx, dy)) + self.doa_sd_deg * self._noise("doa", t_ns)
-        return Heard(level + self.level_sd_db * self._noise("level", t_ns), _turn(angle))
+        return Heard.at(level + self.level_sd_db * self._noise("level", t_ns), angle)
 
     def next_window(self, t_ns: int) -> int | None:
         """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
@@ -90,9 +110,3 @@ class AcousticSensor:
 
     def _noise(self, purpose: str, t_ns: int) -> float:
         return normal(self.seed, self.id, self.incarnation, purpose, t_ns)
-
-
-def _turn(angle: float) -> float:
-    """The same direction in [0, 360)."""
-    turned = angle % 360.0
-    return 0.0 if turned == 360.0 else turned  # a tiny negative angle rounds up to a full turn

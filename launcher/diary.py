@@ -1,0 +1,102 @@
+"""What one life of a process told, in the order of its events, and the clock it lived by."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from trackfield.drivers.frames import Died, EventKey, Frame, Overflowed, Refused, Telling, Told, Undone
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.link.clock import Clock
+from trackfield.role import Corrected, Radio
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Settled telemetry: what a process told at true time ``t_ns``."""
+
+    t_ns: int
+    process: str
+    effect: Telling
+
+
+@dataclass(slots=True)
+class Diary:
+    """One life; ``told`` is all of it, ``radio`` and ``corrections`` what is looked up in it by time."""
+
+    spec: ProcessSpec
+    told: list[Told] = field(default_factory=list)
+    radio: list[Told] = field(default_factory=list)
+    corrections: list[tuple[EventKey, int]] = field(default_factory=list)
+    refused: dict[EventKey, str] = field(default_factory=dict)
+    died: EventKey | None = None
+    passed: int = 0  # how many of ``told`` were handed on as settled
+
+    def write(self, output: Told | Refused | Undone) -> None:
+        """The process told something."""
+        if isinstance(output, Refused):
+            self.refused[output.key] = output.reason
+        elif isinstance(output, Undone):
+            self._undo(output.key)
+        elif isinstance(output.effect, Radio):
+            self.radio.append(output)
+        else:
+            self.told.append(output)
+            if isinstance(output.effect, Died):
+                self.died = output.key
+            elif isinstance(output.effect, Corrected):
+                self.corrections.append((output.key, output.effect.correction_ns))
+
+    def _undo(self, since: EventKey) -> None:
+        """Forget what it told from this event on."""
+        for tail in (self.told, self.radio):
+            while tail and tail[-1].key >= since:
+                tail.pop()
+        while self.corrections and self.corrections[-1][0] >= since:
+            self.corrections.pop()
+        self.passed = min(self.passed, len(self.told))
+        for key in [k for k in self.refused if k >= since]:
+            del self.refused[key]
+        if self.died is not None and self.died >= since:
+            self.died = None
+
+    def owns(self, due_ns: int) -> bool:
+        """Whether a frame due then is this life's, as it was planned."""
+        return self.spec.start_ns <= due_ns and (self.spec.kill_ns is None or due_ns < self.spec.kill_ns)
+
+    def misses(self, medium: str, due_ns: int) -> str | None:
+        """Why a frame due then does not reach it: dead, frozen, asleep; None if it does."""
+        if self.died is not None and due_ns > self.died[0]:
+            return "dead"
+        if any(begin <= due_ns < until for begin, until in self.spec.freezes):
+            return "frozen"
+        return None if self.listens(medium, due_ns) else "asleep"
+
+    def listens(self, medium: str, t_ns: int) -> bool:
+        """Whether the radio was on for a frame due at ``t_ns``: a change at t counts after t."""
+        before = bisect_left(self.radio, t_ns, key=lambda o: o.key[0])
+        for told in reversed(self.radio[:before]):
+            if isinstance(told.effect, Radio) and told.effect.medium == medium:
+                return told.effect.on
+        return True
+
+    def local_ns(self, t_ns: int) -> int:
+        """What its clock showed."""
+        return Clock(**self.spec.clock).local(t_ns) + sum(by for at, by in self.spec.jumps if at <= t_ns)
+
+    def clock_error_ns(self, t_ns: int) -> int:
+        """By how much its clock was ahead, after what it knew of that."""
+        known = bisect_right(self.corrections, t_ns, key=lambda c: c[0][0])
+        return self.local_ns(t_ns) + (self.corrections[known - 1][1] if known else 0) - t_ns
+
+    def settled(self, until_ns: int) -> Iterator[Event]:
+        """What it told up to this time and was not handed on before."""
+        while self.passed < len(self.told) and self.told[self.passed].key[0] <= until_ns:
+            told = self.told[self.passed]
+            self.passed += 1
+            yield Event(told.key[0], self.spec.id, told.effect)
+
+    def overflowed(self) -> list[Frame]:
+        """The frames that found its radio's queue full."""
+        return [told.effect.frame for told in self.told if isinstance(told.effect, Overflowed)]

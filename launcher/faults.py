@@ -1,0 +1,199 @@
+"""The planned faults of a scenario as what befalls each process, and when, in whole nanoseconds."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, Final
+
+from trackfield.draw import bits
+from trackfield.errors import ScenarioError
+from trackfield.role import NS
+from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
+from trackfield.scenario.nearest import suggestion
+
+MS: Final = 1_000_000
+Span = tuple[int, int]
+Mark = tuple[float, str, str]
+"""(t s, id, what happens)"""
+
+
+@dataclass(frozen=True, slots=True)
+class Life:
+    """A process from ``start_ns`` until it is killed (None: never), and the freezes in between."""
+
+    start_ns: int = 0
+    kill_ns: int | None = None
+    freezes: tuple[Span, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fates:
+    """What befalls one process: its lives, jumps (at ns, by ns) of its clock, and faults of its sensor."""
+
+    lives: tuple[Life, ...] = (Life(),)
+    jumps: tuple[Span, ...] = ()
+    sensor: tuple[dict[str, Any], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """All that is planned to go wrong in a run. ``fates`` has those processes alone that something befalls."""
+
+    fates: Mapping[str, Fates] = field(default_factory=dict)
+    partitions: tuple[tuple[int, int, tuple[str, ...]], ...] = ()
+    marks: tuple[Mark, ...] = ()
+
+    def of(self, id: str) -> Fates:
+        """What befalls this process."""
+        return self.fates.get(id, Fates())
+
+
+Numbered = tuple[int, Fault]
+"""A fault, and its number in the scenario."""
+
+
+def resolve(faults: Sequence[Fault], seed: int, sensors: Sequence[str], others: Sequence[str], end_ns: int) -> Faults:
+    """The faults of a field of ``sensors`` and ``others`` (ids), in a run that ends at ``end_ns``.
+
+    A share of the sensors is drawn by seed and the fault's number. Raises ``ScenarioError`` for an id that there is
+    not, for a fault after the end, and for one that contradicts another.
+    """
+    befalls: dict[str, list[Numbered]] = defaultdict(list)
+    partitions, marks = [], []
+    for number, fault in enumerate(faults):
+        _check_times(number, fault, end_ns)
+        ids = _ids(number, fault, seed, sensors, others)
+        marks += [mark for id in ids for mark in _marks(fault, id, end_ns)]
+        if isinstance(fault, Partition):
+            partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), end_ns), ids))
+            continue
+        for id in ids:
+            befalls[id].append((number, fault))
+    fates = {id: _fates(id, sorted(own, key=_when), end_ns) for id, own in befalls.items()}
+    return Faults(fates, tuple(partitions), tuple(sorted(marks)))
+
+
+def _when(one: Numbered) -> tuple[float, bool]:
+    """In which order faults begin: what ends a life comes before all else of its instant."""
+    return one[1].at_s, not isinstance(one[1], Kill | Restart)
+
+
+def _ns(t_s: float) -> int:
+    return round(t_s * NS)
+
+
+def _check_times(number: int, fault: Fault, end_ns: int) -> None:
+    """Raise ``ScenarioError`` for a fault that begins, or a process that would be up again, after the end."""
+    for name in ("at_s", *(["until_s"] if isinstance(fault, Restart) else [])):
+        value = getattr(fault, name)
+        if value * NS >= end_ns:
+            what, expected = f"is {value:g}, and the run ends at {end_ns / NS:g} s", "a time before that"
+            raise ScenarioError(what, key=f"faults[{number}].{name}", expected=expected)
+
+
+def _ids(number: int, fault: Fault, seed: int, sensors: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
+    """Whom the fault befalls."""
+    if fault.share is not None:
+        drawn = sorted(sensors, key=lambda id: bits(seed, "fault", number, id))
+        return tuple(sorted(drawn[: max(round(fault.share * len(sensors)), 1)]))
+    known = dict.fromkeys(sensors if isinstance(fault, SensorFault) else (*sensors, *others))
+    for id in fault.nodes or ():
+        if id in known:
+            continue
+        key, least, most = f"faults[{number}].nodes", next(iter(known)), next(reversed(known))
+        if id in others:
+            raise ScenarioError(f"{id} has no sensor to be {fault.kind}", key=key, expected="ids of sensor nodes")
+        expected = f"ids of this field, like {least}" if least == most else f"ids of this field, like {least}, {most}"
+        raise ScenarioError(f"there is no {id!r}{suggestion(id, known)}", key=key, expected=expected)
+    return fault.nodes or ()
+
+
+def _fates(id: str, own: Sequence[Numbered], end_ns: int) -> Fates:
+    """What befalls this process, of faults in the order in which they begin."""
+    jumps: dict[int, int] = defaultdict(int)
+    for _, fault in own:
+        if isinstance(fault, ClockJump):
+            jumps[_ns(fault.at_s)] += round(fault.jump_ms * MS)
+    sensor = [one for one in own if isinstance(one[1], SensorFault)]
+    _check_sensor(id, sensor)
+    return Fates(
+        lives=_lives(id, own, end_ns),
+        jumps=tuple((at, by) for at, by in sorted(jumps.items()) if by),
+        sensor=tuple(_plain(fault, end_ns) for _, fault in sensor if isinstance(fault, SensorFault)),
+    )
+
+
+def _lives(id: str, own: Sequence[Numbered], end_ns: int) -> tuple[Life, ...]:
+    """The lives of a process between kills and restarts, with their freezes.
+
+    A freeze ends with the life that it began in; freezes that meet are one. Raises ``ScenarioError`` for what begins
+    while the process is down.
+    """
+    lives, freezes, start = list[Life](), list[Span](), 0
+    by, until_ns = -1, 0  # which fault took it down, and until when
+    for number, fault in own:
+        if not isinstance(fault, Kill | Restart | Freeze):
+            continue
+        at = _ns(fault.at_s)
+        ends = isinstance(fault, Kill | Restart)
+        if by >= 0 and (at < until_ns or (ends and at == until_ns)):
+            again = f"until {until_ns / NS:g} s" if until_ns < end_ns else "for good"
+            what = f"{fault.kind} of {id} at {fault.at_s:g} s, when faults[{by}] has it down {again}"
+            raise ScenarioError(
+                what, key=f"faults[{number}].at_s", expected="a time at which it is up" + " already" * (at == until_ns)
+            )
+        if isinstance(fault, Freeze):
+            freezes.append((at, min(_ns(fault.until_s), end_ns)))
+        else:
+            lives.append(Life(start, at, _merged(freezes, at)))
+            start = until_ns = _ns(fault.until_s) if isinstance(fault, Restart) else end_ns
+            by, freezes = number, []
+    return (*lives, Life(start, None, _merged(freezes, end_ns))) if start < end_ns else tuple(lives)
+
+
+def _merged(freezes: Iterable[Span], end_ns: int) -> tuple[Span, ...]:
+    """Freezes in order of their beginning, cut at the end, those that meet as one."""
+    merged: list[Span] = []
+    for begin, until in freezes:
+        if merged and begin <= merged[-1][1]:
+            merged[-1] = merged[-1][0], max(merged[-1][1], until)
+        else:
+            merged.append((begin, until))
+    return tuple((begin, min(until, end_ns)) for begin, until in merged)
+
+
+def _check_sensor(id: str, own: Sequence[Numbered]) -> None:
+    """Raise ``ScenarioError`` if a sensor fails in two ways at a time; a bias is added to whatever it reads."""
+    failing = [(number, fault) for number, fault in own if not isinstance(fault, Bias)]
+    for (before, first), (number, second) in pairwise(failing):
+        until_s = getattr(first, "until_s", None)
+        if until_s is None or second.at_s < until_s:
+            lasting = "from then on" if until_s is None else f"until {until_s:g} s"
+            what = f"{second.kind} of {id} at {second.at_s:g} s, and faults[{before}] has it {first.kind} {lasting}"
+            raise ScenarioError(what, key=f"faults[{number}].at_s", expected="one such fault of a sensor at a time")
+
+
+def _plain(fault: SensorFault, end_ns: int) -> dict[str, Any]:
+    """As ``world/faulty.py`` has it."""
+    until_ns = None if fault.until_s is None or fault.until_s * NS >= end_ns else _ns(fault.until_s)
+    plain = {"kind": fault.kind, "from_ns": _ns(fault.at_s), "until_ns": until_ns}
+    return plain | ({"bias_deg": fault.bias_deg, "bias_db": fault.bias_db} if isinstance(fault, Bias) else {})
+
+
+def _marks(fault: Fault, id: str, end_ns: int) -> Iterable[Mark]:
+    """The beginning of a fault, and its end if that comes within the run."""
+    until_s = getattr(fault, "until_s", None)
+    if until_s is not None and until_s * NS >= end_ns:
+        until_s = None
+    text = fault.kind.replace("_", " ") + ("" if until_s is None else f" until {until_s:g} s")
+    match fault:
+        case ClockJump():
+            text = f"clock jump by {fault.jump_ms:+g} ms"
+        case Bias():
+            text += f": {fault.bias_deg:+g} degrees, {fault.bias_db:+g} dB"
+    yield fault.at_s, id, text
+    if until_s is not None:
+        yield until_s, id, "up again" if isinstance(fault, Restart) else f"{fault.kind} ends"

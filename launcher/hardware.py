@@ -1,0 +1,72 @@
+"""What a scenario's processes run on: their clocks and how they set them, their batteries."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from typing import Any, Final
+
+from trackfield.draw import normal
+from trackfield.link.energy import DEVICES
+from trackfield.link.radios import RADIOS
+from trackfield.role import NS
+from trackfield.scenario import Scenario
+from trackfield.scenario.links import Ethernet, Fixed, GilbertElliott, LognormalPrr
+
+FJ_PER_J: Final = 10**15
+FJ_PER_MJ: Final = 10**12
+DEVICE_OF: Final = {"802154-0dbm": "cc2420", "802154-20dbm": "cc2420-20dbm", "lora868": "sx1276", "wifi11b": "wifi11b"}
+"""The device that has this radio; for any other, the figures of a CC2420."""
+PATIENCE_NS: Final = NS // 10
+"""What a node allows for an exchange besides the link's own delays."""
+JITTERS: Final = 5
+"""So many times the mean of an exponential delay are exceeded by one in 150."""
+SYNC_BYTES: Final = 64
+"""No message of a synchronisation is longer (docs/wire.md)."""
+
+
+def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
+    """The clock of a sensor node: how far it is off, drawn for this node alone; nothing if clocks are right."""
+    clock, seed = scenario.clock, scenario.seed
+    if not clock.off:
+        return {}
+    return {
+        "offset_ns": round(clock.offset_ms * 1e6 * normal(seed, id, "clock", "offset")),
+        "drift_ppb": round(clock.drift_ppm * 1e3 * normal(seed, id, "clock", "drift")),
+        "ramp_ppb_per_h": round(clock.ramp_ppm_per_h * 1e3),
+    }
+
+
+def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
+    """How a sensor node sets its clock; None if it never does."""
+    clock = scenario.clock
+    if not (clock.sync and clock.off):
+        return None
+    return {
+        "exchanges": clock.exchanges,
+        "resync_ns": round(clock.resync_s * NS),
+        "timeout_ns": PATIENCE_NS + 2 * slowest_ns(scenario),
+        "seed": scenario.seed,
+        "id": id,
+    }
+
+
+def slowest_ns(scenario: Scenario) -> int:
+    """How long a message of a synchronisation takes where it takes long, on an idle channel; 0 if nobody knows."""
+    match scenario.link:
+        case Fixed() | Ethernet() as link:
+            return round(link.delay_ms * 1e6)
+        case GilbertElliott() as link:
+            return round((link.delay_ms + JITTERS * link.jitter_ms) * 1e6)
+        case LognormalPrr() as link:
+            radio = RADIOS[link.radio](link.sf or 9)
+            one = radio.airtime_ns(radio.overhead_bytes + SYNC_BYTES) + radio.patience_ns
+            return one * max(radio.ack if link.ack is None else link.ack, 1)
+    return 0
+
+
+def power_of(scenario: Scenario, battery_j: float | None, sample_fj: int = 0) -> dict[str, Any]:
+    """What a process draws, and what its battery holds (None: it hangs on the mains)."""
+    radio = scenario.link.radio if isinstance(scenario.link, LognormalPrr) else ""
+    device = scenario.energy.device or DEVICE_OF.get(radio, "cc2420")
+    battery_fj = None if battery_j is None else round(battery_j * FJ_PER_J)
+    return asdict(replace(DEVICES[device], sample_fj=sample_fj, battery_fj=battery_fj))

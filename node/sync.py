@@ -1,0 +1,125 @@
+"""How a node learns the centre's time over the radio: exchanges as in NTP (RFC 5905, sections 8 and 10).
+
+A request leaves at t0 and its reply comes at t3 by the node's clock; in between, by the centre's clock, it came at t1
+and the reply left at t2. Then the centre's clock is ahead by theta and the two frames took delta:
+
+    theta = ((t1 - t0) + (t2 - t3)) / 2        delta = (t3 - t0) - (t2 - t1)
+
+Of a round of exchanges the theta of the smallest delta counts: it cannot be off by more than delta / 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from trackfield.draw import uniform
+from trackfield.role import NS, CancelTimer, Corrected, Effect, Ignored, IllegalEvent, Send, SetTimer
+from trackfield.wire.messages import SyncReply, SyncRequest
+
+SPREAD_NS: Final = NS
+"""Over how long after their starts the nodes of a field begin their first rounds, so that not all ask at once."""
+_NUMBERS: Final = 1 << 16
+_US: Final = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """What an exchange found: the centre's clock is ``theta_ns`` ahead, give or take half of ``delta_ns``."""
+
+    delta_ns: int
+    theta_ns: int
+
+
+def offset(t0: int, t1: int, t2: int, t3: int) -> Offset:
+    """What an exchange says that left and came at t0 and t3 (node's clock), came and left at t1 and t2 (centre's)."""
+    return Offset((t3 - t0) - (t2 - t1), ((t1 - t0) + (t2 - t3)) // 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Timekeeping:
+    """What a node knows of the time: its clock plus ``correction_ns`` is the centre's.
+
+    ``asked`` counts its requests; ``sent_ns`` is when (local time) the one left that waits for its reply, None if none
+    does. ``left`` exchanges of the round are still to come, ``best`` is what the round found so far. A node that is
+    awake begins its next round at ``due_ns`` (local time).
+    """
+
+    correction_ns: int = 0
+    asked: int = 0
+    sent_ns: int | None = None
+    left: int = 0
+    best: Offset | None = None
+    due_ns: int = 0
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a round is under way."""
+        return self.sent_ns is not None
+
+
+Step = tuple[Timekeeping, tuple[Effect, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Synchronisation:
+    """Rounds of ``exchanges`` with ``centre``, each given up ``timeout_ns`` after its request.
+
+    A node that is awake begins a round ``resync_ns`` after the last. Node ``id`` of a run with ``seed`` has its own
+    share of the spread at the start and after failures.
+    """
+
+    centre: str
+    exchanges: int
+    resync_ns: int
+    timeout_ns: int
+    seed: int
+    id: str
+
+    @property
+    def lead_ns(self) -> int:
+        """How long a round takes at most."""
+        return self.exchanges * self.timeout_ns
+
+    def start(self, now: int) -> Step:
+        """A life begins: the first round follows within ``SPREAD_NS``."""
+        due = now + int(SPREAD_NS * uniform(self.seed, self.id, "sync", "start"))
+        return Timekeeping(due_ns=due), (SetTimer("sync", due),)
+
+    def due(self, time: Timekeeping, now: int, timer: str) -> Step:
+        """Timer ``sync`` begins a round, ``reply`` gives an exchange up; raises ``IllegalEvent`` for any other."""
+        match timer, time.waiting:
+            case "sync", False:
+                return self._ask(replace(time, left=self.exchanges, best=None), now)
+            case "reply", True:
+                return self._next(time, now)
+        raise IllegalEvent(f"timer {timer!r} while {'' if time.waiting else 'not '}waiting for a reply")
+
+    def receive(self, time: Timekeeping, now: int, reply: SyncReply, sender: str) -> Step:
+        """A reply came; only the one to the request in hand is of use, if it makes sense."""
+        if sender != self.centre:
+            return time, (Ignored("foreign"),)
+        if time.sent_ns is None or (reply.exchange, reply.sent_us) != (time.asked % _NUMBERS, time.sent_ns // _US):
+            return time, (Ignored("outdated"),)
+        found = offset(time.sent_ns, reply.came_us * _US, reply.left_us * _US, now)
+        if reply.left_us < reply.came_us or found.delta_ns < 0:
+            return time, (Ignored("implausible"),)
+        best = found if time.best is None or found.delta_ns < time.best.delta_ns else time.best
+        return self._next(replace(time, best=best), now)
+
+    def _ask(self, time: Timekeeping, now: int) -> Step:
+        asked = time.asked + 1
+        request = SyncRequest(asked % _NUMBERS, now // _US)
+        after = replace(time, asked=asked, sent_ns=now, left=time.left - 1)
+        return after, (Send(request, self.centre), SetTimer("reply", now + self.timeout_ns))
+
+    def _next(self, time: Timekeeping, now: int) -> Step:
+        """The next exchange, or the end of the round; if all of it failed, what was known before still holds."""
+        if time.left:
+            return self._ask(time, now)
+        over = replace(time, sent_ns=None, best=None)
+        if time.best is None:
+            pause = int(self.lead_ns * (1 + 2 * uniform(self.seed, self.id, "sync", time.asked)))
+            return replace(over, due_ns=now + min(pause, self.resync_ns)), ()
+        over = replace(over, correction_ns=time.best.theta_ns, due_ns=now + self.resync_ns)
+        return over, (CancelTimer("reply"), Corrected(over.correction_ns))

@@ -1,0 +1,58 @@
+"""A measured link, replayed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.links import PLACES, TRACE, S
+from trackfield.link import Fate, make_link
+
+
+@pytest.mark.parametrize(
+    ("t_s", "fate"),
+    [
+        (0, Fate(None, 2_500_000)),
+        (9.999999999, Fate(None, 2_500_000)),
+        (10, Fate("radio")),
+        (20.499999999, Fate("radio")),
+        (20.5, Fate(None, 1_000_000)),
+        (1e6, Fate(None, 1_000_000)),
+    ],
+)
+def test_the_last_line_at_or_before_holds(t_s: float, fate: Fate) -> None:
+    assert make_link(TRACE, 1, PLACES).fate("n1", "fusion", "doa", round(t_s * S), 0, 12) == fate
+
+
+def test_a_link_receives_nothing_before_its_first_line_or_without_one() -> None:
+    link = make_link(TRACE, 1, PLACES)
+    assert link.fate("n2", "fusion", "doa", 5 * S - 1, 0, 12) == Fate("radio")
+    assert link.fate("n2", "fusion", "doa", 5 * S, 0, 12) == Fate(None, 40_000_000)
+    assert link.fate("fusion", "n2", "doa", 5 * S, 0, 12) == Fate("radio")
+    assert (link.reception("n1", "fusion", 12), link.reception("fusion", "n1", 12)) == (pytest.approx(2 / 3), 0)
+
+
+def test_a_process_keeps_its_own_links_of_a_trace() -> None:
+    mine = make_link(TRACE, 1, {"n2": (0.0, 0.0), "fusion": (0.0, 0.0)})
+    assert mine.fate("n2", "fusion", "doa", 5 * S, 0, 12).cause is None
+    assert mine.reception("n10", "n1", 12) == 0
+    assert make_link(TRACE, seed=1).reception("n10", "n1", 12) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no column src, dst, t_s, received, delay_ms"),
+        ("src,dst,t_s,received\n", "no column delay_ms"),
+        ("src,dst,t_s,received,delay_ms\na,b,soon,1,2\n", ":2: .*soon"),
+        ("src,dst,t_s,received,delay_ms\na,b,0,1,2\na,b,-1,1,2\n", ":3: t_s"),
+        ("src,dst,t_s,received,delay_ms\na,b,0,yes,2\n", ":2: received: 'yes' is not 0 or 1"),
+        ("src,dst,t_s,received,delay_ms\na,b,0,1,nan\n", ":2: delay_ms"),
+        ("src,dst,t_s,received,delay_ms\na,b,0\n", ":2: "),
+    ],
+)
+def test_a_trace_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "trace.csv").write_text(text)
+    with pytest.raises(ValueError, match=message):
+        make_link({"model": "trace", "file": str(tmp_path / "trace.csv")}, seed=1)

@@ -1,0 +1,49 @@
+"""What a process meets whatever its role does: the span of its life, faults, its battery and its radio."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from trackfield.drivers.frames import FREE, Frame
+from trackfield.link.energy import Power
+from trackfield.link.fate import Fate
+
+NEVER: Final = 1 << 62
+"""Later than any time."""
+
+
+MAINS: Final = Power(0, 0, 0, 0)
+"""A device that nobody counts for."""
+
+
+def _free(frame: Frame) -> Fate:
+    """No radio: a frame occupies nothing and costs nothing."""
+    return FREE
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Times are true, in ns.
+
+    The life lasts from ``start_ns`` until before ``kill_ns``. In each of the ``freezes`` (from, until), apart and in
+    order, nothing is heard, and timers wait for its end. At each of the ``jumps`` (at, by), in order, the clock is
+    put forward by so much. ``cost`` is what a frame costs its sender; ``queue`` frames may wait for the radio.
+    """
+
+    start_ns: int = 0
+    kill_ns: int = NEVER
+    freezes: tuple[tuple[int, int], ...] = ()
+    jumps: tuple[tuple[int, int], ...] = ()
+    power: Power = MAINS
+    queue: int = 32
+    cost: Callable[[Frame], Fate] = _free
+
+    def thaw_ns(self, t_ns: int) -> int:
+        """This time, or the end of the freeze that it falls into."""
+        return next((until for begin, until in self.freezes if begin <= t_ns < until), t_ns)
+
+    def air_ns(self, fate: Fate, payload: bytes) -> int:
+        """How long a frame was on the air, over all its fragments and repeats."""
+        return fate.air_ns or (len(payload) + self.power.overhead_bytes) * self.power.byte_ns

@@ -1,0 +1,69 @@
+"""All of a process that changes by handling events, as one immutable value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from trackfield.drivers.frames import Arrival, EventKey, Output
+from trackfield.drivers.meter import Meter
+from trackfield.link.clock import Clock
+
+
+class Alarm(NamedTuple):
+    """A pending timer: when it fires and was meant to fire (true time), and the local time it was set for."""
+
+    fires_ns: int
+    due_ns: int
+    at: int
+
+
+class Receiver(NamedTuple):
+    """Whether a radio listens, since when, and whether it did before (a change at t counts after t)."""
+
+    on: bool
+    since_ns: int
+    before: bool
+
+    def at(self, t_ns: int) -> bool:
+        """Whether a frame due at ``t_ns`` is heard."""
+        return self.on if t_ns > self.since_ns else self.before
+
+
+class Life(NamedTuple):
+    """A snapshot of a process; nobody writes into its parts.
+
+    ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` the instant at
+    which frames left last and how many of each (kind, address); ``stored`` what the role kept last; ``jumped`` how
+    many jumps of the clock are over; ``told`` the charge that was told last (%). Its events begin when it has
+    ``started``, and end when it is ``over``.
+    """
+
+    state: Any
+    clock: Clock
+    meter: Meter
+    alarms: dict[str, Alarm]
+    receivers: dict[str, Receiver]
+    sending: tuple[int, ...]
+    copies: tuple[int, dict[tuple[str, str], int]]
+    tally: dict[str, int]
+    stored: bytes
+    jumped: int = 0
+    told: int = 100
+    started: bool = False
+    over: bool = False
+
+    @classmethod
+    def new(cls, state: Any, clock: Clock, start_ns: int) -> Life:
+        """A life that has not begun."""
+        return cls(state, clock, Meter(since_ns=start_ns), {}, {}, (), (-1, {}), {}, b"")
+
+
+@dataclass(slots=True)
+class Handled:
+    """One entry of the history: the event, the life before it, and what left because of it."""
+
+    key: EventKey
+    before: Life
+    arrival: Arrival | None
+    outputs: list[Output]

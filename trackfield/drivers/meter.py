@@ -1,0 +1,68 @@
+"""What a process spends its time and energy on, counted in exact integers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from trackfield.link.energy import CAUSES, Power
+
+
+class Activity(NamedTuple):
+    """Durations (ns) in which the radio sends, receives, listens in vain and is off, and readings of sensors."""
+
+    send_ns: int = 0
+    receive_ns: int = 0
+    listen_ns: int = 0
+    sleep_ns: int = 0
+    samples: int = 0
+
+    def energy_fj(self, power: Power) -> dict[str, int]:
+        """What that takes with this device, by cause (fJ)."""
+        rates = (power.send_uw, power.receive_uw, power.listen_uw, power.sleep_uw, power.sample_fj)
+        return {cause: rate * amount for cause, rate, amount in zip(CAUSES, rates, self, strict=True)}
+
+    @classmethod
+    def total(cls, parts: Iterable[Activity]) -> Activity:
+        """All of these together."""
+        return cls(*map(sum, zip(cls(), *parts, strict=True)))
+
+
+class Meter(NamedTuple):
+    """The ``activity`` of a process up to ``since_ns``, and whether its receiver is on from then on."""
+
+    activity: Activity = Activity()
+    since_ns: int = 0
+    on: bool = True
+
+    def at(self, t_ns: int) -> Meter:
+        """The same, up to a later time."""
+        passed = t_ns - self.since_ns
+        return Meter(self._rest(passed), t_ns, self.on) if passed else self
+
+    def used(self, *, send_ns: int = 0, receive_ns: int = 0, samples: int = 0) -> Meter:
+        """The radio sends and receives for so long, which is not listened or slept; a sensor is read."""
+        a = self._rest(-send_ns - receive_ns)
+        done = a._replace(
+            send_ns=a.send_ns + send_ns, receive_ns=a.receive_ns + receive_ns, samples=a.samples + samples
+        )
+        return self._replace(activity=done)
+
+    def left_fj(self, power: Power) -> int | None:
+        """What is left in the battery, 0 if it is overdrawn; None on mains."""
+        if power.battery_fj is None:
+            return None
+        return max(power.battery_fj - sum(self.activity.energy_fj(power).values()), 0)
+
+    def empty_ns(self, power: Power) -> int | None:
+        """When the battery is empty if nothing else happens; None: never."""
+        left, draw = self.left_fj(power), power.listen_uw if self.on else power.sleep_uw
+        if left is None or (left and not draw):
+            return None
+        return self.since_ns + (-(-left // draw) if left else 0)
+
+    def _rest(self, passed: int) -> Activity:
+        a = self.activity
+        if self.on:
+            return a._replace(listen_ns=a.listen_ns + passed)
+        return a._replace(sleep_ns=a.sleep_ns + passed)

@@ -1,0 +1,35 @@
+"""What has to leave when events were undone and handled again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from trackfield.drivers.frames import EventKey, Frame, Output, Refused, Sent, Told, Undone
+
+Identity = tuple[Any, ...]
+
+
+def difference(
+    old: list[Output], new: list[Output], since: EventKey, ghosts: set[Identity], recall: Callable[[Frame], bool]
+) -> tuple[list[Output], bool]:
+    """What must leave: frames that are new, and telemetry again if it changed; whether anything left by mistake.
+
+    ``old`` left the first time, ``new`` when all from the event ``since`` on was handled again. ``recall`` takes back
+    a frame that should not have left, if it still can. What it cannot joins the ``ghosts``: their like does not leave
+    again.
+    """
+    left, again = _frames(old), _frames(new)
+    vanished = [frame for frame in left if frame not in again]
+    lost = {frame.identity for frame in vanished if not recall(frame)}
+    ghosts |= lost
+    known = {frame.identity for frame in left if frame in again} | ghosts
+    out: list[Output] = [o for o in new if isinstance(o, Sent) and o.frame.identity not in known]
+    told, retold = ([o for o in side if isinstance(o, Told | Refused)] for side in (old, new))
+    if told != retold:
+        out += [Undone(since), *retold]
+    return out, bool(lost)
+
+
+def _frames(outputs: Iterable[Output]) -> list[Frame]:
+    return [o.frame for o in outputs if isinstance(o, Sent)]
