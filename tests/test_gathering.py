@@ -82,6 +82,7 @@ def test_a_killed_process_is_reported_and_its_place_taken_again(router: str, sta
     nodes = [start("node") for _ in range(4)]
     run = Run(tmp_path / "run", *OPTIONS, "--connect", router)
     run.started()
+    time.sleep(3)  # steps in which all report
     nodes[0].kill()
     start("node")
     code, said = run.finish(60)
