@@ -52,6 +52,7 @@ class Field:
         modern = subprocess.run(["docker", "compose", "version"], capture_output=True, check=False).returncode == 0
         self.compose = [*(["docker", "compose"] if modern else ["docker-compose"]), "--project-name", self.project]
         self.environment = {
+            "COMPOSE_HTTP_TIMEOUT": "300",  # an older Compose gives up after a minute of a busy machine
             "TRACKFIELD_IMAGE": image,
             "TRACKFIELD_RUN": SCENARIO,
             "TRACKFIELD_RUNS": str(folder),
@@ -70,17 +71,25 @@ class Field:
     def said(self) -> str:
         return (self.folder / "said").read_text()
 
+    def labelled(self, *command: str, **labels: str) -> list[str]:
+        """What a listing of the engine's has of this project under these labels."""
+        wanted = {"project": self.project, **labels}
+        filters = [f"--filter=label=com.docker.compose.{label}={value}" for label, value in wanted.items()]
+        return output("docker", *command, "--quiet", *filters).split()
+
     def hosts(self, service: str) -> list[str]:
         """The host names of a service's containers, which are the beginnings of their ids."""
-        labels = (f"com.docker.compose.project={self.project}", f"com.docker.compose.service={service}")
-        return output("docker", "ps", "--all", "--quiet", *(f"--filter=label={label}" for label in labels)).split()
+        return self.labelled("ps", "--all", service=service)
 
     def network(self, name: str) -> str:
-        labels = (f"com.docker.compose.project={self.project}", f"com.docker.compose.network={name}")
-        return output("docker", "network", "ls", "--quiet", *(f"--filter=label={label}" for label in labels)).strip()
+        [network] = self.labelled("network", "ls", network=name)
+        return network
 
     def down(self) -> None:
-        output(*self.compose, "down", "--timeout", "1", **self.environment)
+        if containers := self.labelled("ps", "--all"):
+            output("docker", "rm", "--force", *containers)
+        if networks := self.labelled("network", "ls"):
+            output("docker", "network", "rm", *networks)
 
 
 @dataclass
