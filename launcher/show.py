@@ -142,6 +142,8 @@ def conclude(outcome: Outcome) -> None:
     metrics = outcome.metrics
     if metrics["frames"]["sent"] is not None:  # it was recorded
         console.print(_result(metrics))
+        for line in _surroundings(metrics):
+            console.print(line)
         for line in _alarms(metrics):
             console.print(f"[bold red]{line}[/]")
     for complaint in outcome.complaints[:MAX_COMPLAINTS]:
@@ -188,6 +190,28 @@ def _result(metrics: dict[str, Any]) -> Table:
         f"frames: sent {frames['sent']}, delivered {frames['delivered']} (late {frames['late']}); lost: {lost}"
     )
     return table
+
+
+def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
+    """What clocks and batteries did to the run, and it to them."""
+    clock, energy, lifetime = metrics["clock_error_ms"], metrics["energy_j"], metrics["lifetime_s"]
+    if clock["rms"] is not None:
+        yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
+    if energy["total"] is not None:
+        by = ", ".join(f"{cause} {joules:.3g}" for cause, joules in energy["by"].items() if joules)
+        yield f"energy of sensor nodes: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
+    if lifetime["first_death"] is not None:
+        names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
+        times = [f"{text} after {_span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]
+        yield f"batteries: {', '.join(times)}{' (at this rate)' if lifetime['extrapolated'] else ''}"
+
+
+def _span(seconds: float) -> str:
+    """A time that may be a minute or a year."""
+    for unit, length in (("days", 86_400), ("h", 3_600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.1f} s"
 
 
 def _alarms(metrics: dict[str, Any]) -> list[str]:

@@ -23,6 +23,7 @@ from launcher.blueprint import path as entity
 from launcher.picture import Picture
 from launcher.records import FieldInfo, MessageRow
 from launcher.scene import Points, Seconds, rings
+from trackfield.link.places import position
 from trackfield.role import NS, TrackPoint
 
 LAG_NS: Final = NS
@@ -35,6 +36,8 @@ BULK: Final = 256
 
 BATTERY_STEPS: Final = 20
 """Levels of a battery that are told apart."""
+MOVES_NS: Final = NS // 4
+"""How often a process that moves is drawn."""
 MARKS: Final = 100
 """A mark is as long as the run divided by this."""
 
@@ -63,7 +66,7 @@ class Timeline:
         self._tracks: dict[str, _Track] = {}
         self._mark_ns = round(info.end_s / MARKS * NS)
         self._step_ns = NS
-        self._newest = self._flushes = self._truths = self._marks = 0
+        self._newest = self._flushes = self._truths = self._marks = self._moves = 0
         self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
@@ -218,6 +221,12 @@ class Timeline:
             t_s, process, text = marks[self._marks]
             self._mark(round(t_s * NS), process, text, "WARN")
             self._marks += 1
+        paths = dict(self._info.paths)
+        while paths and self._moves * MOVES_NS <= until_s * NS:
+            t_ns = self._moves * MOVES_NS
+            at = np.array([position(paths, id, t_ns) for id in paths])
+            self._add("/field/moving", rows.points, t_ns, at)
+            self._moves += 1
 
     def _message(self, row: MessageRow) -> None:
         t_ns, show = rows.instant(row), self._picture.shown.show

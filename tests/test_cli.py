@@ -25,7 +25,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
     said = trackfield("run", "spcpf", *SHORT, "--out", "mine")
     assert (said.code, said.out) == (0, "")
     first, *_, folder, following = said.err.splitlines()
-    assert first == "spcpf: 121 sensor nodes, 9 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf"
+    assert first == "spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
     assert (folder, following) == ("run folder: mine", "next: trackfield view mine")
     for tracker in ("fix-imm-ukf", "spcpf"):
         assert re.search(rf"{tracker} +│ +\d\.\d\d m ", said.err)
@@ -97,11 +97,15 @@ def test_the_schema_knows_every_section(trackfield: Call) -> None:
 def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp_path: Path) -> None:
     said = trackfield("validate", "bus", "--set", "link.model=ideal", "--set", "target.from=08:00:30")
     assert (said.code, said.out) == (0, "")
-    first, second = said.err.splitlines()
+    first, second, *others = said.err.splitlines()
     assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf", first)
     assert re.fullmatch(
         r"reception of doa at fusion from \d\d sensor nodes: mean 100.0%, worst 100.0% \(n000\)", second
     )
+    assert [line.partition(":")[0] for line in others] == [
+        f"reception of sync-request at fusion from {first[5:7]} sensor nodes",
+        f"reception of sync-reply at {first[5:7]} sensor nodes from fusion",
+    ]
     assert list(tmp_path.iterdir()) == []
 
 

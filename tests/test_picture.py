@@ -173,6 +173,17 @@ def test_planned_faults_are_marked_once_and_only_as_far_as_the_run_came(played: 
     assert texts == [(10.0, ["n0: freeze until 20 s"]), (20.0, ["n0: freeze ends"])]
 
 
+def test_a_process_that_moves_is_drawn_where_it_is(played: Played) -> None:
+    legs = ((0, 0.0, -50.0), (2 * NS, 20.0, -50.0), (3 * NS, 20.0, -60.0))
+    info = field_of(2, paths=(("fusion", legs),))
+    file = played(info, lambda timeline: timeline.state(5 * NS, "n0", "awake"))
+    at = {t: value for t, (value,) in read(file, "/field/moving", "Points2D:positions")}
+    assert list(at) == [k / 4 for k in range(21)]
+    assert [at[t] for t in (0.0, 0.25, 2.5, 5.0)] == [[0.0, -50.0], [2.5, -50.0], [20.0, -55.0], [20.0, -60.0]]
+    assert read(file, "/field/moving", "Points2D:labels") == [(None, ["fusion"])]
+    assert [value for _, value in read(file, "/field/centres", "Points2D:positions")] == [[]]
+
+
 # --- clocks, queues, links, messages -----------------------------------------------------------------------
 
 
@@ -239,8 +250,7 @@ def test_of_a_large_network_only_those_are_drawn_that_have_to_do_with_something(
         timeline.message(report("n9", 2 * NS))
         timeline.message(report("n11", 3 * NS, "radio"))
 
-    info = field_of(look.WHOLE_NETWORK)
-    file = played(info, calls)
+    file = played(field_of(look.WHOLE_NETWORK), calls)
     ids = [(t, set(value)) for t, value in read(file, "/network", "GraphNodes:node_ids")]
     assert ids == [
         (0.0, {"fusion"}),
@@ -249,9 +259,8 @@ def test_of_a_large_network_only_those_are_drawn_that_have_to_do_with_something(
         (3.0, {"fusion", "n7", "n11"}),
         (4.0, {"fusion", "n7"}),
     ]
-    at = look.graph_positions(info)
-    (_, names), (_, places) = (read(file, "/network", f"GraphNodes:{part}")[1] for part in ("node_ids", "positions"))
-    assert dict(zip(names, places, strict=True)) == {name: pytest.approx(at[name]) for name in names}
+    colours = read(file, "/network", "GraphNodes:colors")
+    assert sorted(colours[1][1]) == sorted([ASLEEP, AWAKE])
 
 
 def test_a_layer_of_many_points_is_drawn_less_often_but_its_end_is_right(played: Played) -> None:
