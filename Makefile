@@ -5,11 +5,18 @@ BIN := $(VENV)/bin
 PYTHON ?= python3.13 python3.12 python3.11 python3
 GROUND := pyproject.toml constraints.txt
 
+# Containers (docs/containers.md); BASE may be any image with Python 3.11 or newer, venv and glibc.
+OWN_BASE := trackfield/base:bookworm
+BASE ?= $(OWN_BASE)
+IMAGE ?= trackfield
+NODES ?= 25
+SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
+
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint study clean
+.PHONY: help demo test lint study base-image image field clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-6s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/run.stamp  ## track a city bus with a field of sensor processes
 	$(BIN)/trackfield run bus
@@ -25,6 +32,17 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 
 study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
 	$(BIN)/python -m tests.campaign
+
+base-image:  ## the image that ours stands on, from Debian packages (as root, with debootstrap)
+	containers/base-image $(OWN_BASE)
+
+image: | $(BIN)/python  ## the image of router, nodes, fusion centre and launcher
+	@[ "$(BASE)" != $(OWN_BASE) ] || docker image inspect $(BASE) >/dev/null 2>&1 || containers/base-image $(BASE)
+	containers/wheels $(BASE) $(BIN)/python
+	docker build --quiet --tag $(IMAGE) --build-arg BASE=$(BASE) .
+
+field: image  ## track a vehicle with 25 containers, from the image to the run folder in runs/
+	TRACKFIELD_IMAGE=$(IMAGE) containers/field $(NODES) $(SCENARIO) --nodes $(NODES)
 
 clean:  ## remove the environment and all caches; run folders stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -81,6 +81,7 @@ def state_colour(name: str) -> Colour:
     return STATE_COLOURS.get(name, OTHER_STATE)
 
 
+@lru_cache(maxsize=1024)
 def share_colour(share: float) -> Colour:
     """From red (0) through yellow (0.5) to green (1): of batteries and of links."""
     where = min(max(share, 0.0), 1.0) * (len(_SHARES) - 1)
@@ -120,7 +121,7 @@ def lanes(info: FieldInfo) -> list[Place]:
     if not sensors or not info.truth:
         return others + sensors
     at = np.array([(place.x, place.y) for place in sensors])
-    some = info.truth[:: len(info.truth) // 300 + 1]
+    some = info.truth[:: len(info.truth) // 150 + 1]
     nearest = Counter(int(np.argmin(np.hypot(*(at - point[1:]).T))) for point in some)
     first = [sensors[index] for index, _ in nearest.most_common()]
     return others + first + [place for index, place in enumerate(sensors) if index not in nearest]
@@ -193,7 +194,8 @@ def _times() -> rrb.DataframeView:
 
 
 def _links(info: FieldInfo) -> rrb.Spatial2DView:
-    places = [(place.x, place.y) for place in info.places] + legend_places(info, 5)
+    places = [(place.x, place.y) for place in info.places]
+    places += [(x, y - 0.05 * extent(info)) for x, y in legend_places(info, 1)]
     return rrb.Spatial2DView(
         origin="/",
         contents="/links/**",
@@ -209,13 +211,14 @@ def _field(info: FieldInfo) -> rrb.Spatial2DView:
     )
     truth = [path("field", "truth", part) for part in ("path", "interpolated")]
     trails = [*truth, *(path("field", name, "track") for name in info.trackers)]
-    points = [(place.x, -place.y) for place in info.places] + [(x, -y) for _, x, y in info.truth]
+    points = [(place.x, place.y) for place in info.places] + [(x, y) for _, x, y in info.truth]
+    points += [(x, y) for _, legs in info.paths for _, x, y in legs]
     return rrb.Spatial2DView(
         origin="/",
         contents="/field/**",
         name="Field (E right, N up)",
         background=_GROUND,
-        visual_bounds=_bounds(points),
+        visual_bounds=_bounds([(x, -y) for x, y in points]),
         overrides=dict.fromkeys(trails, so_far),
     )
 

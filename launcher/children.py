@@ -81,13 +81,15 @@ class Children:
         """Whether it was forked and has not ended."""
         return name in self._children and self._children[name].is_alive()
 
-    def pid(self, name: str) -> int | None:
+    def pid(self, name: str) -> int:
         """Its process id."""
-        return self._children[name].pid
+        pid = self._children[name].pid
+        assert pid is not None  # it was started
+        return pid
 
     def cpu_s(self, name: str) -> float:
         """The processor time of a living child so far."""
-        times = psutil.Process(self._children[name].pid).cpu_times()
+        times = psutil.Process(self.pid(name)).cpu_times()
         return float(times.user + times.system)
 
     def kill(self, name: str) -> None:

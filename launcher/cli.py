@@ -49,10 +49,13 @@ def run(
     out: Annotated[Path | None, typer.Option(help="The run folder; new or empty.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")] = False,
     connect: Annotated[str, typer.Option(help="Use the Zenoh router at this endpoint.")] = "",
+    external: Annotated[
+        bool, typer.Option("--external", help="Wait for processes that start elsewhere and join through --connect.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a scenario and leave a run folder with its timeline, tables and metrics."""
-    from launcher.prepare import check_endpoint, keep, load, planned
+    from launcher.prepare import check_driver, check_endpoint, keep, load, planned
     from launcher.run import prepare_folder, run_processes, run_virtual
     from launcher.show import announce, conclude, observing
 
@@ -69,7 +72,9 @@ def run(
         trackers=tracker or (),
     )
     plan = planned(resolved, speed)
-    check_endpoint(connect)
+    if connect:
+        check_endpoint(connect, "--connect")
+    check_driver(virtual=virtual, external=external, connect=connect)
     folder = prepare_folder(out, resolved.name, resolved.seed)
     keep(resolved, folder)
     if not quiet:
@@ -78,12 +83,27 @@ def run(
         outcome = run_virtual(plan, folder, sys.argv)
     else:
         with observing(plan, quiet=quiet) as observer:
-            outcome = run_processes(plan, folder, observer, sys.argv, connect)
+            outcome = run_processes(plan, folder, observer, sys.argv, connect, external=external)
     if as_json:
         print(json.dumps(outcome.metrics, indent=2))
     if not quiet or outcome.complaints:
         conclude(outcome)
     raise typer.Exit(outcome.exit_code)
+
+
+@app.command()
+def router(
+    listen: Annotated[
+        list[str], typer.Option(metavar="ENDPOINT", help="Where, like tcp/0.0.0.0:7447; may be repeated.")
+    ],
+) -> None:
+    """Be a router for runs whose processes start elsewhere, until Ctrl-C."""
+    from launcher.prepare import check_endpoint
+    from launcher.router import serve
+
+    for endpoint in listen:
+        check_endpoint(endpoint, "--listen")
+    serve(listen)
 
 
 @app.command("list")

@@ -55,6 +55,12 @@ def side_by_side(runs: Sequence[Path]) -> Table:
     for key in ("sent", "expected", "delivered", "late"):
         table.add_row(f"frames {key}", *(str(m["frames"][key]) for m in metrics))
     table.add_row("frames lost", *(str(sum(m["frames"]["lost"].values())) for m in metrics))
+    for name, section, key in (
+        ("clock error, rms [ms]", "clock_error_ms", "rms"),
+        ("energy [J]", "energy_j", "total"),
+        ("first battery empty [s]", "lifetime_s", "first_death"),
+    ):
+        table.add_row(name, *(_number(m[section][key]) for m in metrics))
     table.add_row("host late", *(str(m["timing"]["host_late"]) for m in metrics))
     return table
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import shutil
 import tempfile
 import time
@@ -63,9 +64,12 @@ class Deployment:
     befalls them later is in ``deaths`` and ``stops``.
     """
 
+    stopped = "was stopped from outside"
+    """What became of a process that stood still."""
+
     def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
         self.plan, self.folder = plan, folder
-        self.registry = Registry(plan)
+        self.registry = self._registry()
         self.status: dict[str, Any] = {}
         self.router_cpu_s = 0.0
         self._own_router = not endpoint
@@ -82,7 +86,7 @@ class Deployment:
         self._stopping = False
 
     def __enter__(self) -> Self:
-        self._children = Children(len(self.plan.processes) + 2)
+        self._children = self._make_children()
         self._watch = Watch(self._children, self._clock)
         self.deaths, self.stops = self._watch.deaths, self._watch.stops
         try:
@@ -97,6 +101,12 @@ class Deployment:
         if hasattr(self, "session"):
             self.session.close()  # type: ignore[no-untyped-call]
         shutil.rmtree(self._sockets, ignore_errors=True)
+
+    def _registry(self) -> Registry:
+        return Registry(self.plan)
+
+    def _make_children(self) -> Children:
+        return Children(len(self.plan.processes) + 2)
 
     # --- birth ----------------------------------------------------------------------------------------------------
 
@@ -144,15 +154,15 @@ class Deployment:
 
     # --- life -----------------------------------------------------------------------------------------------------
 
-    def wait_ready(self, tick: Callable[[int, int], bool]) -> None:
-        """Wait until all declare themselves alive; ``tick(ready, of)`` returns True to give up.
+    def wait_ready(self, tick: Callable[[set[str], int], bool]) -> None:
+        """Wait until all declare themselves alive; ``tick(missing, of)`` returns True to give up.
 
         Raises ``RunFailed`` for a process that dies first, or is not there in time.
         """
         wanted = {*self._lives, RECORDER}
-        deadline = time.monotonic() + READY_TIMEOUT_S + READY_PER_PROCESS_S * len(wanted)
+        deadline = time.monotonic() + self._ready_timeout_s()
         while missing := wanted - self.registry.live:
-            if tick(len(wanted) - len(missing), len(wanted)):
+            if tick(missing, len(wanted)):
                 return
             for name, why in self._watch.look():
                 raise self._failure(f"{name} died at start ({why})", name)
@@ -160,6 +170,9 @@ class Deployment:
                 what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
                 raise self._failure(what, min(missing))
             time.sleep(POLL_S)
+
+    def _ready_timeout_s(self) -> float:
+        return READY_TIMEOUT_S + READY_PER_PROCESS_S * len(self._lives)
 
     def begin(self) -> None:
         """Order the start of emulated time."""
@@ -315,7 +328,15 @@ class Deployment:
 
     def pids(self) -> dict[str, int]:
         """The process ids of the roles, by name."""
-        return {name: pid for name in self._lives if (pid := self._children.pid(name)) is not None}
+        return {name: self._children.pid(name) for name in self._lives}
+
+    def pid(self, name: str) -> int:
+        """The process id of one, role or not."""
+        return self._children.pid(name)
+
+    def host(self, name: str) -> str:
+        """Where it runs."""
+        return platform.node()
 
     def log(self, name: str) -> Path:
         """A process's log."""

@@ -15,6 +15,8 @@ from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Par
 from trackfield.scenario.nearest import suggestion
 
 MS: Final = 1_000_000
+LONGEST_S: Final = 1e9
+"""No run lasts that long."""
 Span = tuple[int, int]
 Mark = tuple[float, str, str]
 """(t s, id, what happens)"""
@@ -82,7 +84,7 @@ def _when(one: Numbered) -> tuple[float, bool]:
 
 
 def _ns(t_s: float) -> int:
-    return round(t_s * NS)
+    return round(min(t_s, LONGEST_S) * NS)
 
 
 def _check_times(number: int, fault: Fault, end_ns: int) -> None:

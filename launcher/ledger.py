@@ -78,9 +78,11 @@ class Ledger:
             self._written[process] = None
 
     def life(self, spec: ProcessSpec) -> None:
-        """A process that died unplanned lives again; what is due from then on is for its new life."""
+        """A process that died unplanned lives again: what is due from then on is its new life's. May be told twice."""
+        if spec.name in self.diaries:
+            return
         for diary in self._lives[spec.id]:
-            if diary.spec.kill_ns is None:
+            if diary.owns(spec.start_ns):
                 diary.spec = replace(diary.spec, kill_ns=spec.start_ns)
         self.diaries[spec.name] = Diary(spec)
         self._lives[spec.id].append(self.diaries[spec.name])
@@ -130,17 +132,25 @@ class Ledger:
             self._bury(name)
         return rows, events
 
-    def host_lost(self) -> int:
-        """Frames that should have reached a process which says that they did not."""
+    def sums(self) -> dict[str, int]:
+        """How many frames were ``expected``, ``delivered`` and ``host_lost``.
+
+        The machine lost what the recorder saw and a hearer says that it did not get, and what left a process and
+        neither of them saw. What the recorder alone missed was delivered.
+        """
         due: Counter[str] = Counter()
         for row in self.rows:
             if row.delivered or row.outcome == "asleep":
                 owner = self._owner(row)
                 due[owner.spec.name if owner else ""] += 1
-        return sum(
-            max(due[name] - record.get("delivered", 0) - record.get("asleep", 0), 0)
-            for name, record in self.finals.items()
-        )
+        more = [r.get("delivered", 0) + r.get("asleep", 0) - due[name] for name, r in self.finals.items()]
+        missed, unseen = sum(-n for n in more if n < 0), self.dropped()
+        heard_alone = min(sum(n for n in more if n > 0), unseen)
+        return {
+            "expected": len(self.rows) + unseen,
+            "delivered": sum(row.delivered for row in self.rows) - missed + heard_alone,
+            "host_lost": missed + unseen - heard_alone,
+        }
 
     def dropped(self) -> int:
         """Frames that left a process and never reached the recorder."""

@@ -35,6 +35,7 @@ class Picture:
         self._add = add
         self._places = {place.id: (place.x, place.y) for place in info.places}
         self._sensors = {place.id for place in info.places if place.role == "node"}
+        self._others = self._places.keys() - self._sensors
         self._graph = look.graph_positions(info)
         self._whole = len(self._graph) <= look.WHOLE_NETWORK
         self._reach = extent(info) / 4
@@ -129,8 +130,7 @@ class Picture:
     def _involved(self) -> list[str]:
         """Whoever works, sends or hears, and whatever is no sensor."""
         ends = {name for edge in self.shown.now["edge"] for name in edge}
-        others = self._graph.keys() - self._sensors
-        return sorted(others.union(ends, self._working, self.shown.now["lost"]))
+        return sorted(self._others.union(ends, self._working, self.shown.now["lost"]))
 
     def _draw_edges(self, t_ns: int) -> int:
         edges = np.reshape(sorted(self.shown.now["edge"]), (-1, 2))

@@ -176,5 +176,15 @@ def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tu
     times = np.arange(site.steps * TRUTH_SAMPLES + 1) * every_s
     truth = tuple((t, state[0], state[1]) for t in times.tolist() if (state := site.path.at(t)) is not None)
     places = tuple(Place(p.id, p.role, p.x, p.y) for p in processes if not p.incarnation)
-    trackers = tuple(site.scenario.fusion.trackers)
-    return FieldInfo(spec.run, site.scenario.name, places, truth, site.path.gaps, trackers, spec.end_ns / NS, marks)
+    paths = tuple((p.id, p.legs) for p in processes if p.legs and not p.incarnation)
+    return FieldInfo(
+        spec.run,
+        site.scenario.name,
+        places,
+        truth,
+        site.path.gaps,
+        tuple(site.scenario.fusion.trackers),
+        spec.end_ns / NS,
+        marks,
+        paths=paths,
+    )

@@ -12,6 +12,7 @@ from typing import Any, Final
 from launcher.plan import make_plan
 from launcher.reception import receptions
 from launcher.records import Plan
+from trackfield.drivers.session import PROTOCOLS, is_endpoint
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
@@ -19,8 +20,6 @@ from trackfield.scenario.links import Trace
 from trackfield.scenario.override import parse
 from trackfield.scenario.sections import FromFile, Surveyed
 
-PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
-"""What Zenoh can listen on."""
 MAX_LINKS: Final = 2000
 """Nobody looks at more links than that."""
 
@@ -79,12 +78,19 @@ def keep(scenario: Scenario, folder: Path) -> None:
     (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
 
 
-def check_endpoint(endpoint: str) -> None:
-    """Raise ``ScenarioError`` unless this can be where a Zenoh router listens (empty: a router of our own)."""
-    protocol, _, place = endpoint.partition("/")
-    if endpoint and not (protocol in PROTOCOLS and place):
+def check_endpoint(endpoint: str, option: str) -> None:
+    """Raise ``ScenarioError`` unless this can be where a Zenoh router listens."""
+    if not is_endpoint(endpoint):
         expected = f"PROTOCOL/ADDRESS, like tcp/127.0.0.1:7447 (protocols: {', '.join(PROTOCOLS)})"
-        raise ScenarioError(f"is {endpoint!r}", key="--connect", expected=expected)
+        raise ScenarioError(f"is {endpoint!r}", key=option, expected=expected)
+
+
+def check_driver(*, virtual: bool, external: bool, connect: str) -> None:
+    """Raise ``ScenarioError`` if these options contradict each other."""
+    if external and virtual:
+        raise ScenarioError("there are no processes in virtual time", key="--external", expected="it without --virtual")
+    if external and not connect:
+        raise ScenarioError("nobody can find a router of our own", key="--external", expected="--connect beside it")
 
 
 def remarks(plan: Plan) -> list[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.link.places import Path as Legs
 from trackfield.world.path import Path
 
 
@@ -25,7 +26,7 @@ class FieldInfo:
 
     ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated;
     ``marks`` the planned faults, (t s, process, text); ``receptions`` the links used, (from, to, share of the
-    frames that arrive).
+    frames that arrive); ``paths`` where those go that move, as ``trackfield/link/places.py`` has it.
     """
 
     run: str
@@ -37,6 +38,7 @@ class FieldInfo:
     end_s: float
     marks: tuple[tuple[float, str, str], ...] = ()
     receptions: tuple[tuple[str, str, float], ...] = ()
+    paths: tuple[tuple[str, Legs], ...] = ()
 
 
 RECORDER: Final = "recorder"

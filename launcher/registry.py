@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
+from collections import deque
 from dataclasses import asdict, replace
+from threading import Lock
 
 import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from launcher.claims import Claims
 from launcher.records import Plan
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
@@ -18,9 +22,11 @@ class Registry:
 
     ``run`` is what all share, ``start_ns`` the host's monotonic time at which emulated time began (None: not yet),
     ``live`` the names of those that are there as Zenoh sees it, ``arrivals`` how often one came (back).
+    An ``open`` one also gives places to those who do not say which: ``hosts`` tells whence they came, by name, and
+    ``births`` has each life that came of it with the name of the one before.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, *, open: bool = False) -> None:
         self.run = plan.run
         self.start_ns: int | None = None
         self.live: set[str] = set()
@@ -28,15 +34,23 @@ class Registry:
         self._lives = {p.name: p for p in plan.processes}
         self._stored: dict[str, bytes] = {}
         self._unplanned: set[str] = set()
+        self._claims = Claims({p.name: p.role for p in plan.processes}) if open else None
+        self._places = {p.name: p.name for p in plan.processes}  # of each life: that of the first one in it
+        self._latest = dict(self._places)  # of each place: the life that it has now
+        self._lock = Lock()
+        self.births: deque[tuple[str, ProcessSpec]] = deque()
+        self.hosts: dict[str, str] = {}
 
     def declare(self, session: zenoh.Session) -> None:
         """Answer and listen from now on, for as long as the session is open."""
         self._held = [
             session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),
+            session.declare_queryable(keys.CLAIM, Callback(self._on_claim, indirect=False)),
             session.declare_subscriber(keys.telemetry_of_all("stored"), Callback(self._on_stored, indirect=False)),
             session.liveliness().declare_subscriber(
                 keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
             ),
+            session.liveliness().declare_token(keys.LAUNCHER),  # last: whoever finds the run may ask
         ]
 
     def end(self, end_ns: int) -> None:
@@ -51,6 +65,29 @@ class Registry:
         self._lives[life.name] = life
         self._unplanned.add(life.name)
         return life
+
+    def claim(self, role: str, host: str) -> str | None:
+        """The name to join under for a process on this host, None if all places of the role are taken.
+
+        Once emulated time goes on, whoever comes to a place after another is a new life. Raises ``LookupError`` for a
+        role that has no places here.
+        """
+        if self._claims is None:
+            raise LookupError("the launcher starts all processes of this run itself: say whose place to take with --id")
+        with self._lock:
+            taken = self._claims.take(role, host, time.monotonic())
+            if taken is None:
+                return None
+            place, again = taken
+            name = self._latest[place]
+            if again and self.start_ns is not None:
+                now_ns = round((time.monotonic_ns() - self.start_ns) * self.run.speed)
+                life = self.next_life(name, max(now_ns, 0))
+                self.births.append((name, life))
+                name = self._latest[place] = life.name
+                self._places[name] = place
+            self.hosts[name] = host
+            return name
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
@@ -74,8 +111,24 @@ class Registry:
 
     def _on_live(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).rpartition("/")[2]
-        if sample.kind == zenoh.SampleKind.PUT:
+        there = sample.kind == zenoh.SampleKind.PUT
+        with self._lock:
+            if self._claims is not None and name == self._latest.get(place := self._places.get(name, "")):
+                self._claims.seen(place, live=there, now=time.monotonic())
+        if there:
             self.live.add(name)
             self.arrivals += 1
         else:
             self.live.discard(name)
+
+    def _on_claim(self, query: zenoh.Query) -> None:
+        try:
+            role, host = msgpack.unpackb(query.payload.to_bytes() if query.payload else b"")
+            name = self.claim(str(role), str(host))
+        except (LookupError, ValueError, TypeError) as error:
+            query.reply_err(str(error))
+            return
+        if name is None:
+            query.reply_err(f"every place of a {role} is taken")
+        else:
+            query.reply(query.key_expr, name)

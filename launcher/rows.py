@@ -20,7 +20,7 @@ Dots = tuple[Points, list[int]]
 Network = tuple[list[str], list[tuple[float, float]], list[int]]
 """Ids, positions and colours of the nodes of a network."""
 
-TIMES: Final = ("frame (from → to, kind)", "local clock [s]", "outcome", "received [s]", "sent [s]")
+TIMES: Final = ("frame (from → to)", "local clock", "received at", "sent at [s]")
 """Columns of the table of messages; the viewer shows them in the order of the alphabet, as wide as their names."""
 
 
@@ -76,11 +76,10 @@ def edges(values: list[npt.NDArray[np.str_]]) -> Columns:
 
 
 def times(values: list[MessageRow]) -> Columns:
-    """When messages were sent and received, by the true time and by their senders' clocks; what is unknown is empty."""
+    """When messages were sent, by the true time and by their senders' clocks, and received if they were, in s."""
     found: list[list[float | str | None]] = [
-        [f"{row.src} → {row.dst}  {row.kind}" for row in values],
+        [f"{row.src} → {row.dst} {row.kind}" for row in values],
         [_seconds(row.local_ns) for row in values],
-        [row.outcome for row in values],
         [_seconds(row.due_ns) if row.delivered else None for row in values],
         [_seconds(row.sent_ns) for row in values],
     ]
@@ -117,7 +116,7 @@ def sentence(row: MessageRow) -> tuple[str, str, int]:
 
 
 def _seconds(t_ns: int | None) -> float | None:
-    return None if t_ns is None else round(t_ns / NS, 6)
+    return None if t_ns is None else round(t_ns / NS, 4)
 
 
 def _colours(values: Sequence[list[int]]) -> npt.NDArray[np.uint32]:

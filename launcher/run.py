@@ -7,7 +7,7 @@ import platform
 import signal
 import statistics
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,6 +18,7 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.deployment import ROUTER, Deployment
+from launcher.gathering import Gathering
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import Plan
@@ -34,8 +35,8 @@ PSS_SAMPLE: Final = 20
 class Observer(Protocol):
     """Who watches a run: the live table, plain lines, or nobody."""
 
-    def starting(self, ready: int, of: int) -> object:
-        """Processes come up."""
+    def starting(self, missing: Collection[str], of: int) -> object:
+        """Processes come up: who is not there yet, and how many there are to be."""
 
     def running(self, status: dict[str, Any]) -> None:
         """The recorder's latest status."""
@@ -117,13 +118,20 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
 
 
 def run_processes(
-    plan: Plan, folder: Path, observer: Observer, command: Sequence[str] = (), endpoint: str = ""
+    plan: Plan,
+    folder: Path,
+    observer: Observer,
+    command: Sequence[str] = (),
+    endpoint: str = "",
+    *,
+    external: bool = False,
 ) -> Outcome:
-    """Run as processes over Zenoh. Raises ``RunFailed`` if they do not come up."""
+    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up."""
     begun = time.monotonic()
-    with _until_signal() as ended, Deployment(plan, folder, endpoint=endpoint) as field:
+    deploy = Gathering if external else Deployment
+    with _until_signal() as ended, deploy(plan, folder, endpoint=endpoint) as field:
         write_manifest(folder, plan, command, field.endpoint)
-        field.wait_ready(lambda ready, of: bool(observer.starting(ready, of) or ended))
+        field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
         ready_s = time.monotonic() - begun
         pss: float | None = None
         if not ended:
@@ -139,14 +147,13 @@ def run_processes(
     metrics = _recorded(plan, folder)
     cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() + field.router_cpu_s
     metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
-    host = platform.node()
     metrics["processes"] |= {
         "ready_s": ready_s,
-        "died": [{"id": d.id, "host": host, "why": d.why, "t": d.t_s} for d in field.deaths],
-        "stopped": [{"id": s.id, "host": host, "t": s.t_s, "s": s.for_s} for s in field.stops],
+        "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
+        "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
         "pss_mb_per_node": pss,
     }
-    complaints = [_complaint(field, d) for d in field.deaths] + [_remark(s) for s in field.stops]
+    complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
     return _close(folder, metrics, complaints, ended)
 
 
@@ -168,7 +175,9 @@ def _blank(value: object) -> Any:
 def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
     frames = metrics["frames"]
     if frames["host_lost"]:
-        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself (frames.host_lost)")
+        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
+        why = " while there was no router" if routers else ""
+        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
@@ -181,14 +190,14 @@ def _complaint(field: Deployment, death: Death) -> str:
     if death.id == ROUTER:
         again += "; the machine lost the frames that were sent while there was none"
     tail, log = field.log_tail(death.id), field.log(death.id)
-    ends = f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})"
+    ends = f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})" if log.exists() else ""
     return f"{death.id} died{when}: {death.why}{again}{ends}"
 
 
-def _remark(stop: Stop) -> str:
+def _remark(field: Deployment, stop: Stop) -> str:
     when = "before the start" if stop.t_s is None else f"at {stop.t_s:.1f} s"
     how_long = "and never went on" if stop.for_s is None else f"for {stop.for_s:.1f} s"
-    return f"{stop.id} was stopped from outside {when}, {how_long}"
+    return f"{stop.id} {field.stopped} {when}, {how_long}"
 
 
 def _pss_mb(field: Deployment) -> float | None:

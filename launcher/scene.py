@@ -129,8 +129,8 @@ class Seconds:
             if second.delays_ms:
                 yield end_ns, "latency", tuple(np.percentile(second.delays_ms, (50, 95)))
             if second.errors_ms:
-                size = np.abs(second.errors_ms)
-                yield end_ns, "clock", (math.sqrt(np.mean(size**2)), float(np.max(size)))
+                mean_square = math.fsum(error**2 for error in second.errors_ms) / len(second.errors_ms)
+                yield end_ns, "clock", (math.sqrt(mean_square), max(map(abs, second.errors_ms)))
 
     def _second(self, t_ns: int) -> _Second:
         return self._open[max(t_ns // NS, self._next)]

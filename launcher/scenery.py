@@ -32,7 +32,12 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     yield "/field/sensors", *_places(_sensors(info), dot, look.state_colour(look.REST), 27)
     yield "/field/working", look.point_style(None, dot, order=28)
     yield "/field/dead", look.line_style(look.LOST, 2.0, order=29)
-    yield "/field/centres", *_places(_centres(info), 8, look.CENTRE, 25, names=True)
+    moving = [id for id, _ in info.paths]
+    still = [place for place in _centres(info) if place.id not in moving]
+    yield "/field/centres", *_places(still, 8, look.CENTRE, 25, names=True)
+    if moving:
+        labels = rr.Points2D.from_fields(labels=moving, show_labels=True)
+        yield "/field/moving", look.point_style(look.CENTRE, 8, order=25), labels
     yield "/field/rays", look.line_style(look.RAY, 1.2, order=5)
     yield "/field/truth/path", look.line_style(look.TRUTH, 4.5, order=10)
     yield "/field/truth/interpolated", look.line_style(look.INTERPOLATED, 4.5, order=10)

@@ -7,7 +7,7 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
+MAX_MISSING: Final = 5
 POOR: Final = 0.5
 """Less than this share of the frames received is worth a warning."""
 console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -32,7 +33,7 @@ console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
 class Quiet:
     """Shows nothing."""
 
-    def starting(self, ready: int, of: int) -> None:
+    def starting(self, missing: Collection[str], of: int) -> None:
         """Nothing."""
 
     def running(self, status: dict[str, Any]) -> None:
@@ -47,11 +48,16 @@ class Lines:
         self._next = 0.0
         self._announced = False
 
-    def starting(self, ready: int, of: int) -> None:
-        """Say once that processes come up."""
+    def starting(self, missing: Collection[str], of: int) -> None:
+        """Say that processes come up, and now and then who is missing."""
         if not self._announced:
-            self._announced = True
             console.print(f"starting {of} processes ...")
+        elif time.monotonic() >= self._next:
+            console.print(_missing(missing, of))
+        else:
+            return
+        self._announced = True
+        self._next = time.monotonic() + PLAIN_EVERY_S
 
     def running(self, status: dict[str, Any]) -> None:
         """Say now and then how it goes."""
@@ -68,9 +74,9 @@ class Screen:
     def __init__(self, plan: Plan, live: Live) -> None:
         self.plan, self.live = plan, live
 
-    def starting(self, ready: int, of: int) -> None:
-        """How many are ready."""
-        self.live.update(f"starting processes: {ready} of {of} ready")
+    def starting(self, missing: Collection[str], of: int) -> None:
+        """How many are ready, and who is missing."""
+        self.live.update(f"starting processes: {_missing(missing, of)}")
 
     def running(self, status: dict[str, Any]) -> None:
         """The table."""
@@ -136,6 +142,8 @@ def conclude(outcome: Outcome) -> None:
     metrics = outcome.metrics
     if metrics["frames"]["sent"] is not None:  # it was recorded
         console.print(_result(metrics))
+        for line in _surroundings(metrics):
+            console.print(line)
         for line in _alarms(metrics):
             console.print(f"[bold red]{line}[/]")
     for complaint in outcome.complaints[:MAX_COMPLAINTS]:
@@ -146,6 +154,12 @@ def conclude(outcome: Outcome) -> None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
     folder = str(outcome.folder)
     console.print(Text(f"run folder: {folder}\nnext: {_program()} view {shlex.quote(folder)}"), soft_wrap=True)
+
+
+def _missing(missing: Collection[str], of: int) -> str:
+    first = ", ".join(sorted(missing)[:MAX_MISSING])
+    more = ", ..." if len(missing) > MAX_MISSING else ""
+    return f"{of - len(missing)} of {of} ready, missing {first}{more}"
 
 
 def _fates(status: dict[str, Any]) -> list[str]:
@@ -176,6 +190,28 @@ def _result(metrics: dict[str, Any]) -> Table:
         f"frames: sent {frames['sent']}, delivered {frames['delivered']} (late {frames['late']}); lost: {lost}"
     )
     return table
+
+
+def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
+    """What clocks and batteries did to the run, and it to them."""
+    clock, energy, lifetime = metrics["clock_error_ms"], metrics["energy_j"], metrics["lifetime_s"]
+    if clock["rms"] is not None:
+        yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
+    if energy["total"] is not None:
+        by = ", ".join(f"{cause} {joules:.3g}" for cause, joules in energy["by"].items() if joules)
+        yield f"energy of sensor nodes: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
+    if lifetime["first_death"] is not None:
+        names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
+        times = [f"{text} after {_span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]
+        yield f"batteries: {', '.join(times)}{' (at this rate)' if lifetime['extrapolated'] else ''}"
+
+
+def _span(seconds: float) -> str:
+    """A time that may be a minute or a year."""
+    for unit, length in (("days", 86_400), ("h", 3_600), ("min", 60)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.1f} s"
 
 
 def _alarms(metrics: dict[str, Any]) -> list[str]:

@@ -23,6 +23,7 @@ from launcher.blueprint import path as entity
 from launcher.picture import Picture
 from launcher.records import FieldInfo, MessageRow
 from launcher.scene import Points, Seconds, rings
+from trackfield.link.places import position
 from trackfield.role import NS, TrackPoint
 
 LAG_NS: Final = NS
@@ -35,6 +36,8 @@ BULK: Final = 256
 
 BATTERY_STEPS: Final = 20
 """Levels of a battery that are told apart."""
+MOVES_NS: Final = NS // 4
+"""How often a process that moves is drawn."""
 MARKS: Final = 100
 """A mark is as long as the run divided by this."""
 
@@ -53,6 +56,7 @@ class Timeline:
         self._info = info
         self._places = {place.id for place in info.places}
         self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if place.role == "node"}
+        self._begun: set[str] = set()
         self._resting: dict[str, int] = {}
         self._known = {(round(t_s * NS), process, text) for t_s, process, text in info.marks}
         self._pending: defaultdict[tuple[str, Callable[[list[Any]], Columns]], Rows] = defaultdict(list)
@@ -62,7 +66,7 @@ class Timeline:
         self._tracks: dict[str, _Track] = {}
         self._mark_ns = round(info.end_s / MARKS * NS)
         self._step_ns = NS
-        self._newest = self._flushes = self._truths = self._marks = 0
+        self._newest = self._flushes = self._truths = self._marks = self._moves = 0
         self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
@@ -183,14 +187,15 @@ class Timeline:
 
     def _lane(self, t_ns: int, process: str, name: str, lane: str) -> None:
         """A row of the lanes; one that no view shows begins when its sensor first does something."""
-        if process in self._unwatched:
+        path = entity("state", process, *([lane] if lane else []))
+        if process in self._unwatched and path not in self._begun:
             if name == look.REST:
-                self._resting[process] = t_ns
+                self._resting.setdefault(path, t_ns)
                 return
-            self._unwatched.discard(process)
-            if process in self._resting:
-                self._add(entity("state", process), rows.states, self._resting.pop(process), look.REST)
-        self._add(entity("state", process, *([lane] if lane else [])), rows.states, t_ns, name)
+            self._begun.add(path)
+            if path in self._resting:
+                self._add(path, rows.states, self._resting.pop(path), look.REST)
+        self._add(path, rows.states, t_ns, name)
 
     def _mark(self, t_ns: int, process: str, text: str, level: str) -> None:
         self._add("/faults", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
@@ -216,6 +221,12 @@ class Timeline:
             t_s, process, text = marks[self._marks]
             self._mark(round(t_s * NS), process, text, "WARN")
             self._marks += 1
+        paths = dict(self._info.paths)
+        while paths and self._moves * MOVES_NS <= until_s * NS:
+            t_ns = self._moves * MOVES_NS
+            at = np.array([position(paths, id, t_ns) for id in paths])
+            self._add("/field/moving", rows.points, t_ns, at)
+            self._moves += 1
 
     def _message(self, row: MessageRow) -> None:
         t_ns, show = rows.instant(row), self._picture.shown.show

@@ -77,6 +77,14 @@ class Watch:
         latest = time.monotonic() - at_least_s
         return {name for name, (_, since) in self._still.items() if since <= latest}
 
+    def give_up(self, name: str, why: str, *, again: bool = False) -> None:
+        """One that stands still will not go on: report that it died when it stopped."""
+        place, _ = self._still.pop(name)
+        stop = self.stops.pop(place)
+        self._still = {n: (p - (p > place), since) for n, (p, since) in self._still.items()}
+        self.gone.add(name)
+        self.deaths.append(Death(name, why, stop.t_s, again))
+
     def died(self, name: str, why: str, *, again: bool = False) -> None:
         """Report a death, now."""
         self.deaths.append(Death(name, why, self._clock(), again))

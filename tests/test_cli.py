@@ -97,11 +97,15 @@ def test_the_schema_knows_every_section(trackfield: Call) -> None:
 def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp_path: Path) -> None:
     said = trackfield("validate", "bus", "--set", "link.model=ideal", "--set", "target.from=08:00:30")
     assert (said.code, said.out) == (0, "")
-    first, second = said.err.splitlines()
+    first, second, *others = said.err.splitlines()
     assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf", first)
     assert re.fullmatch(
         r"reception of doa at fusion from \d\d sensor nodes: mean 100.0%, worst 100.0% \(n000\)", second
     )
+    assert [line.partition(":")[0] for line in others] == [
+        f"reception of sync-request at fusion from {first[5:7]} sensor nodes",
+        f"reception of sync-reply at {first[5:7]} sensor nodes from fusion",
+    ]
     assert list(tmp_path.iterdir()) == []
 
 

@@ -8,8 +8,11 @@ from pathlib import Path
 import gpxpy
 import pytest
 
+from launcher.prepare import planned
+from launcher.reception import receptions
 from trackfield.scenario import Scenario, names, plan, summary
 from trackfield.scenario.document import BEGIN, END, tables, updated
+from trackfield.scenario.hardware import Clocks, Energy
 from trackfield.scenario.keys import sections_of_file, top_level
 from trackfield.scenario.make_bus import FILE, SPEED_UP, gpx, ride
 from trackfield.scenario.packaged import packaged_file
@@ -30,12 +33,29 @@ def test_spcpf_is_the_papers() -> None:
     sensor = scenario.sensor
     assert (sensor.level_db, sensor.alpha, sensor.threshold, sensor.doa_sd_deg) == (70.0, 2.0, 0.75, 3.0)
     assert sensor.level_sd_db == 0.0
-    assert scenario.plain()["link"] == {"model": "ideal"}
     assert scenario.fusion.trackers == ("fix-imm-ukf", "spcpf")
     assert (scenario.fusion.prior, scenario.fusion.prior_sd) == ("paper", (20.0, 20.0, 4.0, 4.0))
     site = plan(scenario)
     assert (len(site.sensors), site.steps, site.step_ns, site.centre) == (121, 60, 10**9, (250.0, 250.0))
     assert plan(scenario.set("target.path", "s2")).steps == 75
+
+
+def test_spcpf_has_a_radio_that_works_there_right_clocks_and_mains() -> None:
+    scenario = Scenario.load("spcpf")
+    assert (scenario.link.model, scenario.plain()["link"]["radio"]) == ("lognormal_prr", "802154-20dbm")
+    assert scenario.clock == Clocks()
+    assert scenario.energy == Energy()
+    for seed in range(1, 21):
+        shares = receptions(planned(scenario.set("seed", seed)))["doa"].values()
+        assert sum(shares) / len(shares) > 0.975
+        assert sum(share < 0.5 for share in shares) <= 3
+
+
+def test_the_bus_has_clocks_that_are_off_and_batteries() -> None:
+    scenario = Scenario.load("bus")
+    assert (scenario.clock.offset_ms, scenario.clock.drift_ppm, scenario.clock.sync) == (50.0, 20.0, True)
+    assert scenario.energy.battery_j == 20_000.0
+    assert planned(scenario).processes[1].power["battery_fj"] == 20_000 * 10**15
 
 
 def test_the_bus_meets_a_real_radio() -> None:
@@ -53,28 +73,42 @@ def test_the_bus_lets_the_demo_end_in_time() -> None:
     assert site.path.gaps == ()
 
 
+def written(name: str) -> list[tuple[str, str, str]]:
+    """(section, key, comment) of all lines of a packaged file that set something, or would if they were no comment."""
+    section, found = "", []
+    for line in packaged_file(name).read_text().splitlines():
+        if header := re.fullmatch(r"(?:# )?\[+(\w+)\]+", line):
+            section = header[1]
+        elif setting := re.match(r"(?:# )?(\w+) = (?:\"[^\"]*\"|[^#\"])+(#.*)?$", line):
+            found.append((section, setting[1], setting[2] or ""))
+    return found
+
+
 @pytest.mark.parametrize("name", names())
 def test_every_key_of_its_kind_is_there_and_has_a_comment(name: str) -> None:
-    text = packaged_file(name).read_text()
-    section, found = "", set()
-    for line in text.splitlines():
-        if header := re.fullmatch(r"\[(\w+)\]", line):
-            section = header[1]
-        elif setting := re.match(r"(?:# )?(\w+) = [^#]+(#.*)?$", line):
-            found.add((section, setting[1]))
-            assert setting[2], f"{section}.{setting[1]} has no comment"
-    plain = Scenario.load(name).plain()
-    kinds = {part: keys.keys(plain[part].get(keys.tag)) for part, keys in sections_of_file().items()}
-    every = {("", key) for key in top_level()} | {(part, key) for part, keys in kinds.items() for key in keys}
-    assert found == every
+    lines = written(name)
+    assert all(comment for _, _, comment in lines)
+    plain, sections = Scenario.load(name).plain(), sections_of_file()
+    for part, kinds in sections.items():
+        found = {key for section, key, _ in lines if section == part}
+        every = kinds.keys(None if kinds.many else plain[part].get(kinds.tag)).keys()
+        assert found <= every if kinds.many else found == every
+    assert {key for section, key, _ in lines if not section} == top_level().keys()
+    assert {key for section, key, _ in lines if section == "faults"} >= {"kind", "nodes", "share", "at_s"}
 
 
 @pytest.mark.parametrize("name", names())
-def test_the_keys_that_are_commented_out_are_right_too(name: str, tmp_path: Path) -> None:
-    text = re.sub(r"^# (\w+ = )", r"\1", packaged_file(name).read_text(), flags=re.MULTILINE)
+@pytest.mark.parametrize("drives", [True, False])
+def test_the_keys_that_are_commented_out_are_right_too(name: str, drives: bool, tmp_path: Path) -> None:
+    """All at once, but for those that go with another radio or tell where the centre is in another way."""
+    alone = "sf|x_m|y_m" if drives else "sf|path"
+    text = re.sub(rf"^# (?!({alone}) )(\w+ = |\[\[)", r"\2", packaged_file(name).read_text(), flags=re.MULTILINE)
     text = text.replace('"bus.gpx"', f'"{FILE}"')
     (tmp_path / "all.toml").write_text(text)
-    assert plan(Scenario.load(tmp_path / "all.toml")).steps == 60
+    scenario = Scenario.load(tmp_path / "all.toml")
+    assert plan(scenario).steps == 60
+    assert (scenario.fusion.path is not None) is drives
+    assert len(planned(scenario).info.marks) > 4
 
 
 # --- the bus ride ------------------------------------------------------------------------------------------

@@ -62,7 +62,12 @@ def test_setting_gives_another_scenario_and_leaves_the_first() -> None:
         ("link.model", "gilbert", "link.model: unknown model 'gilbert'; did you mean gilbert_elliott?"),
         ("link.model", ["fixed"], "link.model: unknown model"),
         ("link", "fixed", 'link: is "fixed"; expected a section [link]'),
-        ("link.delay_ms", 5, "link.delay_ms: belongs to model fixed or gilbert_elliott or ethernet, not to ideal"),
+        ("link.delay_ms", 5, "link.delay_ms: belongs to model fixed or gilbert_elliott or ethernet, not to lognorm"),
+        (
+            "faults.kind",
+            "kill",
+            "faults: are a list, which is set as a whole; expected faults=[{kind='...', ...}, ...]",
+        ),
     ],
 )
 def test_setting_what_is_wrong(key: str, value: Any, message: str) -> None:
@@ -139,6 +144,21 @@ CHANGES: list[dict[str, Any]] = [
     {"field.layout": "ring", "field.nodes": 12},
     {"field.layout": "file", "field.file": "odd 'name'.csv"},
     {"field.layout": "along-path", "field.nodes": 50, "fusion.x_m": -1.5, "fusion.y_m": 0},
+    {"link": {"model": "csma154", "acks": {"doa": 4, "sync-reply": 0}, "queue": 3}, "sensor.threshold": "adaptive"},
+    {
+        "fusion.path": [[0, 0, 0], [60, 500, 1e-3]],
+        "clock.drift_ppm": 20,
+        "energy.battery_j": 1e5,
+        "restart": "on-death",
+    },
+    {
+        "faults": [
+            {"kind": "kill", "nodes": ["n060", "fusion"], "at_s": 20},
+            {"kind": "freeze", "share": 0.1, "at_s": 0, "until_s": 0.5},
+            {"kind": "bias", "share": 1, "at_s": 3, "bias_db": -1.5},
+            {"kind": "clock_jump", "nodes": ["n001"], "at_s": 3, "jump_ms": -1000},
+        ]
+    },
 ]
 
 

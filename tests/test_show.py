@@ -127,7 +127,7 @@ def test_a_terminal_gets_the_screen(plan: Plan, monkeypatch: pytest.MonkeyPatch)
 def test_a_plan_is_announced_with_its_gaps(plan: Plan, said: Said) -> None:
     show.announce(replace(plan, info=replace(plan.info, gaps=((3.0, 41.5), (50.0, 62.0)))))
     assert said().splitlines() == [
-        "spcpf: 121 sensor nodes, 6 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf",
+        "spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf",
         "note: the track has no fixes from 3.0 s to 41.5 s (38 s): a straight line stands in",
         "note: the track has no fixes from 50.0 s to 62.0 s (12 s): a straight line stands in",
     ]
@@ -197,8 +197,9 @@ def test_a_run_without_any_frame_says_so(plan: Plan, said: Said) -> None:
 
 def test_a_run_in_which_all_is_well_has_nothing_to_add(plan: Plan, said: Said) -> None:
     show.conclude(outcome(metrics_of(plan)))
-    after = said().partition("lost: none")[2].split()
-    assert after[:2] == ["run", "folder:"]
+    energy, after = said().partition("lost: none")[2].strip().splitlines()[:2]
+    assert energy.startswith("energy of sensor nodes: ")
+    assert after.startswith("run folder: ")
 
 
 def test_complaints_are_told_as_they_are_but_not_all(plan: Plan, said: Said) -> None:

@@ -6,8 +6,6 @@ import dataclasses
 import math
 import random
 import shutil
-import subprocess
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -16,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
@@ -25,10 +22,10 @@ from launcher import blueprint as look
 from launcher.records import FieldInfo, MessageRow, Place
 from launcher.timeline import Timeline
 from tests import fake_run
+from tests.rrd import entities, read, verify
 from trackfield.role import NS, TrackPoint
 
 MS = 1_000_000
-Values = list[tuple[float | None, Any]]
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -37,31 +34,6 @@ def strict() -> Iterator[None]:
     rr.set_strict_mode(True)
     yield
     rr.set_strict_mode(False)
-
-
-def read(file: Path, entity: str, component: str) -> Values:
-    """(time in s, value) of each row of a component, in order of time; time None: static."""
-    found: list[tuple[float | None, int, Any]] = []
-    for chunk in RrdReader(file).stream().filter(content=entity).to_chunks():
-        batch = chunk.to_record_batch()
-        if component not in batch.schema.names:
-            continue
-        values = batch.column(component).to_pylist()
-        times: list[float | None] = [None] * len(values)
-        if not chunk.is_static:
-            times = [t / NS for t in batch.column("emu").cast(pa.int64()).to_pylist()]
-        found += zip(times, range(len(found), len(found) + len(values)), values, strict=True)
-    return [(t, value) for t, _, value in sorted(found, key=lambda one: (one[0] or 0.0, one[1]))]
-
-
-def entities(file: Path) -> set[str]:
-    chunks = RrdReader(file).stream().to_chunks()
-    return {chunk.entity_path for chunk in chunks if not chunk.entity_path.startswith("/__")}
-
-
-def verify(file: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(file)]
-    return subprocess.run(command, env={"CI": "1"}, capture_output=True, text=True, check=False)
 
 
 # --- a whole run ------------------------------------------------------------------------------------------
@@ -108,6 +80,9 @@ def test_every_part_of_the_picture_is_there(played: Played) -> None:
     assert entities(played.file) - {"/"} == lanes | tracks | {
         "/field",
         "/field/sensors",
+        "/field/working",
+        "/field/dead",
+        "/field/battery",
         "/field/centres",
         "/field/rays",
         "/field/truth/path",
@@ -117,7 +92,16 @@ def test_every_part_of_the_picture_is_there(played: Played) -> None:
         "/field/fix-imm-ukf/particles",  # its style only, see below
         "/network",
         "/messages/doa",
+        "/times",
+        "/faults",
+        "/links",
+        "/links/reception",
+        "/links/sensors",
+        "/links/centres",
+        "/links/legend",
         "/notes",
+        "/plots/clock",
+        "/plots/queue",
         "/plots/error/fix-imm-ukf",
         "/plots/error/spcpf",
         "/plots/latency",
@@ -159,6 +143,7 @@ def test_lost_and_late_frames_stand_out(played: Played) -> None:
 
 def test_every_state_is_on_its_lane_at_its_time(played: Played) -> None:
     made = Counter((t, process, name) for t, process, name in played.made("state"))
+    made += Counter((t, process, "dead") for t, process, _ in played.made("death"))
     found = Counter(
         (round(t * NS), place.id, value[0])
         for place in played.info.places
@@ -225,12 +210,16 @@ def test_calls_out_of_order_give_the_same_picture(played: Played, tmp_path: Path
     fake_run.play(timeline, iter(jittered))
     timeline.close()
     for entity, component in (
-        ("/field/sensors", "Points2D:colors"),
+        ("/field/working", "Points2D:colors"),
+        ("/field/dead", "LineStrips2D:strips"),
+        ("/field/battery", "Points2D:colors"),
         ("/network", "GraphNodes:colors"),
         ("/network", "GraphEdges:edges"),
         ("/plots/lost", "Scalars:scalars"),
         ("/plots/bytes", "Scalars:scalars"),
         ("/plots/latency", "Scalars:scalars"),
+        ("/plots/clock", "Scalars:scalars"),
+        ("/plots/queue", "Scalars:scalars"),
         ("/field/spcpf/position", "Points2D:positions"),
         ("/state/fusion", "StateChange:state"),
     ):
@@ -278,21 +267,28 @@ def track_point(step: int, mean: tuple[float, ...] = (), tracker: str = "one") -
 
 
 def test_sensors_are_asleep_until_told_otherwise(small: Small) -> None:
-    file = small(lambda timeline: timeline.state(3 * NS, "n2", "reporting"))
+    def calls(timeline: Timeline) -> None:
+        timeline.state(3 * NS, "n2", "reporting")
+        timeline.state(5 * NS, "n2", "asleep")
+
+    file = small(calls)
     asleep, reporting = look.STATE_COLOURS["asleep"], look.STATE_COLOURS["reporting"]
-    assert read(file, "/field/sensors", "Points2D:colors") == [
-        (0.0, [asleep, asleep]),
-        (3.0, [asleep, reporting]),
-    ]
+    assert read(file, "/field/sensors", "Points2D:colors") == [(None, [asleep])]
     assert read(file, "/field/sensors", "Points2D:labels") == [(None, ["n1", "n2"])]
+    assert read(file, "/field/working", "Points2D:positions") == [(3.0, [[100.0, 50.0]]), (5.0, [])]
+    assert read(file, "/field/working", "Points2D:colors") == [(3.0, [reporting]), (5.0, [])]
     assert read(file, "/network", "GraphNodes:node_ids") == [(None, ["n1", "n2", "fusion"])]
-    assert read(file, "/network", "GraphNodes:colors")[-1] == (3.0, [asleep, reporting, asleep])
+    assert read(file, "/network", "GraphNodes:colors") == [
+        (0.0, [asleep, asleep, asleep]),
+        (3.0, [asleep, reporting, asleep]),
+        (5.0, [asleep, asleep, asleep]),
+    ]
 
 
 def test_a_change_between_the_instants_of_the_picture_is_exact_on_its_lane(small: Small) -> None:
     file = small(lambda timeline: timeline.state(3_010 * MS, "n2", "awake"))
     assert read(file, "/state/n2", "StateChange:state") == [(3.01, ["awake"])]
-    assert [t for t, _ in read(file, "/field/sensors", "Points2D:colors")] == [0.0, 3.05]
+    assert [t for t, _ in read(file, "/field/working", "Points2D:colors")] == [3.05]
 
 
 def test_any_name_of_process_state_and_lane_will_do(small: Small) -> None:
@@ -304,7 +300,7 @@ def test_any_name_of_process_state_and_lane_will_do(small: Small) -> None:
 
     file = small(calls)
     assert read(file, r"/state/a\/b\ c/head\ 1", "StateChange:state") == [(0.0, ["x"])]
-    assert read(file, "/field/sensors", "Points2D:colors")[0][1][0] == look.OTHER_STATE
+    assert read(file, "/field/working", "Points2D:colors") == [(0.0, [look.OTHER_STATE])]
     assert read(file, "/network", "GraphEdges:edges") == []
     assert len(read(file, "/messages/doa", "TextLog:text")) == 1
 
@@ -441,7 +437,7 @@ def test_what_comes_much_too_late_is_shown_late_but_not_dropped(small: Small) ->
 
     file = small(calls)
     awake = look.STATE_COLOURS["awake"]
-    assert read(file, "/field/sensors", "Points2D:colors")[-1] == (8.0, [awake, awake])
+    assert read(file, "/field/working", "Points2D:colors")[-1] == (8.0, [awake, awake])
     assert read(file, "/state/n2", "StateChange:state") == [(2.0, ["awake"])]
     sent = [value[0] for _, value in read(file, "/plots/bytes", "Scalars:scalars")]
     assert sum(sent) == 14
@@ -508,9 +504,8 @@ def test_a_field_of_1000_sensors(tmp_path: Path) -> None:
     timeline.close()
     file = tmp_path / "run.rrd"
     assert len(read(file, "/field/sensors", "Points2D:positions")[0][1]) == 1024
-    colours = read(file, "/field/sensors", "Points2D:colors")
-    assert {len(value) for _, value in colours} == {1024}
-    assert len({tuple(value) for _, value in colours}) > 3
+    working = [value for _, value in read(file, "/field/working", "Points2D:colors")]
+    assert max(map(len, working)) < 300 and len({tuple(value) for value in working}) > 3
     assert len(read(file, "/network", "GraphNodes:node_ids")[0][1]) == 1025
     assert verify(file).returncode == 0
 

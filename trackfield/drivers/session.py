@@ -11,6 +11,9 @@ import zenoh
 NODE_RUNTIME: Final = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app))"
 """ZENOH_RUNTIME of a node: half the threads. Never for the router, which would lose frames with it."""
 
+PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
+"""What Zenoh can listen on."""
+
 _CLIENT: Final[Mapping[str, Any]] = {
     "mode": "client",
     "listen/endpoints": [],
@@ -29,10 +32,17 @@ _ROUTER: Final[Mapping[str, Any]] = {
 }
 
 
-def open_client(endpoint: str, namespace: str, timeout_s: float = 60.0) -> zenoh.Session:
-    """Join the run ``namespace`` through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
+def is_endpoint(text: str) -> bool:
+    """Whether this can be where a router listens."""
+    protocol, _, place = text.partition("/")
+    return protocol in PROTOCOLS and bool(place)
+
+
+def open_client(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> zenoh.Session:
+    """Join a run (None: see all) through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
     timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
-    return _open({**_CLIENT, **timeout, "connect/endpoints": [endpoint], "namespace": namespace})
+    namespace = {} if run is None else {"namespace": run}
+    return _open({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
 
 
 def open_router(*endpoints: str) -> zenoh.Session:

@@ -5,35 +5,69 @@ from __future__ import annotations
 import argparse
 import logging
 import os
+import socket
 import sys
+import time
+from typing import Final
 
 import zenoh
 from setproctitle import setproctitle
 
+from trackfield.drivers.claim import claim, find_run
 from trackfield.drivers.join import JoinError
 from trackfield.drivers.process import Process
-from trackfield.drivers.session import NODE_RUNTIME, open_client
+from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
 from trackfield.wire.error import WireError
-from trackfield.wire.keys import check_id
+from trackfield.wire.keys import check_name
+
+RETRY_S: Final = 1.0
+"""How often one who waits looks for a run with a place for it."""
 
 
 def main(role: str, description: str | None) -> None:
     """Join a run as one of its processes and live its life; exit 2 for bad arguments, 1 if it cannot join."""
+    arguments = _arguments(role, description)
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
+    os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
+    setproctitle(f"trackfield {role}")
+    while True:
+        try:
+            process = _join(role, arguments)
+            break
+        except (JoinError, zenoh.ZError) as error:
+            if not arguments.wait:
+                which = " ".join(filter(None, ["the run", arguments.run]))
+                sys.exit(f"{role}: cannot join {which} through {arguments.connect}: {error}")
+            time.sleep(RETRY_S)
+    process.run()
+
+
+def _join(role: str, arguments: argparse.Namespace) -> Process:
+    run = arguments.run or find_run(arguments.connect)
+    session = open_client(arguments.connect, run)
+    try:
+        name = arguments.id or claim(session, role, socket.gethostname())
+        setproctitle(f"trackfield {role} {name}")
+        return Process(session, name)
+    except JoinError:
+        session.close()  # type: ignore[no-untyped-call]
+        raise
+
+
+def _arguments(role: str, description: str | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog=f"python -m {role}", description=(description or "").partition("``: ")[2].capitalize()
     )
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="the run's router, like tcp/10.0.0.1:7447")
-    parser.add_argument("--run", required=True, metavar="ID", help="the run's id (manifest.json, or its start-up line)")
-    parser.add_argument("--id", required=True, help="which of the run's processes this is, like n060")
+    parser.add_argument("--run", metavar="ID", help="the run's id, if the router has several at a time")
+    parser.add_argument("--id", help="which of the run's processes this is, like n060; if not given, any that is free")
+    parser.add_argument("--wait", action="store_true", help="wait for a router, a run and a free place")
     arguments = parser.parse_args()
+    if not is_endpoint(arguments.connect):
+        parser.error(f"--connect is {arguments.connect!r}; expected something like tcp/10.0.0.1:7447")
     try:
-        check_id(arguments.id)
+        if arguments.id is not None:
+            check_name(arguments.id)
     except WireError as error:
         parser.error(str(error))
-    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
-    os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
-    setproctitle(f"trackfield {role} {arguments.id}")
-    try:
-        Process(open_client(arguments.connect, arguments.run), arguments.id).run()
-    except (JoinError, zenoh.ZError) as error:
-        sys.exit(f"{role} {arguments.id}: cannot join the run {arguments.run} through {arguments.connect}: {error}")
+    return arguments

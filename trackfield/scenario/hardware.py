@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from trackfield.scenario.section import Positive, Section
+from trackfield.scenario.section import Section
 
 Joules = Annotated[float, Field(gt=0, le=1e9)]
 
@@ -29,7 +29,9 @@ class Clocks(Section):
     exchanges: int = Field(
         default=8, ge=1, le=1000, description="questions and answers of a synchronisation; the quickest counts"
     )
-    resync_s: Positive = Field(default=60.0, description="a node that stays awake synchronises again after that")
+    resync_s: float = Field(
+        default=60.0, gt=0, le=1e6, description="a node that stays awake synchronises again after that"
+    )
 
     @property
     def off(self) -> bool:

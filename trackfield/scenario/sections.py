@@ -211,7 +211,7 @@ class FromFile(_Target):
     )
 
 
-Leg = tuple[NotNegative, float, float]
+Leg = tuple[Annotated[float, Field(ge=0, le=1e9)], float, float]
 """(t_s, x_m, y_m)"""
 _LEGS: dict[str, JsonValue] = {"expected": "a list of at least two [t_s, x_m, y_m], with increasing times"}
 

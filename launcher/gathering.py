@@ -1,0 +1,136 @@
+"""A run whose roles start elsewhere, in containers or on other machines: gathered, and watched by their tokens.
+
+Nobody here can see how such a process is. It has a liveliness token, which Zenoh takes away when the process ends, and
+when nothing was heard of it for the time of a lease.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from launcher.children import Children
+from launcher.deployment import GOOD_END, Deployment
+from launcher.records import RECORDER
+from launcher.registry import Registry
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.wire import keys
+
+GATHER_TIMEOUT_S: Final = 300.0
+"""How long to wait for processes that others have to start."""
+LOST: Final = "gone: its token was lost"
+
+
+class Guests(Children):
+    """The recorder, a child, and guests, who are none: being out of reach is for them what standing still is for it."""
+
+    def __init__(self, registry: Registry) -> None:
+        super().__init__(1)
+        self._registry = registry
+        self._expected: dict[str, None] = {}
+        self._came: set[str] = set()
+        self._left: set[str] = set()
+        self._ended: list[tuple[str, str]] = []
+
+    def expect(self, name: str) -> None:
+        """A guest by this name is to come."""
+        self._expected[name] = None
+
+    def left(self, name: str) -> None:
+        """This guest said its last word."""
+        self._left.add(name)
+        self._ended.append((name, GOOD_END))
+
+    def names(self) -> list[str]:
+        """Children and guests."""
+        return super().names() + list(self._expected)
+
+    def gone(self) -> list[tuple[str, str]]:
+        """Children that ended and guests that left, since the last call."""
+        ended, self._ended = self._ended, []
+        return super().gone() + ended
+
+    def stopped(self, name: str) -> bool:
+        """Whether a child stands still; whether a guest that was there is not, once emulated time goes on."""
+        if name not in self._expected:
+            return super().stopped(name)
+        if self._registry.start_ns is None or name in self._left:
+            return False
+        there = name in self._registry.live
+        if there:
+            self._came.add(name)
+        return name in self._came and not there
+
+    def kill(self, name: str) -> None:
+        """End a child; give up a guest."""
+        if name in self._expected:
+            self._ended.append((name, LOST))
+        else:
+            super().kill(name)
+
+    def pid(self, name: str) -> int | None:
+        """The process id of a child."""
+        return None if name in self._expected else super().pid(name)
+
+
+class Gathering(Deployment):
+    """A deployment that starts the recorder alone and waits for the roles; its router is somewhere else, too."""
+
+    stopped = "was out of reach"
+
+    def _registry(self) -> Registry:
+        return Registry(self.plan, open=True)
+
+    def _make_children(self) -> Children:
+        self._guests = Guests(self.registry)
+        return self._guests
+
+    def _connect(self) -> None:
+        super()._connect()
+        final = keys.telemetry_of_all("final")
+        self._held.append(self.session.declare_subscriber(final, Callback(self._on_final, indirect=False)))
+
+    def _on_final(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).split("/")[1]
+        if name != RECORDER:
+            self._guests.left(name)
+
+    def _fork_role(self, life: ProcessSpec) -> None:
+        self._guests.expect(life.name)
+
+    def _ready_timeout_s(self) -> float:
+        return GATHER_TIMEOUT_S
+
+    def _tend(self) -> None:
+        while self.registry.births:
+            before, life = self.registry.births.popleft()
+            self._succeed(before, life)
+        super()._tend()
+
+    def _succeed(self, before: str, life: ProcessSpec) -> None:
+        """Another process came to the place of one that is gone."""
+        self._lives[life.name] = life
+        self._guests.expect(life.name)
+        self._order(keys.LIFE, msgpack.packb(life.plain()))
+        if before in self._watch.still():
+            self._watch.give_up(before, LOST, again=True)
+        elif before not in self._watch.gone:
+            self._watch.gone.add(before)
+            self._watch.died(before, LOST, again=True)
+
+    def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
+        return False
+
+    def _end_still(self, names: set[str]) -> None:
+        """Who is out of reach at the end is not waited for."""
+        for name in sorted(names & self._watch.still()):
+            if name in self._lives:
+                self._watch.give_up(name, LOST)
+        super()._end_still(names - self._watch.gone)
+
+    def host(self, name: str) -> str:
+        """Where it runs, as it said itself."""
+        return self.registry.hosts.get(name) or super().host(name)

@@ -1,0 +1,40 @@
+"""Reads a timeline back from its file."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+from rerun.chunk import RrdReader
+
+from trackfield.role import NS
+
+Values = list[tuple[float | None, Any]]
+
+
+def read(file: Path, entity: str, component: str) -> Values:
+    """(time in s, value) of each row of a component, in order of time; time None: static."""
+    found: list[tuple[float | None, int, Any]] = []
+    for chunk in RrdReader(file).stream().filter(content=entity).to_chunks():
+        batch = chunk.to_record_batch()
+        if component not in batch.schema.names:
+            continue
+        values = batch.column(component).to_pylist()
+        times: list[float | None] = [None] * len(values)
+        if not chunk.is_static:
+            times = [t / NS for t in batch.column("emu").cast(pa.int64()).to_pylist()]
+        found += zip(times, range(len(found), len(found) + len(values)), values, strict=True)
+    return [(t, value) for t, _, value in sorted(found, key=lambda one: (one[0] or 0.0, one[1]))]
+
+
+def entities(file: Path) -> set[str]:
+    chunks = RrdReader(file).stream().to_chunks()
+    return {chunk.entity_path for chunk in chunks if not chunk.entity_path.startswith("/__")}
+
+
+def verify(file: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rerun", "rrd", "verify", str(file)]
+    return subprocess.run(command, env={"CI": "1"}, capture_output=True, text=True, check=False)

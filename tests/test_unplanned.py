@@ -1,0 +1,246 @@
+"""What an operator does to a run from outside: each death and each stop is seen, told, and survived."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from launcher.deployment import MAX_RESTARTS, ROUTER, Deployment
+from launcher.prepare import load, planned
+from launcher.records import RECORDER, Plan
+from launcher.run import Outcome, run_processes
+from launcher.show import Quiet
+from launcher.watch import Death, Stop
+from tests.running import until
+from trackfield.role import NS
+from trackfield.scenario.places import CENTRE
+
+
+def small(steps: int, *, speed: float = 1.0, **changes: Any) -> Plan:
+    """The paper's scenario with few nodes; ``changes`` are of the plan."""
+    return replace(planned(load("spcpf", settings=[f"target.steps={steps}"], nodes=16), speed), **changes)
+
+
+class Operator(Quiet):
+    """Does something to a run, each thing as soon as it is so far (emulated s)."""
+
+    def __init__(self, *deeds: tuple[float, str, int]) -> None:
+        self.field: Deployment | None = None
+        self._deeds = list(deeds)
+
+    def running(self, status: dict[str, Any]) -> None:
+        while self.field and status and self._deeds and status["t_s"] >= self._deeds[0][0]:
+            _, name, number = self._deeds.pop(0)
+            os.kill(self.field.pid(name), number)
+
+
+@pytest.fixture
+def disturbed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """Runs a plan under an operator's hands."""
+
+    def run(plan: Plan, *deeds: tuple[float, str, int]) -> Outcome:
+        operator = Operator(*deeds)
+        enter = Deployment.__enter__
+
+        def introduced(field: Deployment) -> Deployment:
+            operator.field = enter(field)
+            return operator.field
+
+        monkeypatch.setattr(Deployment, "__enter__", introduced)
+        return run_processes(plan, tmp_path, operator)
+
+    return run
+
+
+def tracked_steps(folder: Path) -> set[int]:
+    return set(pq.read_table(folder / "tracks.parquet")["step"].to_pylist())
+
+
+def lives_heard(folder: Path, src: str) -> set[int]:
+    rows = pq.read_table(folder / "messages.parquet").to_pylist()
+    return {row["incarnation"] for row in rows if row["src"] == src}
+
+
+# --- how soon it is seen -----------------------------------------------------------------------------------------
+
+
+@contextmanager
+def going_on(plan: Plan, folder: Path) -> Iterator[Deployment]:
+    """A run that is under way, looked after by another thread, and ended with the block."""
+    over = False
+    with Deployment(plan, folder) as field:
+        field.wait_ready(lambda ready, of: False)
+        field.begin()
+        watcher = Thread(target=field.watch, args=(lambda: over,))
+        watcher.start()
+        try:
+            until(lambda: field.now_ns > NS)
+            yield field
+        finally:
+            over = True
+            watcher.join()
+        field.finish()
+
+
+EVERYBODY = ("n003", "n007", ROUTER, RECORDER, CENTRE)
+
+
+def test_each_death_is_seen_within_a_second(tmp_path: Path) -> None:
+    with going_on(small(60), tmp_path) as field:
+        for name in EVERYBODY:
+            begun = time.monotonic()
+            os.kill(field.pid(name), signal.SIGKILL)
+            until(lambda name=name: name in [death.id for death in field.deaths], timeout=5)
+            assert time.monotonic() - begun < 1.0
+    assert [(death.id, death.why, death.again) for death in field.deaths] == [
+        (name, "signal 9", name == ROUTER) for name in EVERYBODY
+    ]
+
+
+def test_each_stop_is_seen_within_two_seconds_and_so_is_its_end(tmp_path: Path) -> None:
+    with going_on(small(60), tmp_path) as field:
+        for name in EVERYBODY:
+            begun = time.monotonic()
+            os.kill(field.pid(name), signal.SIGSTOP)
+            until(lambda name=name: name in [stop.id for stop in field.stops], timeout=5)
+            seen = time.monotonic()
+            assert seen - begun < 2.0
+            os.kill(field.pid(name), signal.SIGCONT)
+            until(lambda: field.stops[-1].for_s is not None, timeout=5)
+            assert time.monotonic() - seen < 2.0
+    assert [stop.id for stop in field.stops] == list(EVERYBODY)
+    assert field.deaths == []
+
+
+# --- who stands still --------------------------------------------------------------------------------------------
+
+
+def test_a_centre_that_stood_still_catches_up(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    """Zenoh keeps its frames for as long as its lease lasts."""
+    outcome = disturbed(small(8), (2, CENTRE, signal.SIGSTOP), (5, CENTRE, signal.SIGCONT))
+    [stop] = outcome.metrics["processes"]["stopped"]
+    assert stop["id"] == CENTRE
+    assert 2 < stop["t"] < 5
+    assert 1 < stop["s"] < 5
+    assert outcome.metrics["processes"]["died"] == []
+    assert outcome.metrics["frames"]["host_lost"] == 0
+    assert tracked_steps(tmp_path) == set(range(1, 9))
+    assert outcome.exit_code == 1
+    assert outcome.complaints[0].startswith(f"{CENTRE} was stopped from outside at ")
+
+
+def test_who_never_goes_on_does_not_hold_up_the_end(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    begun = time.monotonic()
+    outcome = disturbed(small(8, speed=2.0), (2, "n005", signal.SIGSTOP), (2, RECORDER, signal.SIGSTOP))
+    assert time.monotonic() - begun < 40
+    never, why = {"n005", RECORDER}, "stood still at the end, stopped from outside"
+    assert {(d["id"], d["why"]) for d in outcome.metrics["processes"]["died"]} == {(name, why) for name in never}
+    assert {(s["id"], s["s"]) for s in outcome.metrics["processes"]["stopped"]} == {(name, None) for name in never}
+    assert outcome.exit_code == 1
+    assert outcome.metrics["frames"]["sent"] is None
+    assert (tmp_path / "run.rrd").exists()
+
+
+# --- a router that goes and comes back ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        (signal.SIGKILL, "signal 9"),
+        (signal.SIGSTOP, "stood still for 3 s, stopped from outside, and was killed"),
+    ],
+)
+def test_the_run_goes_on_with_another_router(
+    number: int, why: str, disturbed: Callable[..., Outcome], tmp_path: Path
+) -> None:
+    outcome = disturbed(small(16, speed=2.0), (2, ROUTER, number))
+    [death] = outcome.metrics["processes"]["died"]
+    assert (death["id"], death["why"]) == (ROUTER, why)
+    assert outcome.exit_code == 1
+    assert "started again" in outcome.complaints[0]
+    assert {13, 14, 15, 16} <= tracked_steps(tmp_path)
+    frames = outcome.metrics["frames"]
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
+
+
+def test_an_order_that_was_lost_with_the_router_is_given_again(tmp_path: Path) -> None:
+    with Deployment(small(5, speed=2.0), tmp_path) as field:
+        field.wait_ready(lambda ready, of: False)
+        os.kill(field.pid(ROUTER), signal.SIGKILL)
+        until(lambda: not field.session.info.routers_zid())
+        field.begin()
+        field.watch(lambda: False)
+        field.finish()
+    assert field.deaths == [Death(ROUTER, "signal 9", field.deaths[0].t_s, again=True)]
+
+
+# --- who takes its place again -----------------------------------------------------------------------------------
+
+
+def test_the_dead_are_started_again_and_take_their_places(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    outcome = disturbed(small(14, restart=True), (2, "n010", signal.SIGKILL), (4, CENTRE, signal.SIGKILL))
+    died = [(death["id"], death["why"]) for death in outcome.metrics["processes"]["died"]]
+    assert died == [("n010", "signal 9"), (CENTRE, "signal 9")]
+    assert all("(started again)" in complaint for complaint in outcome.complaints)
+    assert outcome.exit_code == 1
+    assert lives_heard(tmp_path, "n010") == {0, 1}
+    assert max(tracked_steps(tmp_path)) == 14  # by the second centre
+    frames = outcome.metrics["frames"]
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values())
+    assert frames["lost"]["dead"] < frames["expected"] / 4
+
+
+def test_nothing_is_started_again_unless_that_was_asked_for(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    outcome = disturbed(small(6, speed=2.0), (2, "n005", signal.SIGKILL))
+    assert [death["id"] for death in outcome.metrics["processes"]["died"]] == ["n005"]
+    assert not (tmp_path / "logs" / "n005~1.log").exists()
+
+
+def test_what_dies_again_and_again_is_left_dead(tmp_path: Path) -> None:
+    with going_on(small(60, restart=True), tmp_path) as field:
+        for life in range(MAX_RESTARTS + 1):
+            name = f"n005~{life}" if life else "n005"
+            until(lambda name=name: name in field.registry.live)
+            os.kill(field.pid(name), signal.SIGKILL)
+            until(lambda name=name: name in [death.id for death in field.deaths])
+    assert [death.again for death in field.deaths] == [True] * MAX_RESTARTS + [False]
+    assert field.deaths[-1].why == f"signal 9; {MAX_RESTARTS} restarts are enough"
+
+
+# --- what was planned is no failure ------------------------------------------------------------------------------
+
+
+def test_a_planned_death_and_rebirth_is_nothing_to_report(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    plan = small(12, speed=2.0)
+    one = next(p for p in plan.processes if p.role == "node" and p.sound)
+    lives = (replace(one, kill_ns=4 * NS), replace(one, incarnation=1, start_ns=7 * NS, kill_ns=10 * NS))
+    others = tuple(p for p in plan.processes if p is not one)
+    outcome = disturbed(replace(plan, processes=(*others, *lives)))
+    assert outcome.metrics["processes"]["died"] == []
+    assert outcome.exit_code == 0, outcome.complaints
+    assert (tmp_path / "logs" / f"{one.id}~1.log").exists()
+
+
+def test_one_that_dies_before_its_planned_death_is_reported(disturbed: Callable[..., Outcome]) -> None:
+    plan = small(8)
+    doomed = [replace(p, kill_ns=6 * NS) if p.id == "n005" else p for p in plan.processes]
+    outcome = disturbed(replace(plan, processes=tuple(doomed)), (2, "n005", signal.SIGKILL))
+    assert [death["id"] for death in outcome.metrics["processes"]["died"]] == ["n005"]
+
+
+def test_stops_are_told_in_words() -> None:
+    from launcher.run import _remark
+
+    assert _remark(Stop("n1", None)) == "n1 was stopped from outside before the start, and never went on"
+    assert _remark(Stop("n1", 2.0, 3.04)) == "n1 was stopped from outside at 2.0 s, for 3.0 s"
