@@ -6,7 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from trackfield.drivers.frames import Died, EventKey, Frame, Overflowed, Refused, Telling, Told, Undone
+from trackfield.drivers.frames import RANK_FRAME, Died, EventKey, Refused, Telling, Told, Undone
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.clock import Clock
 from trackfield.role import Corrected, Radio
@@ -67,7 +67,7 @@ class Diary:
 
     def misses(self, medium: str, due_ns: int) -> str | None:
         """Why a frame due then does not reach it: dead, frozen, asleep; None if it does."""
-        if self.died is not None and due_ns > self.died[0]:
+        if self.died is not None and (due_ns, RANK_FRAME) > self.died:
             return "dead"
         if any(begin <= due_ns < until for begin, until in self.spec.freezes):
             return "frozen"
@@ -80,6 +80,14 @@ class Diary:
             if isinstance(told.effect, Radio) and told.effect.medium == medium:
                 return told.effect.on
         return True
+
+    def awake(self, medium: str) -> list[tuple[int, bool]]:
+        """From when on (true time, ns: a change at t counts after t) frames reach it, and from when on they do not."""
+        edges = [self.spec.start_ns - 1, *(told.key[0] for told in self.radio)]
+        edges += [edge - 1 for freeze in self.spec.freezes for edge in freeze]
+        edges += [self.spec.kill_ns - 1] if self.spec.kill_ns is not None else []
+        edges += [self.died[0]] if self.died is not None else []
+        return [(t, self.owns(t + 1) and self.misses(medium, t + 1) is None) for t in sorted(set(edges))]
 
     def local_ns(self, t_ns: int) -> int:
         """What its clock showed."""
@@ -96,7 +104,3 @@ class Diary:
             told = self.told[self.passed]
             self.passed += 1
             yield Event(told.key[0], self.spec.id, told.effect)
-
-    def overflowed(self) -> list[Frame]:
-        """The frames that found its radio's queue full."""
-        return [told.effect.frame for told in self.told if isinstance(told.effect, Overflowed)]

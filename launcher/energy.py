@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, dist
 from typing import Any, Final
@@ -15,7 +15,7 @@ from trackfield.drivers.radio import RADIO
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link import first_order
 from trackfield.link.energy import CAUSES, DEVICES, Power
-from trackfield.role import NS, Radio
+from trackfield.role import NS
 
 HEARD: Final = 0.01
 """A hearer of whose sender's frames at least this share would arrive pays for hearing them, meant for it or not."""
@@ -125,16 +125,18 @@ def _coverage_lost(plan: Plan, nodes: Sequence[Node], ends: Mapping[str, float],
 def _by_device_j(ledger: Ledger, nodes: Iterable[Node]) -> dict[str, float]:
     """What each device would have drawn for the same frames, listening and sleeping."""
     received: Counter[str] = Counter()
+    heard: Counter[str] = Counter()
     for row in ledger.rows:
         if row.delivered and row.medium == RADIO:
             received[row.dst] += row.bytes
+            heard[row.dst] += 1
     totals: dict[str, float] = dict.fromkeys(DEVICES, 0.0)
     for node in nodes:
         for name, device in DEVICES.items():
             sent, frames = ledger.sent_bytes[node.spec.id]
             activity = node.activity._replace(
                 send_ns=(sent + frames * device.overhead_bytes) * device.byte_ns,
-                receive_ns=received[node.spec.id] * device.byte_ns,
+                receive_ns=(received[node.spec.id] + heard[node.spec.id] * device.overhead_bytes) * device.byte_ns,
             )
             totals[name] += sum(activity.energy_fj(device).values()) * _FJ
     return totals
@@ -165,36 +167,33 @@ def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:
     """
     known = {node.spec.id: node for node in nodes}
     total = 0
-    for row, awake in _awake(ledger, known):
-        for id in awake:
-            meant = row.dst == id and row.delivered
-            if id != row.src and not meant and ledger.link.reception(row.src, id, row.bytes) >= HEARD:
+    for row, meant, awake in _awake(ledger, known):
+        for id in awake - meant - {row.src}:
+            if ledger.link.reception(row.src, id, row.bytes, at_ns=row.sent_ns) >= HEARD:
                 power = known[id].power
                 total += (row.bytes + power.overhead_bytes) * power.byte_ns * power.receive_uw
     return total * _FJ
 
 
-def _awake(ledger: Ledger, known: Mapping[str, Node]) -> Iterator[tuple[MessageRow, frozenset[str]]]:
-    """Each transmission, and whose radios were on as it was sent."""
-    changes: list[tuple[int, str, bool]] = []
-    for diary in ledger.diaries.values():
-        if diary.spec.id in known:
-            changes += [
-                (told.key[0], diary.spec.id, told.effect.on)
-                for told in diary.radio
-                if isinstance(told.effect, Radio) and told.effect.medium == RADIO
-            ]
-    changes.sort()
-    on = {id for id in known if not any(ledger.diaries[id].radio)}
-    seen: set[tuple[Any, ...]] = set()
+def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow, set[str], frozenset[str]]]:
+    """Each transmission, who got it that it was meant for, and whose radios were on as it was sent."""
+    sent: dict[tuple[Any, ...], tuple[MessageRow, set[str]]] = {}
+    for row in ledger.rows:
+        if row.medium == RADIO and row.outcome != "overflow":
+            _, meant = sent.setdefault((row.sent_ns, row.src, row.incarnation, row.kind, row.copy), (row, set()))
+            if row.delivered:
+                meant.add(row.dst)
+    changes = sorted(
+        (t, diary.spec.id, on)
+        for diary in ledger.diaries.values()
+        if diary.spec.id in known
+        for t, on in diary.awake(RADIO)
+    )
+    awake: frozenset[str] = frozenset()
     position = 0
-    for row in sorted(ledger.rows, key=lambda row: row.sent_ns):
-        frame = (row.src, row.incarnation, row.kind, row.sent_ns, row.copy)
-        if row.medium != RADIO or row.outcome == "overflow" or frame in seen:
-            continue
-        seen.add(frame)
+    for _, (row, meant) in sorted(sent.items(), key=lambda item: item[0]):
         while position < len(changes) and changes[position][0] < row.sent_ns:
-            _, id, listens = changes[position]
-            (on.add if listens else on.discard)(id)
+            _, id, on = changes[position]
+            awake = awake | {id} if on else awake - {id}
             position += 1
-        yield row, frozenset(on)
+        yield row, meant, awake

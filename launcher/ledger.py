@@ -15,8 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from launcher.diary import Diary, Event
 from launcher.records import MessageRow
-from trackfield.drivers.core import LATE
-from trackfield.drivers.frames import Died, Frame, Overflowed, Refused, Told, Undone
+from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish
 from trackfield.wire.codec import WireError, decode

@@ -10,7 +10,10 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, arrival, core_of, frames, run
 from tests.toys import Feedback, Reply, Request, mix
+from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Told, Undone
+from trackfield.link.energy import Power
+from trackfield.link.fate import Fate
 from trackfield.role import (
     NEIGHBOURHOOD,
     NS,
@@ -90,16 +93,27 @@ class Story:
     told: list[Told | Refused]
     host_late: int
     inversions: int
+    record: tuple[list[int], int]
 
 
+EASY = Conditions()
 LAST, BEYOND = 20 * MS, 30 * MS
 """Handling never runs ahead of the last frame's surroundings; all is compared a while later."""
 
 
-def live(role: Role[int], batches: Sequence[tuple[Sequence[Arrival], int, bool]], horizon_ns: int = NS) -> Story:
+def live(
+    role: Role[int],
+    batches: Sequence[tuple[Sequence[Arrival], int, bool]],
+    horizon_ns: int = NS,
+    conditions: Conditions = EASY,
+    holding: bool = False,
+) -> Story:
     """Batches of frames, the number of events handled after each, and whether what is late is caught up with then."""
-    core = core_of(role, sense=lambda _, t_ns: t_ns, horizon_ns=horizon_ns)
+    core = core_of(role, sense=lambda _, t_ns: t_ns, horizon_ns=horizon_ns, conditions=conditions)
     outputs: list[Output] = []
+    taken: list[Frame] = []
+    if holding:
+        core.recall = lambda frame: taken.append(frame) or True  # type: ignore[func-returns-value]
     for batch, steps, catch in batches:
         for frame in batch:
             core.offer(frame)
@@ -116,7 +130,12 @@ def live(role: Role[int], batches: Sequence[tuple[Sequence[Arrival], int, bool]]
             told = [t for t in told if t.key < output.key]
         elif isinstance(output, Told | Refused):
             told.append(output)
-    return Story(core.state, core.tally, tuple(frames(outputs)), told, core.host_late, core.inversions)
+    sent = frames(outputs)
+    for frame in taken:
+        sent.remove(frame)
+    did = core.record(BEYOND)
+    record = did["activity"], did["metered_ns"]
+    return Story(core.state, core.tally, tuple(sent), told, core.host_late, core.inversions, record)
 
 
 arrivals = st.lists(
@@ -138,8 +157,29 @@ def disorders(draw: st.DrawFn) -> list[tuple[list[Arrival], int, bool]]:
     return [([], draw(st.integers(0, 6)), False), *batches]
 
 
-def in_order(role: Role[int], batches: Sequence[tuple[Sequence[Arrival], int, bool]]) -> Story:
-    return live(role, [([a for batch, _, _ in batches for a in batch], 0, False)])
+def in_order(
+    role: Role[int], batches: Sequence[tuple[Sequence[Arrival], int, bool]], conditions: Conditions = EASY
+) -> Story:
+    return live(role, [([a for batch, _, _ in batches for a in batch], 0, False)], conditions=conditions)
+
+
+def slow(frame: Frame) -> Fate:
+    """A frame keeps the radio busy for half a millisecond, or for three."""
+    return Fate(None, MS, busy_ns=(3 * MS if frame.broadcast else MS // 2), air_ns=MS // 4, ack_air_ns=MS // 8)
+
+
+@st.composite
+def hard_times(draw: st.DrawFn) -> Conditions:
+    """Freezes and jumps of the clock at the instants at which frames come, a small battery, a slow radio, a kill."""
+    edges = sorted(draw(st.lists(st.integers(0, 14), max_size=4, unique=True)))
+    freezes = tuple((a * MS, b * MS) for a, b in zip(edges[::2], edges[1::2], strict=False))
+    when = sorted(draw(st.lists(st.integers(1, 14), max_size=3, unique=True)))
+    jumps = tuple((t * MS, draw(st.integers(-4, 4)) * MS) for t in when)
+    battery = draw(st.none() | st.integers(1, 60))
+    power = Power(6, 5, 4, 1, sample_fj=MS, battery_fj=battery and battery * MS, byte_ns=10_000)
+    cost = draw(st.sampled_from([slow, EASY.cost]))
+    kill = draw(st.integers(8, 30)) * MS
+    return Conditions(0, kill, freezes, jumps, power, draw(st.integers(0, 2)), cost)
 
 
 @settings(max_examples=400)
@@ -177,3 +217,33 @@ def test_however_short_the_memory_every_frame_is_accounted_for(
     due = sum(len(batch) for batch, _, _ in batches)
     assert real.tally.get("delivered", 0) + real.tally.get("asleep", 0) == due
     assert len({frame.identity for frame in real.sent}) == len(real.sent)
+
+
+@settings(max_examples=600)
+@given(disorders(), hard_times())
+def test_any_order_gives_the_same_life_in_hard_times(
+    batches: list[tuple[list[Arrival], int, bool]], conditions: Conditions
+) -> None:
+    """Over jumps of the clock, freezes, a queue, an empty battery and a kill: that of the right order."""
+    mine = [([a for a in batch if a.due_ns < conditions.kill_ns], steps, catch) for batch, steps, catch in batches]
+    right, real = in_order(Chaos(), mine, conditions), live(Chaos(), mine, conditions=conditions)
+    assert (right.host_late, right.inversions) == (0, 0)
+    assert (real.state, real.tally, real.told, real.record) == (right.state, right.tally, right.told, right.record)
+    identities = [frame.identity for frame in real.sent]
+    assert len(set(identities)) == len(identities)
+    assert {frame.identity for frame in right.sent} <= set(identities)
+    if real.host_late == 0:
+        assert set(real.sent) == set(right.sent)
+
+
+@settings(max_examples=200)
+@given(disorders(), hard_times())
+def test_a_process_that_can_take_back_what_it_sent_is_never_late(
+    batches: list[tuple[list[Arrival], int, bool]], conditions: Conditions
+) -> None:
+    """All that left and should not have is held back still: in the end exactly what had to leave has left."""
+    mine = [([a for a in batch if a.due_ns < conditions.kill_ns], steps, catch) for batch, steps, catch in batches]
+    right, real = in_order(Chaos(), mine, conditions), live(Chaos(), mine, conditions=conditions, holding=True)
+    assert real.host_late == 0
+    assert sorted(real.sent, key=lambda f: f.identity) == sorted(right.sent, key=lambda f: f.identity)
+    assert (real.state, real.told, real.record) == (right.state, right.told, right.record)

@@ -9,18 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackfield.drivers.frames import Frame, Refused, Told, Undone
+from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.telemetry import Telemetry, pack, unpack
-from trackfield.role import Note, Publish, Radio, State, TrackPoint
+from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
 
 WORDS = st.text(max_size=20)
 TIMES = st.integers(-(2**63), 2**63 - 1)
 NUMBERS = st.floats(allow_nan=False)
+MEDIA = st.sampled_from(["field", "backbone"])
 
 KEYS = st.one_of(
     st.tuples(TIMES, st.just(0), WORDS),
     st.tuples(TIMES, st.just(1), WORDS, WORDS, TIMES, st.integers(0, 99), st.integers(0, 9), WORDS),
     st.tuples(TIMES, st.just(2), TIMES, WORDS),
+    st.tuples(TIMES, st.just(3)),
 )
 POINTS = st.builds(
     TrackPoint,
@@ -35,9 +37,19 @@ POINTS = st.builds(
 )
 EFFECTS = st.one_of(
     st.builds(State, WORDS, WORDS),
-    st.builds(Radio, st.booleans(), st.sampled_from(["field", "backbone"])),
+    st.builds(Radio, st.booleans(), MEDIA),
     st.builds(Publish, POINTS),
     st.builds(Note, WORDS),
+    st.builds(Corrected, TIMES),
+    st.builds(Died, WORDS),
+    st.builds(Charge, NUMBERS),
+    st.builds(Queued, WORDS, TIMES, TIMES, st.integers(0, 99)),
+    st.builds(
+        Overflowed,
+        st.builds(
+            Frame, WORDS, st.integers(0, 9), WORDS, TIMES, st.integers(0, 99), WORDS, MEDIA, st.binary(max_size=64)
+        ),
+    ),
 )
 
 
@@ -53,7 +65,7 @@ def test_keys_still_sort_among_those_of_frames() -> None:
     assert isinstance(arrived, Refused)
     assert arrived.key == frame.key(7)
     assert {frame.key(7): "found"}[arrived.key] == "found"
-    assert (7, 0, "start") < arrived.key < (7, 2, 7, "deadline")
+    assert (7, 0, "start") < arrived.key < (7, 2, 7, "deadline") < (7, 3)
 
 
 @pytest.mark.parametrize("body", [("rumour", (1, 2)), ("told", (1, 2), "x"), ("", ())])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 from trackfield.drivers.frames import FREE, Frame
 from trackfield.link.energy import Power
@@ -13,9 +13,16 @@ from trackfield.link.fate import Fate
 NEVER: Final = 1 << 62
 """Later than any time."""
 
-
+Sense = Callable[[str, int], Any]
+"""Reads the sensor of this name at a true time (ns)."""
 MAINS: Final = Power(0, 0, 0, 0)
 """A device that nobody counts for."""
+
+
+class At(NamedTuple):
+    """A sensor's answer that is a time: true, to be shown to the role on its own clock. It costs no energy."""
+
+    true_ns: int | None
 
 
 def _free(frame: Frame) -> Fate:
@@ -45,5 +52,7 @@ class Conditions:
         return next((until for begin, until in self.freezes if begin <= t_ns < until), t_ns)
 
     def air_ns(self, fate: Fate, payload: bytes) -> int:
-        """How long a frame was on the air, over all its fragments and repeats."""
-        return fate.air_ns or (len(payload) + self.power.overhead_bytes) * self.power.byte_ns
+        """How long a frame was on the air, over all its fragments and repeats; 0 if it found no free channel."""
+        if fate.busy_ns:
+            return fate.air_ns
+        return (len(payload) + self.power.overhead_bytes) * self.power.byte_ns

@@ -7,21 +7,20 @@ restored and everything since is handled again. What had left already is not sen
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
-from typing import Any, Final, NamedTuple
+from typing import Any
 
-from trackfield.drivers import radio
-from trackfield.drivers.conditions import Conditions
+from trackfield.drivers import battery, radio
+from trackfield.drivers.conditions import At, Conditions, Sense
 from trackfield.drivers.frames import (
+    LATE,
     RANK_EMPTY,
     RANK_FAULT,
     RANK_TIMER,
     Arrival,
-    Charge,
     Died,
     EventKey,
     Frame,
@@ -32,8 +31,8 @@ from trackfield.drivers.frames import (
     Wrote,
 )
 from trackfield.drivers.life import Alarm, Handled, Life
-from trackfield.drivers.meter import Activity
-from trackfield.drivers.undo import difference
+from trackfield.drivers.meter import NOTHING, Activity
+from trackfield.drivers.undo import History, difference
 from trackfield.link.clock import Clock
 from trackfield.role import (
     CancelTimer,
@@ -56,20 +55,6 @@ from trackfield.role import (
 )
 from trackfield.wire.codec import WireError, decode, encode, kind_name
 from trackfield.wire.keys import Medium
-
-
-class At(NamedTuple):
-    """A sensor's answer that is a time: true, to be shown to the role on its own clock. It costs no energy."""
-
-    true_ns: int | None
-
-
-Sense = Callable[[str, int], Any]
-"""Reads the sensor of this name at a true time (ns)."""
-
-NOTHING: Final = Activity()
-LATE: Final = "late"
-"""The reason by which a role says that a frame came after its deadline."""
 
 
 class Core:
@@ -98,10 +83,9 @@ class Core:
         self.life = Life.new(role.begin(), clock, conditions.start_ns)
         self._arrivals: list[tuple[EventKey, int, Arrival]] = []
         self._offered = count()
-        self._history: deque[Handled] = deque()
         self._inverted: list[Arrival] = []
         self._last: EventKey = (conditions.start_ns - 1,)
-        self._forgotten: EventKey = self._last
+        self._history = History(self._last)
         self._ghosts: set[tuple[Any, ...]] = set()
         self._outputs: list[Output] = []
         self.recall: Callable[[Frame], bool] = lambda frame: False
@@ -160,7 +144,7 @@ class Core:
         One that is older than what can be undone is put after all that was handled, and counted.
         """
         for arrival in self._inverted:
-            if arrival.key < self._forgotten:
+            if arrival.key < self._history.forgotten:
                 self.host_late += 1
                 self._push(replace(arrival, due_ns=self._last[0] + 1))
             else:
@@ -184,6 +168,7 @@ class Core:
         return {
             **life.tally,
             "incarnation": self.incarnation,
+            "stored": life.stored,
             "inversions": self.inversions,
             "host_late": self.host_late,
             "activity": [a - b for a, b in zip(meter.activity, self._inherited, strict=True)],
@@ -202,12 +187,12 @@ class Core:
             raise IllegalEvent("nothing is due")
         before, self._outputs = self.life, []
         arrival = self._handle(key)
-        self._tell_charge(key)
+        self.life, charge = battery.tell(self.life, self.conditions)
+        if charge is not None:
+            self._outputs.append(Told(key, charge))
         # A timer set for this very instant may have a smaller key than the one that set it.
         outputs, self._last = self._outputs, max(self._last, key)
-        self._history.append(Handled(key, before, arrival, outputs))
-        while self._history and self._history[0].key[0] <= key[0] - self.horizon_ns:
-            self._forgotten = self._history.popleft().key
+        self._history.add(Handled(key, before, arrival, outputs), key[0] - self.horizon_ns)
         return outputs
 
     def _own_key(self) -> EventKey | None:
@@ -218,10 +203,9 @@ class Core:
         key: EventKey | None = None
         if life.jumped < len(given.jumps):
             key = (given.jumps[life.jumped][0], RANK_FAULT, "clock")
-        if given.power.battery_fj is not None:
-            empty = life.meter.empty_ns(given.power)
-            if empty is not None and (key is None or empty < key[0]):
-                key = (empty, RANK_EMPTY)
+        empty_ns = battery.empty_ns(life, given)
+        if empty_ns is not None and (key is None or empty_ns < key[0]):
+            key = (empty_ns, RANK_EMPTY)
         return key
 
     def _handle(self, key: EventKey) -> Arrival | None:
@@ -241,13 +225,13 @@ class Core:
         return arrival
 
     def _befall(self, key: EventKey) -> None:
-        """A start, a jump of the clock, or an empty battery."""
-        t, life = key[0], self.life
-        if key[1] == RANK_EMPTY:
+        """A start, a jump of the clock, or an empty battery; on one that is empty already, nothing starts."""
+        t, starting = key[0], not self.life.started
+        self.life = life = self.life._replace(started=True)
+        if key[1] == RANK_EMPTY or (starting and battery.empty(life, self.conditions)):
             self.life = life._replace(over=True)
             self._outputs.append(Told(key, Died("battery")))
-        elif key[2] == "start":
-            self.life = life._replace(started=True)
+        elif starting:
             self._feed(Started(life.clock.local(t), life.stored), key)
         else:
             # Pending timers are left alone: they fire when they would have, and the clock shows another time then.
@@ -336,25 +320,11 @@ class Core:
         tally = self.life.tally
         self.life = self.life._replace(tally={**tally, outcome: tally.get(outcome, 0) + 1})
 
-    def _tell_charge(self, key: EventKey) -> None:
-        """Say what is left in the battery whenever it is a per cent less."""
-        power, life = self.conditions.power, self.life
-        left = life.meter.left_fj(power)
-        if left is None or not power.battery_fj:
-            return
-        percent = -(-100 * left // power.battery_fj)
-        if percent < life.told:
-            self.life = life._replace(told=percent)
-            self._outputs.append(Told(key, Charge(percent / 100)))
-
     # --- putting a frame in its place -----------------------------------------------------------------------------
 
     def _replay(self, since: EventKey) -> list[Output]:
         """Undo every event from ``since`` on, and handle all that is due up to where we were."""
-        undone: list[Handled] = []
-        while self._history and self._history[-1].key > since:
-            undone.append(self._history.pop())
-        undone.reverse()
+        undone = self._history.since(since)
         if undone:  # else all that came after it vanished in an earlier replay
             self.life = undone[0].before
         for handled in undone:
@@ -367,11 +337,6 @@ class Core:
         out, mistaken = difference(old, new, since, self._ghosts, self.recall)
         self.host_late += mistaken
         return out
-
-
-def spent(record: Mapping[str, Any]) -> Activity:
-    """What all lives up to the one of this record (``Core.record``) did together."""
-    return Activity.total(Activity(*record[part]) for part in ("activity", "inherited"))
 
 
 def _without(alarms: dict[str, Alarm], name: str) -> dict[str, Alarm]:

@@ -14,6 +14,8 @@ RANK_FRAME: Final = 1
 RANK_TIMER: Final = 2
 RANK_EMPTY: Final = 3
 
+LATE: Final = "late"
+"""The reason by which a role says that a frame came after its deadline."""
 FREE: Final = Fate(None)
 """The fate of a frame that costs nothing."""
 

@@ -33,9 +33,9 @@ class Receiver(NamedTuple):
 class Life(NamedTuple):
     """A snapshot of a process; nobody writes into its parts.
 
-    ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` the instant at
-    which frames left last and how many of each (kind, address); ``stored`` what the role kept last; ``jumped`` how
-    many jumps of the clock are over; ``told`` the charge that was told last (%). Its events begin when it has
+    ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` how many frames
+    leave of each (instant, kind, address), those that left before apart; ``stored`` what the role kept last; ``jumped``
+    how many jumps of the clock are over; ``told`` the charge that was told last (%). Its events begin when it has
     ``started``, and end when it is ``over``.
     """
 
@@ -45,7 +45,7 @@ class Life(NamedTuple):
     alarms: dict[str, Alarm]
     receivers: dict[str, Receiver]
     sending: tuple[int, ...]
-    copies: tuple[int, dict[tuple[str, str], int]]
+    copies: dict[tuple[int, str, str], int]
     tally: dict[str, int]
     stored: bytes
     jumped: int = 0
@@ -56,7 +56,7 @@ class Life(NamedTuple):
     @classmethod
     def new(cls, state: Any, clock: Clock, start_ns: int) -> Life:
         """A life that has not begun."""
-        return cls(state, clock, Meter(since_ns=start_ns), {}, {}, (), (-1, {}), {}, b"")
+        return cls(state, clock, Meter(since_ns=start_ns), {}, {}, (), {}, {}, b"")
 
 
 @dataclass(slots=True)

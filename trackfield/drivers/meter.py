@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, NamedTuple
 
 from trackfield.link.energy import CAUSES, Power
 
@@ -26,6 +26,14 @@ class Activity(NamedTuple):
     def total(cls, parts: Iterable[Activity]) -> Activity:
         """All of these together."""
         return cls(*map(sum, zip(cls(), *parts, strict=True)))
+
+
+NOTHING: Final = Activity()
+
+
+def spent(record: Mapping[str, Any]) -> Activity:
+    """What all lives up to the one of this record (``Core.record``) did together."""
+    return Activity.total(Activity(*record[part]) for part in ("activity", "inherited"))
 
 
 class Meter(NamedTuple):

@@ -20,8 +20,9 @@ import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
 from trackfield.drivers.conditions import NEVER
-from trackfield.drivers.core import NOTHING, Core, spent
+from trackfield.drivers.core import Core
 from trackfield.drivers.frames import RANK_TIMER, Arrival, Frame, Output, Refused, Sent, Told, Undone
+from trackfield.drivers.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.join import join
 from trackfield.drivers.spec import build_core, link_of
@@ -47,8 +48,6 @@ HOLD_NS: Final = 40_000_000
 its place depends on requests that this machine may deliver in another order."""
 LINGER_NS: Final = 300_000_000
 """After a planned kill, for frames that were still on their way (wall time)."""
-HERITAGE_NS: Final = 5_000_000_000
-"""How long a life waits for the last words of the one before it (wall time)."""
 
 
 Inbox = deque[tuple[int, zenoh.Sample]]
@@ -114,8 +113,7 @@ class Process:
         self._slip, self._latency = Histogram(), Histogram()
         self.core.recall = self._recall
         self._outbox: list[tuple[int, Frame]] = []
-        self._stored, self._spent = b"", NOTHING
-        self._heritage = self._expect_heritage(joined.stored)
+        self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set)
         for key in self._inboxes():
             self._held.append(
                 take_in(session, key, self._inbox, self._wake)
@@ -131,26 +129,9 @@ class Process:
         cells = [keys.neighbourhood(medium, cell) for medium in media for cell in self.spec.cells]
         return [keys.inbox(medium, id) for medium in media] + cells
 
-    def _expect_heritage(self, stored: bytes | None) -> Event:
-        """Set once this life knows what the one before it kept: from the launcher, or from its last words."""
-        known = Event()
-        if not self.spec.incarnation or stored is not None:
-            self._stored = stored or b""
-            known.set()
-            return known
-
-        def on_stored(sample: zenoh.Sample) -> None:
-            self._stored = sample.payload.to_bytes()
-
-        def on_final(sample: zenoh.Sample) -> None:
-            self._spent = spent(msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False))
-            known.set()
-            self._wake.set()
-
-        for what, callback in (("stored", on_stored), ("final", on_final)):
-            key = keys.telemetry(self.spec.before, what)
-            self._held.append(self.session.declare_subscriber(key, Callback(callback, indirect=False)))
-        return known
+    def _waits_for_heritage(self) -> bool:
+        """Whether this life, within the run, cannot start before that is known."""
+        return not self.core.life.started and not self._heritage.known and self.spec.start_ns < self._end_ns
 
     # --- Zenoh's thread: append and wake, nothing else ------------------------------------------------------------
 
@@ -197,8 +178,8 @@ class Process:
             return now
         key = self.core.next_key()
         due = NEVER if key is None or key[0] >= self._end_ns else self._wall(key[0])
-        if not self.core.life.started and not self._heritage.is_set():
-            due = max(due, self._wall(self.spec.start_ns) + HERITAGE_NS)
+        if due < NEVER and self._waits_for_heritage():
+            due = max(due, self._wall(self.spec.start_ns) + PATIENCE_NS)
         if self.core.behind:
             # Replays take at most a quarter of the time, but a timer's outputs do not wait for them.
             if now < self._replay_ns and (now < due or (key is not None and key[1] != RANK_TIMER)):
@@ -216,7 +197,7 @@ class Process:
 
     def _handle_next(self) -> None:
         if not self.core.life.started:
-            self.core.inherit(self._stored, self._spent)
+            self.core.inherit(self._heritage.stored, self._heritage.spent)
         self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:
@@ -225,10 +206,11 @@ class Process:
             self._counts_ns = NEVER
             counts = msgpack.packb({**self._counts, **self.core.tally})
             self.session.put(keys.telemetry(self.name, "counts"), counts)
-        if now >= self._wall(self._end_ns) and now >= self._reached_ns:
+        end = NEVER if self._waits_for_heritage() else self._wall(self._end_ns)
+        if now >= max(end, self._reached_ns):
             self._reached_ns = now + REPEAT_NS
             self._say("reached", b"")
-        return min(self._counts_ns, max(self._wall(self._end_ns), self._reached_ns))
+        return min(self._counts_ns, max(end, self._reached_ns))
 
     def _wall(self, t_ns: int) -> int:
         assert self._start_ns is not None

@@ -23,25 +23,23 @@ def send(life: Life, frame: Frame, given: Conditions) -> tuple[Life, Frame | Non
     or this life ends before; and what there is to tell of it.
     """
     t = frame.sent_ns
-    sending = tuple(end for end in life.sending if end > t) if frame.medium == RADIO else ()
-    if len(sending) > given.queue:
+    ahead = tuple(end for end in life.sending if end > t) if frame.medium == RADIO else ()
+    if len(ahead) > given.queue:
         return life, None, Overflowed(frame)
-    leaves = max(t, *sending) if sending else t
+    leaves = max(t, *ahead) if ahead else t
     if leaves >= given.kill_ns:
         return life, None, None
-    since, counts = life.copies
-    counts = counts if since == leaves else {}
-    address = (frame.kind, frame.to)
-    copy = counts.get(address, 0)
-    counts = {**counts, address: copy + 1}
-    frame, life = replace(frame, sent_ns=leaves, copy=copy), life._replace(copies=(leaves, counts))
+    copies = {address: count for address, count in life.copies.items() if address[0] >= t}
+    address = (leaves, frame.kind, frame.to)
+    copy = copies.get(address, 0)
+    copies[address] = copy + 1
+    frame, life = replace(frame, sent_ns=leaves, copy=copy), life._replace(copies=copies)
     if frame.medium == RADIO:
         cost = given.cost(frame)
-        sending = (*sending, leaves + cost.busy_ns) if cost.busy_ns else sending
         meter = life.meter.used(send_ns=given.air_ns(cost, frame.payload), receive_ns=cost.ack_air_ns)
+        sending = (*ahead, leaves + cost.busy_ns) if cost.busy_ns else ahead
         life = life._replace(sending=sending, meter=meter)
-    waited = Queued(frame.kind, leaves, leaves - t, len(sending)) if leaves > t else None
-    return life, frame, waited
+    return life, frame, Queued(frame.kind, leaves, leaves - t, len(ahead)) if leaves > t else None
 
 
 def listens(life: Life, medium: Medium, t_ns: int) -> bool:

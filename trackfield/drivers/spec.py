@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from typing import Any, Self
 
-from trackfield.drivers.conditions import MAINS, NEVER, Conditions
-from trackfield.drivers.core import At, Core, Sense
+from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
+from trackfield.drivers.core import Core
 from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
 from trackfield.link.fate import Link
@@ -153,7 +153,7 @@ def link_of(run: RunSpec, places: Places) -> Link:
 
 def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int = 0) -> Core:
     """A process's engine with its sensors, clock, battery and faults; ``link`` tells what its frames cost."""
-    clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at < spec.start_ns))
+    clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at <= spec.start_ns))
     return Core(
         role_factory(spec.factory)(**spec.config),
         owner=spec.id,
@@ -163,7 +163,7 @@ def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int =
             start_ns=spec.start_ns,
             kill_ns=NEVER if spec.kill_ns is None else spec.kill_ns,
             freezes=spec.freezes,
-            jumps=tuple(jump for jump in spec.jumps if jump[0] >= spec.start_ns),
+            jumps=tuple(jump for jump in spec.jumps if jump[0] > spec.start_ns),
             power=Power(**spec.power) if spec.power else MAINS,
             queue=run.queue,
             cost=lambda frame: frame.cost(link),

@@ -1,13 +1,36 @@
-"""What has to leave when events were undone and handled again."""
+"""Events that can be undone, and what has to leave when they were and are handled again."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from trackfield.drivers.frames import EventKey, Frame, Output, Refused, Sent, Told, Undone
+from trackfield.drivers.life import Handled
 
 Identity = tuple[Any, ...]
+
+
+class History:
+    """The latest events, as they were handled; ``forgotten`` is the key of the latest that is no longer here."""
+
+    def __init__(self, forgotten: EventKey) -> None:
+        self.forgotten = forgotten
+        self._handled: deque[Handled] = deque()
+
+    def add(self, handled: Handled, forget_ns: int) -> None:
+        """Remember this one, and none that is as old as ``forget_ns``."""
+        self._handled.append(handled)
+        while self._handled and self._handled[0].key[0] <= forget_ns:
+            self.forgotten = self._handled.popleft().key
+
+    def since(self, key: EventKey) -> list[Handled]:
+        """Take out all that was handled after this key, in its order."""
+        undone: list[Handled] = []
+        while self._handled and self._handled[-1].key > key:
+            undone.append(self._handled.pop())
+        return undone[::-1]
 
 
 def difference(
