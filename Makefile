@@ -10,10 +10,10 @@ OWN_BASE := trackfield/base:bookworm
 BASE ?= $(OWN_BASE)
 IMAGE ?= trackfield
 NODES ?= 25
-SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
+SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.68
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint base-image image field clean
+.PHONY: help demo test lint study base-image image field clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -40,6 +40,9 @@ image: | $(BIN)/python  ## the image of router, nodes, fusion centre and launche
 
 field: image  ## track a vehicle with 25 containers, from the image to the run folder in runs/
 	TRACKFIELD_IMAGE=$(IMAGE) containers/field $(NODES) $(SCENARIO) --nodes $(NODES)
+
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
+	$(BIN)/python -m tests.campaign
 
 clean:  ## remove the environment and all caches; run folders stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

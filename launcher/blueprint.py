@@ -67,7 +67,8 @@ LANES: Final = 7
 ALL_LANES: Final = 200
 """and in the tab with all of them; a field of more sensors is drawn without their names."""
 WHOLE_NETWORK: Final = 2000
-"""Of a network of more places only those are drawn that have to do with something."""
+"""Of a network of more places only those are drawn that have to do with something, and not where they stand:
+neighbours would be too close to be told apart."""
 
 
 def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
@@ -91,8 +92,8 @@ def share_colour(share: float) -> Colour:
 
 
 def dot(info: FieldInfo) -> float:
-    """Radius on screen of a sensor."""
-    return 4.5 if len(info.places) <= ALL_LANES else 2.5
+    """Radius on screen of a sensor at rest; the dots of a dense field do not cover each other."""
+    return 4.5 if len(info.places) <= ALL_LANES else min(2.5, max(0.7, 80 / len(info.places) ** 0.5))
 
 
 @lru_cache(maxsize=4096)
@@ -224,6 +225,8 @@ def _field(info: FieldInfo) -> rrb.Spatial2DView:
 
 
 def _network(info: FieldInfo) -> rrb.GraphView:
+    if len(info.places) > WHOLE_NETWORK:
+        return rrb.GraphView(origin="/network", name="Network (those involved)")
     return rrb.GraphView(
         origin="/network",
         name="Network",

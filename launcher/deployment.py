@@ -232,7 +232,7 @@ class Deployment:
             time.sleep(LINGER_S)
             self._order(keys.STOP, b"")
             self._await(self._lives, STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives), "did not stop when told")
-            self._order(keys.FINISH, msgpack.packb([d.id for d in self.deaths]))
+            self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], WRITE_TIMEOUT_S, "did not close its files in time")
         if self._own_router and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
@@ -293,10 +293,9 @@ class Deployment:
         if self._stopping and name != ROUTER and why == GOOD_END:
             return
         again = self._start_again(name, life)
-        tired = (
-            "" if again or self._restarts[keys.id_of(name)] < MAX_RESTARTS else f"; {MAX_RESTARTS} restarts are enough"
-        )
-        self._watch.died(name, why + tired, again=again)
+        if not again and self._restarts[keys.id_of(name)] == MAX_RESTARTS:
+            why += f"; {MAX_RESTARTS} restarts are enough"
+        self._watch.died(name, why, again=again)
 
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
         """Start another in the place of one that died, where that is wanted and did not happen too often."""
@@ -327,12 +326,8 @@ class Deployment:
     # --- what others ask ------------------------------------------------------------------------------------------
 
     def pids(self) -> dict[str, int]:
-        """The process ids of the roles, by name."""
-        return {name: self._children.pid(name) for name in self._lives}
-
-    def pid(self, name: str) -> int:
-        """The process id of one, role or not."""
-        return self._children.pid(name)
+        """The process ids of all that run here, by name."""
+        return {name: pid for name in self._children.names() if (pid := self._children.pid(name)) is not None}
 
     def host(self, name: str) -> str:
         """Where it runs."""

@@ -19,6 +19,8 @@ from trackfield.role import NS
 
 HEARD: Final = 0.01
 """A hearer of whose sender's frames at least this share would arrive pays for hearing them, meant for it or not."""
+ACCOUNTINGS: Final = ("metered", "without_listening", "with_overhearing", "first_order")
+"""Ways to count that do not change the device (docs/metrics.md); those that do are called by its name."""
 _FJ: Final = 1e-15
 
 
@@ -73,21 +75,18 @@ def nodes_of(plan: Plan, ledger: Ledger) -> list[Node]:
 def energy_metrics(ledger: Ledger, nodes: Sequence[Node]) -> dict[str, Any]:
     """``energy_j`` of metrics.json; null where nobody counts."""
     if not nodes:
-        return {"total": None, "max_node": None, "by": None, "by_accounting": None}
+        nothing = {"by": dict.fromkeys(CAUSES), "by_accounting": dict.fromkeys((*ACCOUNTINGS, *DEVICES))}
+        return {"total": None, "max_node": None, **nothing}
     spent = [node.spent_j for node in nodes]
     by = {cause: sum(one[cause] for one in spent) for cause in CAUSES}
     total = sum(by.values())
+    others = total, total - by["listen"], total - by["listen"] + _overheard_j(ledger, nodes)
+    figures = (*others, _first_order_j(ledger, nodes))
     return {
         "total": total,
         "max_node": max(sum(one.values()) for one in spent),
         "by": by,
-        "by_accounting": {
-            "metered": total,
-            "without_listening": total - by["listen"],
-            "with_overhearing": total - by["listen"] + _overheard_j(ledger, nodes),
-            "first_order": _first_order_j(ledger, nodes),
-            **_by_device_j(ledger, nodes),
-        },
+        "by_accounting": {**dict(zip(ACCOUNTINGS, figures, strict=True)), **_by_device_j(ledger, nodes)},
     }
 
 

@@ -71,10 +71,6 @@ class Guests(Children):
         else:
             super().kill(name)
 
-    def pid(self, name: str) -> int | None:
-        """The process id of a child."""
-        return None if name in self._expected else super().pid(name)
-
 
 class Gathering(Deployment):
     """A deployment that starts the recorder alone and waits for the roles; its router is somewhere else, too."""
@@ -124,12 +120,22 @@ class Gathering(Deployment):
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
         return False
 
+    def finish(self) -> None:
+        """As any deployment, but nobody waits for those who never came."""
+        if self.registry.start_ns is None:
+            self._watch.gone.update(set(self._lives) - self.registry.live)
+        super().finish()
+
     def _end_still(self, names: set[str]) -> None:
         """Who is out of reach at the end is not waited for."""
         for name in sorted(names & self._watch.still()):
             if name in self._lives:
                 self._watch.give_up(name, LOST)
         super()._end_still(names - self._watch.gone)
+
+    def pids(self) -> dict[str, int]:
+        """None: the roles are not processes of this machine."""
+        return {}
 
     def host(self, name: str) -> str:
         """Where it runs, as it said itself."""

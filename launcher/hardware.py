@@ -12,7 +12,7 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario
 from trackfield.scenario.links import Ethernet, Fixed, GilbertElliott, LognormalPrr
 
-FJ_PER_J: Final = 10**15
+FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12
 DEVICE_OF: Final = {"802154-0dbm": "cc2420", "802154-20dbm": "cc2420-20dbm", "lora868": "sx1276", "wifi11b": "wifi11b"}
 """The device that has this radio; for any other, the figures of a CC2420."""
@@ -68,5 +68,5 @@ def power_of(scenario: Scenario, battery_j: float | None, sample_fj: int = 0) ->
     """What a process draws, and what its battery holds (None: it hangs on the mains)."""
     radio = scenario.link.radio if isinstance(scenario.link, LognormalPrr) else ""
     device = scenario.energy.device or DEVICE_OF.get(radio, "cc2420")
-    battery_fj = None if battery_j is None else round(battery_j * FJ_PER_J)
+    battery_fj = None if battery_j is None else round(battery_j * 1e6) * FJ_PER_UJ
     return asdict(replace(DEVICES[device], sample_fj=sample_fj, battery_fj=battery_fj))

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from launcher.diary import Diary, Event
 from launcher.records import MessageRow
-from trackfield.drivers.frames import LATE, Frame, Overflowed, Refused, Told, Undone
+from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish
 from trackfield.wire.codec import WireError, decode
@@ -49,6 +49,7 @@ class Ledger:
         self._listeners = [p for p in self._processes.values() if p.cells]
         self._timed = {p.id for p in processes if p.clock or p.jumps}
         self._written: dict[str, None] = {}
+        self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
         self._pending: list[tuple[int, int, Frame, MessageRow]] = []
         self._order = 0
 
@@ -113,6 +114,10 @@ class Ledger:
             _, _, frame, row = heappop(self._pending)
             rows.append(self._judge(frame, row))
         events: list[Event] = []
+        while self._kills and self._kills[0][0] <= min(until_ns, self.run.end_ns):
+            kill_ns, name = heappop(self._kills)
+            if self.diaries[name].died is None:
+                events.append(Event(kill_ns, self.diaries[name].spec.id, Died("killed")))
         for name in list(self._written):
             diary = self.diaries[name]
             events += diary.settled(until_ns)
@@ -131,17 +136,25 @@ class Ledger:
             self._bury(name)
         return rows, events
 
-    def host_lost(self) -> int:
-        """Frames that should have reached a process which says that they did not."""
+    def sums(self) -> dict[str, int]:
+        """How many frames were ``expected``, ``delivered`` and ``host_lost``.
+
+        The machine lost what the recorder saw and a hearer says that it did not get, and what left a process and
+        neither of them saw. What the recorder alone missed was delivered.
+        """
         due: Counter[str] = Counter()
         for row in self.rows:
             if row.delivered or row.outcome == "asleep":
                 owner = self._owner(row)
                 due[owner.spec.name if owner else ""] += 1
-        return sum(
-            max(due[name] - record.get("delivered", 0) - record.get("asleep", 0), 0)
-            for name, record in self.finals.items()
-        )
+        more = [r.get("delivered", 0) + r.get("asleep", 0) - due[name] for name, r in self.finals.items()]
+        missed, unseen = sum(-n for n in more if n < 0), self.dropped()
+        heard_alone = min(sum(n for n in more if n > 0), unseen)
+        return {
+            "expected": len(self.rows) + unseen,
+            "delivered": sum(row.delivered for row in self.rows) - missed + heard_alone,
+            "host_lost": missed + unseen - heard_alone,
+        }
 
     def dropped(self) -> int:
         """Frames that left a process and never reached the recorder."""

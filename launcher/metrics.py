@@ -91,17 +91,16 @@ def _tracker(rows: Sequence[TrackRow]) -> Metrics:
 
 def _frames(ledger: Ledger) -> Metrics:
     outcomes = Counter(r.outcome for r in ledger.rows)
-    arrived = sum(r.delivered for r in ledger.rows)
-    host_lost = ledger.host_lost()
+    sums = ledger.sums()
     return {
         "sent": sum(ledger.sent_kinds.values()),
-        "expected": len(ledger.rows),
-        "delivered": arrived - host_lost,
+        "expected": sums["expected"],
+        "delivered": sums["delivered"],
         "late": outcomes["late"],
         "duplicate": _total(ledger, "duplicate"),
         "ignored": outcomes["ignored"] + _total(ledger, "malformed"),
         "lost": {cause: outcomes[cause] for cause in CAUSES},
-        "host_lost": host_lost,
+        "host_lost": sums["host_lost"],
         "by_kind": {
             kind: {"sent": n, "payload_bytes_max": ledger.payload_max[kind]}
             for kind, n in sorted(ledger.sent_kinds.items())

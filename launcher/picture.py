@@ -36,8 +36,7 @@ class Picture:
         self._places = {place.id: (place.x, place.y) for place in info.places}
         self._sensors = {place.id for place in info.places if place.role == "node"}
         self._others = self._places.keys() - self._sensors
-        self._graph = look.graph_positions(info)
-        self._whole = len(self._graph) <= look.WHOLE_NETWORK
+        self._whole = list(look.graph_positions(info)) if len(info.places) <= look.WHOLE_NETWORK else []
         self._reach = extent(info) / 4
         self._cross = 0.16 * spacing(info)
         self._working: dict[str, int] = {}  # sensors that neither rest nor are dead, and their colours
@@ -118,13 +117,13 @@ class Picture:
         return len(at)
 
     def _draw_nodes(self, t_ns: int) -> int:
-        names = list(self._graph) if self._whole else self._involved()
+        names = self._whole or self._involved()
         states, lost = self.shown.now["state"], self.shown.now["lost"]
         colours = [look.LOST if name in lost else look.state_colour(states.get(name, look.REST)) for name in names]
         if self._whole:
             self._add("/network", rows.node_colours, t_ns, colours)
         else:
-            self._add("/network", rows.nodes, t_ns, (names, [self._graph[name] for name in names], colours))
+            self._add("/network", rows.nodes, t_ns, (names, colours))
         return len(names)
 
     def _involved(self) -> list[str]:

@@ -49,7 +49,7 @@ class Recorder:
             role_factory(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
         self.journal = Journal(plan, self.ledger, folder)
-        self.dead: list[str] = []
+        self.deaths: list[tuple[str, float | None, str]] = []
         self._inbox: Inbox = deque()
         self._arrived, self._finish = Event(), Event()
         self._start_ns: int | None = None
@@ -63,12 +63,13 @@ class Recorder:
         self._held.append(session.liveliness().declare_token(keys.live(RECORDER)))
 
     def _on_finish(self, sample: zenoh.Sample) -> None:
-        self.dead = msgpack.unpackb(sample.payload.to_bytes())
+        self.deaths = msgpack.unpackb(sample.payload.to_bytes(), use_list=False)
         self._finish.set()
 
     def terminate(self) -> None:
         """Close the books with what there is."""
-        self.dead = [name for name in self.ledger.diaries if name not in self.ledger.finals]
+        unheard = self.ledger.diaries.keys() - self.ledger.finals.keys()
+        self.deaths = [(name, None, "not heard of again") for name in sorted(unheard)]
         self._finish.set()
 
     def run(self) -> None:
@@ -83,7 +84,7 @@ class Recorder:
                 status_at = time.monotonic() + STATUS_S
                 self.session.put(keys.telemetry(RECORDER, "status"), msgpack.packb(self._status()))
         self._await_finals()
-        metrics = self.journal.close(self.dead, messages=self._received)
+        metrics = self.journal.close(self.deaths, messages=self._received)
         write_json(metrics, self.journal.folder / METRICS)
 
     def _now_ns(self) -> int:
@@ -96,7 +97,7 @@ class Recorder:
 
     def _await_finals(self) -> None:
         deadline = time.monotonic() + FINALS_TIMEOUT_S
-        wanted = self.ledger.diaries.keys() - set(self.dead)
+        wanted = self.ledger.diaries.keys() - {name for name, *_ in self.deaths}
         self._drain()
         while wanted - set(self.ledger.finals) and time.monotonic() < deadline:
             time.sleep(0.02)

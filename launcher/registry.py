@@ -6,6 +6,7 @@ import time
 from collections import deque
 from dataclasses import asdict, replace
 from threading import Lock
+from typing import Final
 
 import msgpack
 import zenoh
@@ -15,6 +16,9 @@ from launcher.claims import Claims
 from launcher.records import Plan
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
+
+LEAD_S: Final = 0.5
+"""After a place was given again, until its next life begins: the recorder has to know of it by then."""
 
 
 class Registry:
@@ -69,25 +73,30 @@ class Registry:
     def claim(self, role: str, host: str) -> str | None:
         """The name to join under for a process on this host, None if all places of the role are taken.
 
-        Once emulated time goes on, whoever comes to a place after another is a new life. Raises ``LookupError`` for a
-        role that has no places here.
+        Once emulated time goes on, whoever comes to a place after another is a new life. Raises ``LookupError`` where
+        there is no place to give, now or later.
         """
         if self._claims is None:
             raise LookupError("the launcher starts all processes of this run itself: say whose place to take with --id")
+        now_ns = self._now_ns()
+        if now_ns is not None and now_ns >= self.run.end_ns:
+            raise LookupError("the run is over")
         with self._lock:
             taken = self._claims.take(role, host, time.monotonic())
             if taken is None:
                 return None
             place, again = taken
             name = self._latest[place]
-            if again and self.start_ns is not None:
-                now_ns = round((time.monotonic_ns() - self.start_ns) * self.run.speed)
-                life = self.next_life(name, max(now_ns, 0))
+            if again and now_ns is not None:
+                life = self.next_life(name, max(now_ns, 0) + round(LEAD_S * self.run.speed * 1e9))
                 self.births.append((name, life))
                 name = self._latest[place] = life.name
                 self._places[name] = place
             self.hosts[name] = host
             return name
+
+    def _now_ns(self) -> int | None:
+        return None if self.start_ns is None else round((time.monotonic_ns() - self.start_ns) * self.run.speed)
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 

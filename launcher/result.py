@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
@@ -37,9 +38,15 @@ class Journal:
         self._write(*self.ledger.settle(until_ns))
         self.timeline.flush()
 
-    def close(self, dead: list[str], *, messages: int) -> Metrics:
-        """Write the rest, and the tables; the metrics that are known here."""
-        self._write(*self.ledger.close(dead))
+    def close(self, deaths: Sequence[tuple[str, float | None, str]], *, messages: int) -> Metrics:
+        """Write the rest, and the tables; the metrics that are known here.
+
+        ``deaths`` are those that nobody planned: whose, when (s; None: nobody knows), and why.
+        """
+        self._write(*self.ledger.close(name for name, *_ in deaths))
+        for name, t_s, why in deaths:
+            if t_s is not None:
+                self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
         self.timeline.close()
         write_messages(self.ledger.rows, self.folder / "messages.parquet")
         tracks = track_rows(

@@ -17,10 +17,10 @@ from trackfield.role import NS
 Columns = rr.ComponentColumnList
 Dots = tuple[Points, list[int]]
 """Positions (n, 2) and colours of n points."""
-Network = tuple[list[str], list[tuple[float, float]], list[int]]
-"""Ids, positions and colours of the nodes of a network."""
+Nodes = tuple[list[str], list[int]]
+"""Ids and colours of the nodes of a network."""
 
-TIMES: Final = ("frame (from → to)", "local clock", "received at", "sent at [s]")
+TIMES: Final = ("frame (from → to, kind)", "local clock", "received at", "sent at [s]")
 """Columns of the table of messages; the viewer shows them in the order of the alphabet, as wide as their names."""
 
 
@@ -61,12 +61,11 @@ def node_colours(values: list[list[int]]) -> Columns:
     return rr.GraphNodes.columns(colors=_colours(values)).partition(_lengths(values))
 
 
-def nodes(values: list[Network]) -> Columns:
+def nodes(values: list[Nodes]) -> Columns:
     """The nodes of each picture of a network of which only a part is drawn."""
-    ids, at, colours = zip(*values, strict=True)
+    ids, colours = zip(*values, strict=True)
     names = [name for some in ids for name in some]
-    positions = np.reshape([place for some in at for place in some], (-1, 2))
-    columns = rr.GraphNodes.columns(node_ids=names, positions=positions, labels=names, colors=_colours(colours))
+    columns = rr.GraphNodes.columns(node_ids=names, labels=names, colors=_colours(colours))
     return columns.partition(_lengths(ids))
 
 

@@ -175,7 +175,9 @@ def _blank(value: object) -> Any:
 def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
     frames = metrics["frames"]
     if frames["host_lost"]:
-        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself (frames.host_lost)")
+        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
+        why = " while there was no router" if routers else ""
+        complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
@@ -199,7 +201,8 @@ def _remark(field: Deployment, stop: Stop) -> str:
 
 
 def _pss_mb(field: Deployment) -> float | None:
-    nodes = [pid for id, pid in field.pids().items() if id != CENTRE]
+    pids = field.pids()
+    nodes = [pids[p.name] for p in field.plan.processes if p.id != CENTRE and p.name in pids]
     sizes = []
     for pid in nodes[:: max(len(nodes) // PSS_SAMPLE, 1)]:
         try:

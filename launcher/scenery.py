@@ -28,9 +28,9 @@ def parts(info: FieldInfo) -> Iterator[Part]:
 def _field(info: FieldInfo) -> Iterator[Part]:
     dot = look.dot(info)
     yield "/field", rr.Transform3D(scale=[1, -1, 1])  # 2-D views point y down, north is up
-    yield "/field/battery", look.point_style(None, dot + 2.5, order=26)
-    yield "/field/sensors", *_places(_sensors(info), dot, look.state_colour(look.REST), 27)
-    yield "/field/working", look.point_style(None, dot, order=28)
+    yield "/field/battery", look.point_style(None, dot + min(dot, 2.5), order=23)
+    yield "/field/sensors", *_places(_sensors(info), dot, look.state_colour(look.REST), 24)
+    yield "/field/working", look.point_style(None, max(dot, 2.5), order=28)
     yield "/field/dead", look.line_style(look.LOST, 2.0, order=29)
     moving = [id for id, _ in info.paths]
     still = [place for place in _centres(info) if place.id not in moving]
@@ -46,10 +46,10 @@ def _field(info: FieldInfo) -> Iterator[Part]:
 
 def _network(info: FieldInfo) -> Iterator[Part]:
     directed = rr.GraphEdges.from_fields(graph_type="directed")
-    style = rr.GraphNodes.from_fields(show_labels=len(info.places) <= look.ALL_LANES, radii=10.0)
     if len(info.places) > look.WHOLE_NETWORK:
-        yield "/network", style, directed
+        yield "/network", rr.GraphNodes.from_fields(show_labels=True), directed
         return
+    style = rr.GraphNodes.from_fields(show_labels=len(info.places) <= look.ALL_LANES, radii=10.0)
     at = look.graph_positions(info)
     names = rr.GraphNodes.from_fields(node_ids=list(at), positions=list(at.values()), labels=list(at))
     yield "/network", names, style, directed
@@ -69,7 +69,7 @@ def _links(info: FieldInfo) -> Iterator[Part]:
             draw_order=10,
         ),
     )
-    yield "/links/sensors", *_places(_sensors(info), look.dot(info) - 1.5, look.TRUTH, 20)
+    yield "/links/sensors", *_places(_sensors(info), look.dot(info) / 1.5, look.TRUTH, 20)
     yield "/links/centres", *_places(_centres(info), 6, look.CENTRE, 25, names=True)
     shares = [1.0, 0.75, 0.5, 0.25, 0.0]
     yield (

@@ -46,18 +46,18 @@ class Lines:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self._next = 0.0
-        self._announced = False
+        self._next_missing: float | None = None
 
     def starting(self, missing: Collection[str], of: int) -> None:
         """Say that processes come up, and now and then who is missing."""
-        if not self._announced:
+        now = time.monotonic()
+        if self._next_missing is None:
             console.print(f"starting {of} processes ...")
-        elif time.monotonic() >= self._next:
+        elif now >= self._next_missing:
             console.print(_missing(missing, of))
         else:
             return
-        self._announced = True
-        self._next = time.monotonic() + PLAIN_EVERY_S
+        self._next_missing = now + PLAIN_EVERY_S
 
     def running(self, status: dict[str, Any]) -> None:
         """Say now and then how it goes."""

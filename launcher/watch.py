@@ -58,7 +58,8 @@ class Watch:
             self._still.pop(name, None)
         self._turn = (self._turn + 1) % SLICES
         for name in self._children.names()[self._turn :: SLICES]:
-            self._check(name)
+            if name not in self.gone:
+                self._check(name)
         return ended
 
     def _check(self, name: str) -> None:

@@ -3,8 +3,8 @@
 Zhai et al., section III-A: a node is active while the level it receives exceeds its threshold, and sends level
 and direction of arrival to the fusion centre.
 
-A node whose clock is off learns the centre's time by radio (``node/sync.py``): soon after its start, ahead of each
-waking, and every now and then while it is awake. It takes its clock plus its correction for the time; timers are local.
+A node whose clock is off learns the centre's time by radio (``node/sync.py``): ahead of each waking, or soon after its
+start, and every now and then while it is awake. It takes its clock plus its correction for the time; timers are local.
 A new correction may move time back, so the node remembers which steps it has done: none is reported twice.
 """
 
@@ -111,7 +111,7 @@ class Node:
 
     def _receives(self, memory: Memory) -> bool:
         """Whether its receiver is on: only while something may come for it."""
-        return memory.time.waiting or (self.adaptive and memory.phase in (Phase.AWAKE, Phase.REPORTING))
+        return memory.time.sent_ns is not None or (self.adaptive and memory.phase in (Phase.AWAKE, Phase.REPORTING))
 
     def _react(self, memory: Memory, event: Event) -> Step:
         match event:
@@ -123,8 +123,8 @@ class Node:
                 return self._hear(replace(memory, done=insert(memory.done, self._step(memory, now))), now, heard)
             case Timer(now, "step"):
                 return memory, self._listen(memory, now)
-            case Timer(now, name) if self.sync:
-                return self._keep(memory, now, *self.sync.due(memory.time, now, name))
+            case Timer(now, "sync") if self.sync:
+                return self._keep(memory, now, *self.sync.due(memory.time, now))
             case Received(now, message, sender):
                 return self._receive(memory, now, message, sender)
         raise IllegalEvent(f"a node has no use for {event}")
@@ -138,10 +138,8 @@ class Node:
         return memory, (Ignored("unexpected"),)
 
     def _start(self, memory: Memory, now: int) -> Step:
-        if self.sync is None:
-            return memory, (Radio(False), Sample("wake-up"))
-        time, effects = self.sync.start(now)
-        return replace(memory, time=time), (Radio(False), *effects, Sample("wake-up"))
+        time = self.sync.start(now) if self.sync else memory.time
+        return replace(memory, time=time), (Radio(False), Sample("wake-up"))
 
     # --- steps ----------------------------------------------------------------------------------------------------
 
@@ -173,7 +171,7 @@ class Node:
     def _wake_at(self, memory: Memory, now: int, at: int | None) -> tuple[Effect, ...]:
         """A sleeper's timers, for it can hear something from local time ``at`` on."""
         step = () if at is None else self._listen_from(memory, max(at, now))
-        if self.sync is None or memory.time.waiting or memory.time.asked == 0:
+        if self.sync is None or memory.time.slots:
             return step
         if at is None:
             return (CancelTimer("sync"),)
@@ -185,7 +183,7 @@ class Node:
     def _keep(self, memory: Memory, now: int, time: Timekeeping, effects: tuple[Effect, ...]) -> Step:
         """Go on with a round of exchanges; after it, all timers are set anew."""
         after = replace(memory, time=time)
-        if time.waiting or not memory.time.waiting:
+        if time.slots or not memory.time.slots:
             return after, effects
         if memory.phase is Phase.ASLEEP:
             return after, (*effects, Sample("wake-up"))

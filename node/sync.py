@@ -5,7 +5,9 @@ and the reply left at t2. Then the centre's clock is ahead by theta and the two 
 
     theta = ((t1 - t0) + (t2 - t3)) / 2        delta = (t3 - t0) - (t2 - t1)
 
-Of a round of exchanges the theta of the smallest delta counts: it cannot be off by more than delta / 2.
+Of a round of exchanges the theta of the smallest delta counts: it cannot be off by more than delta / 2. Each exchange
+has a slot of its own, and the next begins when that is over, whenever the reply came: so many nodes that ask at a time
+do not flood the centre, and when a node sends and knows depends on its own clock alone.
 """
 
 from __future__ import annotations
@@ -14,11 +16,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from trackfield.draw import uniform
-from trackfield.role import NS, CancelTimer, Corrected, Effect, Ignored, IllegalEvent, Send, SetTimer
+from trackfield.role import NS, Corrected, Effect, Ignored, Send, SetTimer
 from trackfield.wire.messages import SyncReply, SyncRequest
 
 SPREAD_NS: Final = NS
-"""Over how long after their starts the nodes of a field begin their first rounds, so that not all ask at once."""
+"""Over how long after their starts nodes that are soon awake begin their first rounds, so that not all ask at once."""
 _NUMBERS: Final = 1 << 16
 _US: Final = 1000
 
@@ -41,21 +43,16 @@ class Timekeeping:
     """What a node knows of the time: its clock plus ``correction_ns`` is the centre's.
 
     ``asked`` counts its requests; ``sent_ns`` is when (local time) the one left that waits for its reply, None if none
-    does. ``left`` exchanges of the round are still to come, ``best`` is what the round found so far. A node that is
-    awake begins its next round at ``due_ns`` (local time).
+    does. ``slots`` are left of the round, with the one in hand; ``best`` is what the round found so far. A node that
+    is awake begins its next round at ``due_ns`` (local time).
     """
 
     correction_ns: int = 0
     asked: int = 0
     sent_ns: int | None = None
-    left: int = 0
+    slots: int = 0
     best: Offset | None = None
     due_ns: int = 0
-
-    @property
-    def waiting(self) -> bool:
-        """Whether a round is under way."""
-        return self.sent_ns is not None
 
 
 Step = tuple[Timekeeping, tuple[Effect, ...]]
@@ -63,7 +60,7 @@ Step = tuple[Timekeeping, tuple[Effect, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Synchronisation:
-    """Rounds of ``exchanges`` with ``centre``, each given up ``timeout_ns`` after its request.
+    """Rounds of ``exchanges`` with ``centre``, a slot of ``timeout_ns`` for each.
 
     A node that is awake begins a round ``resync_ns`` after the last. Node ``id`` of a run with ``seed`` has its own
     share of the spread at the start and after failures.
@@ -78,22 +75,17 @@ class Synchronisation:
 
     @property
     def lead_ns(self) -> int:
-        """How long a round takes at most."""
+        """How long a round takes."""
         return self.exchanges * self.timeout_ns
 
-    def start(self, now: int) -> Step:
-        """A life begins: the first round follows within ``SPREAD_NS``."""
-        due = now + int(SPREAD_NS * uniform(self.seed, self.id, "sync", "start"))
-        return Timekeeping(due_ns=due), (SetTimer("sync", due),)
+    def start(self, now: int) -> Timekeeping:
+        """A life begins: one that is soon awake begins its first round within ``SPREAD_NS``."""
+        return Timekeeping(due_ns=now + int(SPREAD_NS * uniform(self.seed, self.id, "sync", "start")))
 
-    def due(self, time: Timekeeping, now: int, timer: str) -> Step:
-        """Timer ``sync`` begins a round, ``reply`` gives an exchange up; raises ``IllegalEvent`` for any other."""
-        match timer, time.waiting:
-            case "sync", False:
-                return self._ask(replace(time, left=self.exchanges, best=None), now)
-            case "reply", True:
-                return self._next(time, now)
-        raise IllegalEvent(f"timer {timer!r} while {'' if time.waiting else 'not '}waiting for a reply")
+    def due(self, time: Timekeeping, now: int) -> Step:
+        """The timer ``sync``: a round begins, or a slot of it is over."""
+        left = time.slots - 1 if time.slots else self.exchanges
+        return self._ask(replace(time, slots=left), now) if left else self._conclude(time, now)
 
     def receive(self, time: Timekeeping, now: int, reply: SyncReply, sender: str) -> Step:
         """A reply came; only the one to the request in hand is of use, if it makes sense."""
@@ -105,21 +97,19 @@ class Synchronisation:
         if reply.left_us < reply.came_us or found.delta_ns < 0:
             return time, (Ignored("implausible"),)
         best = found if time.best is None or found.delta_ns < time.best.delta_ns else time.best
-        return self._next(replace(time, best=best), now)
+        return replace(time, sent_ns=None, best=best), ()
 
     def _ask(self, time: Timekeeping, now: int) -> Step:
         asked = time.asked + 1
         request = SyncRequest(asked % _NUMBERS, now // _US)
-        after = replace(time, asked=asked, sent_ns=now, left=time.left - 1)
-        return after, (Send(request, self.centre), SetTimer("reply", now + self.timeout_ns))
+        after = replace(time, asked=asked, sent_ns=now)
+        return after, (Send(request, self.centre), SetTimer("sync", now + self.timeout_ns))
 
-    def _next(self, time: Timekeeping, now: int) -> Step:
-        """The next exchange, or the end of the round; if all of it failed, what was known before still holds."""
-        if time.left:
-            return self._ask(time, now)
-        over = replace(time, sent_ns=None, best=None)
+    def _conclude(self, time: Timekeeping, now: int) -> Step:
+        """The end of a round; if all of it failed, what was known before still holds, and the next comes soon."""
+        over = replace(time, sent_ns=None, slots=0, best=None)
         if time.best is None:
             pause = int(self.lead_ns * (1 + 2 * uniform(self.seed, self.id, "sync", time.asked)))
             return replace(over, due_ns=now + min(pause, self.resync_ns)), ()
         over = replace(over, correction_ns=time.best.theta_ns, due_ns=now + self.resync_ns)
-        return over, (CancelTimer("reply"), Corrected(over.correction_ns))
+        return over, (Corrected(over.correction_ns),)

@@ -29,7 +29,11 @@ class Run:
 
     def finish(self, timeout: float = 150) -> tuple[int, str]:
         """Wait for its end: exit code and what it said on stderr."""
-        return self.process.wait(timeout), self._said.read_text()
+        return self.process.wait(timeout), self.said()
+
+    def said(self) -> str:
+        """What it said on stderr so far."""
+        return self._said.read_text()
 
     def metrics(self) -> dict[str, Any]:
         return json.loads((self.folder / "metrics.json").read_text())  # type: ignore[no-any-return]
@@ -51,7 +55,7 @@ class Run:
 
     def started(self) -> None:
         """Wait until emulated time goes on."""
-        until(lambda: "t = " in self._said.read_text(), timeout=60)
+        until(lambda: "t = " in self.said(), timeout=60)
 
 
 def until(condition: Callable[[], Any], timeout: float = 30) -> Any:

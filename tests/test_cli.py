@@ -25,7 +25,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
     said = trackfield("run", "spcpf", *SHORT, "--out", "mine")
     assert (said.code, said.out) == (0, "")
     first, *_, folder, following = said.err.splitlines()
-    assert first == "spcpf: 121 sensor nodes, 9 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf"
+    assert first == "spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
     assert (folder, following) == ("run folder: mine", "next: trackfield view mine")
     for tracker in ("fix-imm-ukf", "spcpf"):
         assert re.search(rf"{tracker} +│ +\d\.\d\d m ", said.err)

@@ -270,7 +270,7 @@ def test_who_died_got_what_it_had_counted_and_no_more() -> None:
         ("b", 100): "delivered", ("b", 200): "delivered", ("b", 300): "dead", ("b", 400): "dead",
         ("c", 150): "delivered",
     }  # fmt: skip
-    assert book.host_lost() == 0
+    assert book.sums()["host_lost"] == 0
 
 
 def test_who_died_before_it_counted_anything_got_nothing() -> None:
@@ -291,10 +291,10 @@ def test_a_frame_that_its_hearer_never_saw_is_lost_by_the_host() -> None:
     book.close()
     for got, asleep, lost in ((2, 1, 0), (1, 1, 1), (2, 0, 1), (0, 0, 3), (5, 1, 0)):
         book.final("b", {"delivered": got, "asleep": asleep})
-        assert book.host_lost() == lost
+        assert book.sums()["host_lost"] == lost
     book.final("b", {})
     book.final("c", {"delivered": 1})
-    assert book.host_lost() == 3 + 2
+    assert book.sums()["host_lost"] == 3 + 2
 
 
 def test_frames_that_left_and_were_not_recorded_are_dropped() -> None:

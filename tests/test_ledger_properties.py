@@ -258,7 +258,7 @@ def test_reports_that_take_longer_than_the_deadline_are_late() -> None:
     outcomes = Counter(row.outcome for row in book.rows)
     assert set(outcomes) == {"late"}
     assert book.finals["fusion"]["late"] == book.finals["fusion"]["delivered"] == outcomes["late"] > 20
-    assert book.host_lost() == book.dropped() == 0
+    assert book.sums()["host_lost"] == book.dropped() == 0
     assert {row.point.reports for row in tracks} == {0}
 
 

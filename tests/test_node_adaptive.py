@@ -8,10 +8,10 @@ import pytest
 
 from node.role import Memory, Node, Phase
 from node.sync import Timekeeping
+from tests.puppet import MS
 from tests.test_node_sync import CONFIG
 from trackfield.role import (
     NS,
-    CancelTimer,
     Corrected,
     Effect,
     Event,
@@ -91,13 +91,15 @@ def test_the_first_may_be_of_step_0() -> None:
 
 def test_its_radio_stays_on_while_anything_may_come() -> None:
     """A round of exchanges ends while it is awake, and it falls asleep during another."""
-    awake = Memory(Phase.AWAKE, 52.5, done=((1, 4),), time=Timekeeping(asked=1, sent_ns=4 * NS))
-    reply = SyncReply(1, 4_000_000, 4_005_000, 4_005_000)
-    state, effects = BOTH.handle(awake, Received(4 * NS + 10**7, reply, "fusion"))
-    assert effects == (CancelTimer("reply"), Corrected(0), at(5), SetTimer("sync", 64 * NS + 10**7))
+    awake = Memory(Phase.AWAKE, 52.5, done=((1, 4),), time=Timekeeping(asked=3, sent_ns=4 * NS, slots=1))
+    reply = SyncReply(3, 4_000_000, 4_005_000, 4_005_000)
+    state, effects = BOTH.handle(awake, Received(4 * NS + 10 * MS, reply, "fusion"))
+    assert effects == ()
+    state, effects = BOTH.handle(state, Timer(4200 * MS, "sync"))
+    assert effects == (Corrected(0), at(5), SetTimer("sync", 64_200 * MS))
 
     state, effects = BOTH.handle(awake, Sampled(5 * NS, "sound", None))
     assert effects == (State("asleep"), Sample("wake-up"))
-    state, effects = BOTH.handle(state, Timer(6 * NS, "reply"))
-    assert effects[0] == Radio(False)
+    state, effects = BOTH.handle(state, Timer(6 * NS, "sync"))
+    assert effects == (Radio(False), Sample("wake-up"))
     assert state == replace(awake, phase=Phase.ASLEEP, done=((1, 5),), time=state.time)

@@ -189,7 +189,7 @@ def test_it_consumes_no_kind_of_message() -> None:
         (Phase.NEW, Sampled(0, "sound", LOUD)),
         (Phase.NEW, Sampled(0, "wake-up", 5)),
         (Phase.NEW, Received(0, Doa(1, 0.0, 50.0), "n001")),
-        *((phase, Timer(0, name)) for phase in RUNNING for name in ("sync", "reply", "nap")),
+        *((phase, Timer(0, name)) for phase in RUNNING for name in ("sync", "nap")),
         (Phase.AWAKE, Sampled(0, "smell", None)),
         *((phase, PortRead(0, "tty", b"")) for phase in Phase),
     ],

@@ -27,7 +27,7 @@ def errors(sd: float, seed: int = 1, nodes: int = 121) -> Array:
 
 
 def off(sd: float, seed: int = 1) -> Plan:
-    return spcpf(seed, [f"sensor.position_error_m={sd}"])
+    return spcpf(seed, ["link.model=ideal", f"sensor.position_error_m={sd}"])
 
 
 # --- what is drawn ----------------------------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """The scenarios that come with the package, the bus ride, and the documentation of all keys."""
 
 import re
+import tomllib
 from itertools import pairwise
 from math import hypot
 from pathlib import Path
@@ -180,7 +181,12 @@ def test_a_document_needs_its_marks() -> None:
             updated(text)
 
 
-def test_the_documents_own_scenario_works(tmp_path: Path) -> None:
-    (block,) = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
-    (tmp_path / "crossing.toml").write_text(block)
+def test_the_documents_own_scenario_and_faults_work(tmp_path: Path) -> None:
+    crossing, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
+    (tmp_path / "crossing.toml").write_text(crossing)
     assert plan(Scenario.load(tmp_path / "crossing.toml")).steps == 45
+    faulty = planned(Scenario.load("spcpf", tomllib.loads(faults)))
+    assert [p.name for p in faulty.processes if p.incarnation] == ["fusion~1", "n060~1"]
+    assert sum(bool(p.faults) for p in faulty.processes) == 12 + any(
+        p.faults for p in faulty.processes if p.incarnation
+    )

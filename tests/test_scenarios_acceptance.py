@@ -19,36 +19,47 @@ from trackfield.scenario import Scenario
 
 SEEDS = range(1, 21)
 STEPS = {"s1": 60, "s2": 75, "s3": 40}
+BANDS_M = {
+    ("spcpf", "s1"): 1.7,
+    ("spcpf", "s2"): 3.0,
+    ("spcpf", "s3"): 2.6,
+    ("fix-imm-ukf", "s1"): 1.15,
+    ("fix-imm-ukf", "s2"): 2.0,
+    ("fix-imm-ukf", "s3"): 1.95,
+}
 
 
 @cache
 def of_all_seeds(path: str) -> list[dict[str, Any]]:
-    """The trackers' metrics of each seed."""
-    plans = [spcpf(seed, [f"target.path={path}"]) for seed in SEEDS]
+    """The trackers' metrics of each seed, over the paper's radio: none."""
+    plans = [spcpf(seed, [f"target.path={path}", "link.model=ideal"]) for seed in SEEDS]
     return [tracker_metrics(simulated(plan)[1], plan.info.trackers) for plan in plans]
 
 
 # --- spcpf: 121 sensors, the paper's three targets --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("tracker", "path", "band_m"),
-    [
-        ("spcpf", "s1", 1.7),
-        ("spcpf", "s2", 3.0),
-        ("spcpf", "s3", 2.6),
-        ("fix-imm-ukf", "s1", 1.15),
-        ("fix-imm-ukf", "s2", 2.0),
-        ("fix-imm-ukf", "s3", 1.95),
-    ],
-)
-def test_the_papers_targets_are_tracked_within_the_bands(tracker: str, path: str, band_m: float) -> None:
+@pytest.mark.parametrize(("tracker", "path"), BANDS_M)
+def test_the_papers_targets_are_tracked_within_the_bands(tracker: str, path: str) -> None:
     runs = [metrics[tracker] for metrics in of_all_seeds(path)]
     assert {run["steps"] for run in runs} == {STEPS[path]}
     pooled = np.sqrt(np.mean([run["rmse"]["position"] ** 2 for run in runs]))
     print(f"{tracker} {path}: {pooled:.3f} m")
-    assert 0.0 < pooled <= band_m
+    assert 0.0 < pooled <= BANDS_M[tracker, path]
     assert [run["lost"] for run in runs] == [False] * len(SEEDS)
+
+
+@pytest.mark.parametrize("path", STEPS)
+def test_the_packaged_radio_works_there(path: str) -> None:
+    """It loses one report in a hundred, and no tracker is the worse for it."""
+    plans = [spcpf(seed, [f"target.path={path}"]) for seed in range(1, 6)]
+    ledgers, tracks = zip(*map(simulated, plans), strict=True)
+    rows = [row for ledger in ledgers for row in ledger.rows]
+    assert 0 < sum(not row.delivered for row in rows) < 0.05 * len(rows)
+    for tracker in ("spcpf", "fix-imm-ukf"):
+        runs = [tracker_metrics(one, [tracker])[tracker] for one in tracks]
+        assert not any(run["lost"] for run in runs)
+        assert np.sqrt(np.mean([run["rmse"]["position"] ** 2 for run in runs])) <= 1.1 * BANDS_M[tracker, path]
 
 
 def test_noisier_bearings_make_larger_errors() -> None:

@@ -48,18 +48,26 @@ def said(monkeypatch: pytest.MonkeyPatch) -> Said:
 
 def test_quiet_says_nothing(plan: Plan, said: Said, capfd: pytest.CaptureFixture[str]) -> None:
     with show.observing(plan, quiet=True) as observer:
-        observer.starting(0, 122)
+        observer.starting({"n000"}, 122)
         observer.running({})
         observer.running(STATUS)
     assert said() == ""
     assert capfd.readouterr() == ("", "")
 
 
-def test_lines_say_once_that_processes_start(plan: Plan, said: Said) -> None:
-    with show.observing(plan, quiet=False) as observer:
-        for ready in (0, 50, 122):
-            observer.starting(ready, 122)
-    assert said() == "starting 122 processes ...\n"
+def test_lines_say_that_processes_start_and_now_and_then_who_is_missing(
+    plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = show.Lines(plan)
+    nodes = {f"n{i:03}" for i in range(121)}
+    for after_s, missing in ((0.0, nodes), (0.1, nodes), (show.PLAIN_EVERY_S, nodes - {"n003"}), (20.0, {"n120"})):
+        monkeypatch.setattr(show.time, "monotonic", lambda at=1000.0 + after_s: at)
+        lines.starting(missing, 122)
+    assert said() == (
+        "starting 122 processes ...\n"
+        "2 of 122 ready, missing n000, n001, n002, n004, n005, ...\n"
+        "121 of 122 ready, missing n120\n"
+    )
 
 
 def test_lines_wait_for_the_first_status(plan: Plan, said: Said) -> None:
@@ -100,10 +108,10 @@ def drawn(live: Live) -> str:
 def test_the_screen_counts_who_is_ready_and_then_shows_a_table(plan: Plan, said: Said) -> None:
     with Live(console=show.console) as live:
         screen = show.Screen(plan, live)
-        screen.starting(17, 122)
-        assert drawn(live) == "starting processes: 17 of 122 ready\n"
+        screen.starting({"n000", "fusion"}, 122)
+        assert drawn(live) == "starting processes: 120 of 122 ready, missing fusion, n000\n"
         screen.running({})  # no status yet: it stays
-        assert drawn(live) == "starting processes: 17 of 122 ready\n"
+        assert drawn(live) == "starting processes: 120 of 122 ready, missing fusion, n000\n"
         screen.running(STATUS)
         table = drawn(live)
     assert "spcpf  t = 2 / 6 s" in table
@@ -197,8 +205,9 @@ def test_a_run_without_any_frame_says_so(plan: Plan, said: Said) -> None:
 
 def test_a_run_in_which_all_is_well_has_nothing_to_add(plan: Plan, said: Said) -> None:
     show.conclude(outcome(metrics_of(plan)))
-    after = said().partition("lost: none")[2].split()
-    assert after[:2] == ["run", "folder:"]
+    energy, after = said().partition("lost: none")[2].strip().splitlines()[:2]
+    assert energy.startswith("energy of sensor nodes: ")
+    assert after.startswith("run folder: ")
 
 
 def test_complaints_are_told_as_they_are_but_not_all(plan: Plan, said: Said) -> None:

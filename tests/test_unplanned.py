@@ -20,7 +20,7 @@ from launcher.prepare import load, planned
 from launcher.records import RECORDER, Plan
 from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
-from launcher.watch import Death, Stop
+from launcher.watch import SLICES, Death, Stop, Watch
 from tests.running import until
 from trackfield.role import NS
 from trackfield.scenario.places import CENTRE
@@ -41,7 +41,7 @@ class Operator(Quiet):
     def running(self, status: dict[str, Any]) -> None:
         while self.field and status and self._deeds and status["t_s"] >= self._deeds[0][0]:
             _, name, number = self._deeds.pop(0)
-            os.kill(self.field.pid(name), number)
+            os.kill(self.field.pids()[name], number)
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_each_death_is_seen_within_a_second(tmp_path: Path) -> None:
     with going_on(small(60), tmp_path) as field:
         for name in EVERYBODY:
             begun = time.monotonic()
-            os.kill(field.pid(name), signal.SIGKILL)
+            os.kill(field.pids()[name], signal.SIGKILL)
             until(lambda name=name: name in [death.id for death in field.deaths], timeout=5)
             assert time.monotonic() - begun < 1.0
     assert [(death.id, death.why, death.again) for death in field.deaths] == [
@@ -111,11 +111,11 @@ def test_each_stop_is_seen_within_two_seconds_and_so_is_its_end(tmp_path: Path) 
     with going_on(small(60), tmp_path) as field:
         for name in EVERYBODY:
             begun = time.monotonic()
-            os.kill(field.pid(name), signal.SIGSTOP)
+            os.kill(field.pids()[name], signal.SIGSTOP)
             until(lambda name=name: name in [stop.id for stop in field.stops], timeout=5)
             seen = time.monotonic()
             assert seen - begun < 2.0
-            os.kill(field.pid(name), signal.SIGCONT)
+            os.kill(field.pids()[name], signal.SIGCONT)
             until(lambda: field.stops[-1].for_s is not None, timeout=5)
             assert time.monotonic() - seen < 2.0
     assert [stop.id for stop in field.stops] == list(EVERYBODY)
@@ -136,7 +136,7 @@ def test_a_centre_that_stood_still_catches_up(disturbed: Callable[..., Outcome],
     assert outcome.metrics["frames"]["host_lost"] == 0
     assert tracked_steps(tmp_path) == set(range(1, 9))
     assert outcome.exit_code == 1
-    assert outcome.complaints[0].startswith(f"{CENTRE} was stopped from outside at ")
+    assert outcome.complaints[0] == f"{CENTRE} was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s"
 
 
 def test_who_never_goes_on_does_not_hold_up_the_end(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_the_run_goes_on_with_another_router(
 def test_an_order_that_was_lost_with_the_router_is_given_again(tmp_path: Path) -> None:
     with Deployment(small(5, speed=2.0), tmp_path) as field:
         field.wait_ready(lambda ready, of: False)
-        os.kill(field.pid(ROUTER), signal.SIGKILL)
+        os.kill(field.pids()[ROUTER], signal.SIGKILL)
         until(lambda: not field.session.info.routers_zid())
         field.begin()
         field.watch(lambda: False)
@@ -212,7 +212,7 @@ def test_what_dies_again_and_again_is_left_dead(tmp_path: Path) -> None:
         for life in range(MAX_RESTARTS + 1):
             name = f"n005~{life}" if life else "n005"
             until(lambda name=name: name in field.registry.live)
-            os.kill(field.pid(name), signal.SIGKILL)
+            os.kill(field.pids()[name], signal.SIGKILL)
             until(lambda name=name: name in [death.id for death in field.deaths])
     assert [death.again for death in field.deaths] == [True] * MAX_RESTARTS + [False]
     assert field.deaths[-1].why == f"signal 9; {MAX_RESTARTS} restarts are enough"
@@ -233,14 +233,76 @@ def test_a_planned_death_and_rebirth_is_nothing_to_report(disturbed: Callable[..
 
 
 def test_one_that_dies_before_its_planned_death_is_reported(disturbed: Callable[..., Outcome]) -> None:
-    plan = small(8)
+    plan = small(12, speed=3.0)
     doomed = [replace(p, kill_ns=6 * NS) if p.id == "n005" else p for p in plan.processes]
     outcome = disturbed(replace(plan, processes=tuple(doomed)), (2, "n005", signal.SIGKILL))
     assert [death["id"] for death in outcome.metrics["processes"]["died"]] == ["n005"]
 
 
-def test_stops_are_told_in_words() -> None:
-    from launcher.run import _remark
+# --- the watch by itself -----------------------------------------------------------------------------------------
 
-    assert _remark(Stop("n1", None)) == "n1 was stopped from outside before the start, and never went on"
-    assert _remark(Stop("n1", 2.0, 3.04)) == "n1 was stopped from outside at 2.0 s, for 3.0 s"
+
+class Ward:
+    """Stands in for the children of a run: a test says who is in it, who stands still, and who ended."""
+
+    def __init__(self, count: int) -> None:
+        self.all = [f"n{i}" for i in range(count)]
+        self.still: set[str] = set()
+        self.ended: list[tuple[str, str]] = []
+        self.killed: list[str] = []
+        self.asked: list[str] = []
+
+    def names(self) -> list[str]:
+        return self.all
+
+    def stopped(self, name: str) -> bool:
+        self.asked.append(name)
+        return name in self.still
+
+    def gone(self) -> list[tuple[str, str]]:
+        ended, self.ended = self.ended, []
+        return ended
+
+    def kill(self, name: str) -> None:
+        self.killed.append(name)
+
+
+def watching(ward: Ward, clock: Callable[[], float | None]) -> Watch:
+    return Watch(ward, clock)  # type: ignore[arg-type]
+
+
+def test_ten_looks_ask_everybody_once() -> None:
+    ward = Ward(37)
+    watch = watching(ward, lambda: 0.0)
+    for _ in range(SLICES):
+        before = len(ward.asked)
+        watch.look()
+        assert len(ward.asked) - before in (3, 4)
+    assert sorted(ward.asked) == sorted(ward.all)
+
+
+def test_two_stops_of_one_process_are_two() -> None:
+    ward, clock = Ward(1), [0.0]
+    watch = watching(ward, lambda: clock[0])
+    for t_s, still in ((1.0, True), (4.5, False), (6.0, True), (7.0, True)):
+        ward.still, clock[0] = {"n0"} if still else set(), t_s
+        for _ in range(SLICES):
+            watch.look()
+    assert watch.stops == [Stop("n0", 1.0, 3.5), Stop("n0", 6.0)]
+    assert watch.still() == {"n0"}
+
+
+def test_one_that_was_killed_while_it_stood_still_never_went_on() -> None:
+    ward = Ward(2)
+    watch = watching(ward, lambda: 2.0)
+    ward.still = {"n1"}
+    for _ in range(SLICES):
+        watch.look()
+    watch.kill("n1", "of no use")
+    assert (ward.killed, watch.gone) == (["n1"], set())
+    ward.still, ward.ended = set(), [("n1", "signal 9")]
+    assert watch.look() == [("n1", "of no use")]
+    for _ in range(SLICES):
+        assert watch.look() == []
+    assert watch.stops == [Stop("n1", 2.0)]
+    assert watch.still() == set()

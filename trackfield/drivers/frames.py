@@ -97,7 +97,7 @@ class Sent:
 
 @dataclass(frozen=True, slots=True)
 class Died:
-    """This life is over before its planned end; ``why`` is ``battery``."""
+    """A life is over: ``why`` is ``battery``, or ``killed`` by a planned fault."""
 
     why: str
 

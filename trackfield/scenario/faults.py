@@ -147,6 +147,6 @@ SensorFault = Stuck | Bias | Deaf | Babble
 
 def _ordered(fault: T, at_s: float, until_s: float | None, least_s: float = SHORTEST_S) -> T:
     """The fault, unless it ends too early: an error."""
-    if until_s is not None and until_s < at_s + least_s:
+    if until_s is not None and round(until_s - at_s, 9) < least_s:  # 2.82 is a second after 1.82, but not in binary
         raise wrong(f"is {until_s:g}", f"a time at least {least_s:g} s after at_s, which is {at_s:g}", ".until_s")
     return fault

@@ -115,7 +115,7 @@ def _expected(about: Mapping[str, Any]) -> str:
         inner = about["prefixItems"][0] if "prefixItems" in about else about["items"]
         least = "" if "prefixItems" in about else "at least "
         return f"a list of {least}{about.get('minItems', 0)}, each {_expected(inner)}"
-    names = {"number": "a number", "integer": "a whole number", "string": "a text"}
+    names = {"number": "a number", "integer": "a whole number", "string": "a text", "boolean": "true or false"}
     return " ".join([names.get(about.get("type", ""), "a section"), *_limits(about)])
 
 

@@ -1,0 +1,167 @@
+"""Fields of containers, where an engine is: real images, networks, and things that happen to containers."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.running import until
+
+ROOT = Path(__file__).parents[1]
+SCENARIO = "spcpf --nodes 25 --set field.spacing_m=75 --set sensor.threshold=0.6"
+"""All hear the vehicle all the time, so that it shows who is there."""
+LEASE_S = 10.0
+"""After which Zenoh gives up a session of which nothing is heard."""
+
+pytestmark = pytest.mark.timeout(900)  # the first build of the images takes minutes
+
+
+def output(*command: str, **environment: str) -> str:
+    done = subprocess.run(
+        command, cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def image() -> str:
+    """The image of this source; skips the test where there is no engine to make it."""
+    if not shutil.which("docker") or subprocess.run(["docker", "info"], capture_output=True, check=False).returncode:
+        pytest.skip("no container engine")
+    output("make", "image", "IMAGE=trackfield-test")
+    return "trackfield-test"
+
+
+class Field:
+    """Containers of one project, asked for by their labels."""
+
+    def __init__(self, image: str, folder: Path) -> None:
+        self.project, self.folder = f"trackfield-test-{uuid.uuid4().hex[:8]}", folder
+        modern = subprocess.run(["docker", "compose", "version"], capture_output=True, check=False).returncode == 0
+        self.compose = [*(["docker", "compose"] if modern else ["docker-compose"]), "--project-name", self.project]
+        self.environment = {
+            "COMPOSE_HTTP_TIMEOUT": "300",  # an older Compose gives up after a minute of a busy machine
+            "TRACKFIELD_IMAGE": image,
+            "TRACKFIELD_RUN": SCENARIO,
+            "TRACKFIELD_RUNS": str(folder),
+            "TRACKFIELD_USER": f"{os.getuid()}:{os.getgid()}",
+        }
+
+    def up(self, nodes: int) -> None:
+        scale = ("--scale", f"node={nodes}")
+        output(*self.compose, "up", "--detach", *scale, "router", "node", "fusion", **self.environment)
+
+    def launch(self) -> subprocess.Popen[str]:
+        command = [*self.compose, "run", "--rm", "-T", "launcher"]
+        with (self.folder / "said").open("w") as said:
+            return subprocess.Popen(command, cwd=ROOT, env=os.environ | self.environment, stdout=said, stderr=said)
+
+    def said(self) -> str:
+        return (self.folder / "said").read_text()
+
+    def labelled(self, *command: str, **labels: str) -> list[str]:
+        """What a listing of the engine's has of this project under these labels."""
+        wanted = {"project": self.project, **labels}
+        filters = [f"--filter=label=com.docker.compose.{label}={value}" for label, value in wanted.items()]
+        return output("docker", *command, "--quiet", *filters).split()
+
+    def hosts(self, service: str) -> list[str]:
+        """The host names of a service's containers, which are the beginnings of their ids."""
+        return self.labelled("ps", "--all", service=service)
+
+    def network(self, name: str) -> str:
+        [network] = self.labelled("network", "ls", network=name)
+        return network
+
+    def down(self) -> None:
+        if containers := self.labelled("ps", "--all"):
+            output("docker", "rm", "--force", *containers)
+        if networks := self.labelled("network", "ls"):
+            output("docker", "network", "rm", *networks)
+
+
+@dataclass
+class Seen:
+    """A run in whose course some containers fared ill."""
+
+    code: int
+    said: str
+    folder: Path
+    metrics: dict[str, Any]
+    killed: str
+    restarted: str
+    paused: str
+    cut: str
+
+
+@pytest.fixture(scope="module")
+def seen(image: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Seen]:
+    field = Field(image, tmp_path_factory.mktemp("runs"))
+    try:
+        field.up(25)
+        launcher = field.launch()
+        until(lambda: "t = " in field.said(), timeout=60)
+        time.sleep(5)  # steps in which all report
+        killed, restarted, paused, cut = field.hosts("node")[:4]
+        network = field.network("field")
+        output("docker", "kill", killed, restarted)
+        output("docker", "pause", paused)
+        output("docker", "network", "disconnect", network, cut)
+        time.sleep(LEASE_S / 2)
+        output("docker", "start", restarted)
+        time.sleep(LEASE_S)
+        output("docker", "unpause", paused)
+        output("docker", "network", "connect", network, cut)
+        code = launcher.wait(120)
+        [folder] = (path for path in field.folder.iterdir() if path.is_dir())
+        metrics = json.loads((folder / "metrics.json").read_text())
+        yield Seen(code, field.said(), folder, metrics, killed, restarted, paused, cut)
+    finally:
+        field.down()
+
+
+def test_a_field_of_containers_tracks_to_the_end_whatever_befalls_some(seen: Seen) -> None:
+    assert seen.code == 1, seen.said
+    assert [tracker["lost"] for tracker in seen.metrics["trackers"].values()] == [False, False]
+    assert max(pq.read_table(seen.folder / "tracks.parquet")["step"].to_pylist()) == 60
+
+
+def test_who_is_gone_is_reported(seen: Seen) -> None:
+    died = {death["host"]: death for death in seen.metrics["processes"]["died"]}
+    assert set(died) == {seen.killed, seen.restarted}
+    for death in died.values():
+        assert death["why"] == "gone: its token was lost"
+        assert 0 < death["t"] < 40
+        assert f"{death['id']} died at {death['t']:.1f} s" in seen.said
+
+
+def test_who_came_back_is_reported_with_the_time_that_it_was_away(seen: Seen) -> None:
+    stopped = {stop["host"]: stop for stop in seen.metrics["processes"]["stopped"]}
+    assert set(stopped) == {seen.paused, seen.cut}
+    for stop in stopped.values():
+        assert 0 < stop["t"] < stop["t"] + stop["s"] < 60
+
+
+def test_a_container_that_starts_again_takes_its_place_again(seen: Seen) -> None:
+    [place] = [death["id"] for death in seen.metrics["processes"]["died"] if death["host"] == seen.restarted]
+    lives = {
+        row["incarnation"] for row in pq.read_table(seen.folder / "messages.parquet").to_pylist() if row["src"] == place
+    }
+    assert lives == {0, 1}
+
+
+def test_every_frame_is_accounted_for(seen: Seen) -> None:
+    frames = seen.metrics["frames"]
+    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
