@@ -10,7 +10,7 @@ OWN_BASE := trackfield/base:bookworm
 BASE ?= $(OWN_BASE)
 IMAGE ?= trackfield
 NODES ?= 25
-SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.68
+SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint study base-image image field clean
@@ -30,6 +30,9 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
+	$(BIN)/python -m tests.campaign
+
 base-image:  ## the image that ours stands on, from Debian packages (as root, with debootstrap)
 	containers/base-image $(OWN_BASE)
 
@@ -40,9 +43,6 @@ image: | $(BIN)/python  ## the image of router, nodes, fusion centre and launche
 
 field: image  ## track a vehicle with 25 containers, from the image to the run folder in runs/
 	TRACKFIELD_IMAGE=$(IMAGE) containers/field $(NODES) $(SCENARIO) --nodes $(NODES)
-
-study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
-	$(BIN)/python -m tests.campaign
 
 clean:  ## remove the environment and all caches; run folders stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -5,9 +5,9 @@ and the reply left at t2. Then the centre's clock is ahead by theta and the two 
 
     theta = ((t1 - t0) + (t2 - t3)) / 2        delta = (t3 - t0) - (t2 - t1)
 
-Of a round of exchanges the theta of the smallest delta counts: it cannot be off by more than delta / 2. Each exchange
-has a slot of its own, and the next begins when that is over, whenever the reply came: so many nodes that ask at a time
-do not flood the centre, and when a node sends and knows depends on its own clock alone.
+Of a round of exchanges the theta of the smallest delta counts (of equals the last): it cannot be off by more than
+delta / 2. Each exchange has a slot of its own, and the next begins when that is over, whenever the reply came: so many
+nodes that ask at a time do not flood the centre, and when a node sends depends on its own clock alone.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Synchronisation:
         found = offset(time.sent_ns, reply.came_us * _US, reply.left_us * _US, now)
         if reply.left_us < reply.came_us or found.delta_ns < 0:
             return time, (Ignored("implausible"),)
-        best = found if time.best is None or found.delta_ns < time.best.delta_ns else time.best
+        best = found if time.best is None or found.delta_ns <= time.best.delta_ns else time.best
         return replace(time, sent_ns=None, best=best), ()
 
     def _ask(self, time: Timekeeping, now: int) -> Step:
