@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, dist
+from math import ceil, dist, inf
 from typing import Any, Final
+
+from scipy.spatial import cKDTree
 
 from launcher.ledger import Ledger
 from launcher.records import MessageRow, Plan
@@ -109,14 +111,11 @@ def lifetime_metrics(plan: Plan, nodes: Sequence[Node], reach_m: float) -> dict[
 
 
 def _coverage_lost(plan: Plan, nodes: Sequence[Node], ends: Mapping[str, float], reach_m: float) -> float | None:
-    places = [((node.spec.x, node.spec.y), ends.get(node.spec.id)) for node in nodes]
-    covered = []
-    for _, x, y in plan.info.truth:
-        near = [end for place, end in places if dist(place, (x, y)) <= reach_m]
-        lasting = [end for end in near if end is not None]
-        if near and len(lasting) == len(near):
-            covered.append(max(lasting))
-    return min(covered, default=None)
+    lasts = [ends.get(node.spec.id, inf) for node in nodes]
+    places = cKDTree([(node.spec.x, node.spec.y) for node in nodes])
+    near: list[list[int]] = [places.query_ball_point(point[1:], reach_m) for point in plan.info.truth]
+    lost = min((max(lasts[i] for i in heard) for heard in near if heard), default=inf)
+    return lost if lost < inf else None
 
 
 # --- other accountings ------------------------------------------------------------------------------------------------
@@ -175,7 +174,7 @@ def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:
     return total * _FJ
 
 
-def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow, set[str], frozenset[str]]]:
+def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow, set[str], set[str]]]:
     """Each transmission, who got it that it was meant for, and whose radios were on as it was sent."""
     sent: dict[tuple[Any, ...], tuple[MessageRow, set[str]]] = {}
     for row in ledger.rows:
@@ -189,11 +188,11 @@ def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow,
         if diary.spec.id in known
         for t, on in diary.awake(RADIO)
     )
-    awake: frozenset[str] = frozenset()
+    awake: set[str] = set()
     position = 0
     for _, (row, meant) in sorted(sent.items(), key=lambda item: item[0]):
         while position < len(changes) and changes[position][0] < row.sent_ns:
             _, id, on = changes[position]
-            awake = awake | {id} if on else awake - {id}
+            (awake.add if on else awake.discard)(id)
             position += 1
         yield row, meant, awake

@@ -212,7 +212,7 @@ def test_a_process_that_died_unplanned_has_a_next_life_from_its_start_on() -> No
     book.final("b~1", {"delivered": 2})
     book.close(dead=["b"])
     assert [row.outcome for row in book.rows] == ["delivered", "dead", "dead", "delivered", "delivered"]
-    assert book.host_lost() == 0
+    assert book.sums()["host_lost"] == 0
 
 
 def test_a_process_that_died_unplanned_and_was_not_replaced_gets_no_more() -> None:
