@@ -142,7 +142,7 @@ def test_a_process_that_dies_at_start_is_named_with_its_log(tmp_path: FilePath) 
 @pytest.mark.parametrize("link", ["fixed", "lognormal_prr"])
 def test_hard_times_are_the_same_under_both_drivers(link: str, tmp_path: FilePath) -> None:
     """Clocks that are off and jump, sleep, freezes, kills and restarts, the hub's too, cuts, and empty batteries."""
-    real, found = both(toy_plan(*hard_times(link=LINKS[link], speed=4)), tmp_path)
+    real, found = both(toy_plan(*hard_times(link=LINKS[link], speed=3)), tmp_path)
     assert found == []
     lost = real.metrics["frames"]["lost"]
     assert all(lost[cause] > 0 for cause in ("radio", "partition", "asleep", "frozen", "dead")), lost
