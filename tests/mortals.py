@@ -38,7 +38,7 @@ class Napper(Talker):
         match event:
             case Started(now):
                 state = known(event) if event.stored else state
-                return state, (SetTimer("ask", now + 700 * MS),)  # by then it has heard whatever was under way
+                return state, (SetTimer("ask", now + 1800 * MS),)  # by then it knows what is under way
             case Timer(_, "wake"):
                 return state, (Radio(True),)
         after, effects = super().handle(state, event)

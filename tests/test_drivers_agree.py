@@ -142,10 +142,32 @@ def test_a_process_that_dies_at_start_is_named_with_its_log(tmp_path: FilePath) 
 @pytest.mark.parametrize("link", ["fixed", "lognormal_prr"])
 def test_hard_times_are_the_same_under_both_drivers(link: str, tmp_path: FilePath) -> None:
     """Clocks that are off and jump, sleep, freezes, kills and restarts, the hub's too, cuts, and empty batteries."""
-    real, found = both(toy_plan(*hard_times(link=LINKS[link], speed=4)), tmp_path)
+    real, found = both(toy_plan(*hard_times(link=LINKS[link], speed=3)), tmp_path)
     assert found == []
     lost = real.metrics["frames"]["lost"]
     assert all(lost[cause] > 0 for cause in ("radio", "partition", "asleep", "frozen", "dead")), lost
     assert real.metrics["timing"]["host_late"] == 0
     assert 0 < real.metrics["lifetime_s"]["first_death"] < 20
     assert real.metrics["clock_error_ms"]["max"] > 400
+
+
+FAULTS = """[
+{kind='kill', nodes=['n060'], at_s=10}, {kind='restart', nodes=['fusion'], at_s=20, until_s=23},
+{kind='restart', nodes=['n049'], at_s=6, until_s=9}, {kind='freeze', share=0.1, at_s=5, until_s=8.3},
+{kind='partition', share=0.2, at_s=15, until_s=18}, {kind='clock_jump', nodes=['n072'], jump_ms=500, at_s=11},
+{kind='stuck', nodes=['n061'], at_s=3, until_s=12}, {kind='bias', nodes=['n071'], bias_deg=20, at_s=2},
+{kind='babble', nodes=['n038'], at_s=2, until_s=13}, {kind='deaf', nodes=['n073'], at_s=11},
+{kind='freeze', nodes=['fusion'], at_s=25, until_s=26.2}]""".replace("\n", " ")
+
+
+def test_the_paper_scenario_is_the_same_under_every_fault(tmp_path: FilePath) -> None:
+    """With clocks that are off and set over the radio, acknowledgements, sleep, and batteries that empty."""
+    settings = ["target.steps=30", "clock.offset_ms=30", "clock.drift_ppm=50", "clock.resync_s=10", "link.ack=3",
+                "energy.battery_j=0.3", "energy.sample_mj=0.05", f"faults={FAULTS}"]  # fmt: skip
+    real, found = both(planned(load("spcpf", link="lognormal_prr", seed=1, settings=settings), speed=3), tmp_path)
+    assert found == []
+    lost = real.metrics["frames"]["lost"]
+    assert all(lost[cause] > 0 for cause in ("partition", "frozen", "dead")), lost
+    assert real.metrics["timing"]["host_late"] == 0
+    assert 0 < real.metrics["lifetime_s"]["first_death"] < 31
+    assert {"doa", "sync-request"} <= real.metrics["frames"]["by_kind"].keys()
