@@ -1,9 +1,8 @@
 """What a run costs as the field grows, as tables in Markdown.
 
-    python -m bench.scale [--virtual] [--processes] [--quick]
+    python -m bench.scale [--virtual] [--processes]
 
-Both kinds of runs if none is named; ``--quick`` takes the smallest of each. Every figure is from a run in a process of
-its own, with seed 1.
+Both kinds of runs if none is named. Every figure is from a run in a process of its own, with seed 1.
 """
 
 from __future__ import annotations
@@ -22,10 +21,8 @@ import psutil
 SEED: Final = 1
 VIRTUAL: Final = tuple((n, link, 600) for n in (100, 1_000, 10_000, 100_000) for link in ("ideal", "lognormal_prr"))
 HOUR: Final = (100_000, "lognormal_prr", 3600)
-QUICK: Final = ((100, "ideal", 60),)
 PROCESSES: Final = (121, 1_000, 3_000)
 STEADY_S: Final = 20.0
-QUICK_S: Final = 2.0
 
 Figures = dict[str, Any]
 Column = tuple[str, Callable[[Figures], object]]
@@ -104,18 +101,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--virtual", action="store_true", help="runs in virtual time")
     parser.add_argument("--processes", action="store_true", help="runs as processes")
-    parser.add_argument("--quick", action="store_true", help="the smallest of each only")
     asked = parser.parse_args()
     both = not (asked.virtual or asked.processes)
     if asked.virtual or both:
         print(f"In virtual time ({machine()}):\n")
-        sizes = QUICK if asked.quick else (*VIRTUAL, HOUR)
-        found = [measured("bench.virtual", nodes=n, link=link, seconds=s) for n, link, s in sizes]
+        found = [measured("bench.virtual", nodes=n, link=link, seconds=s) for n, link, s in (*VIRTUAL, HOUR)]
         print(table(VIRTUAL_COLUMNS, found), end="\n\n", flush=True)
     if asked.processes or both:
         print(f"As processes ({machine()}):\n")
-        numbers, seconds = (PROCESSES[:1], QUICK_S) if asked.quick else (PROCESSES, STEADY_S)
-        found = [measured("bench.processes", nodes=n, seconds=seconds) for n in numbers]
+        found = [measured("bench.processes", nodes=n, seconds=STEADY_S) for n in PROCESSES]
         print(table(PROCESS_COLUMNS, found), flush=True)
 
 
