@@ -191,8 +191,11 @@ def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow,
     awake: set[str] = set()
     position = 0
     for _, (row, meant) in sorted(sent.items(), key=lambda item: item[0]):
+        latest: dict[str, bool] = {}
         while position < len(changes) and changes[position][0] < row.sent_ns:
             _, id, on = changes[position]
-            (awake.add if on else awake.discard)(id)
+            latest[id] = on
             position += 1
+        if latest:  # a new set: one that once held the whole field would stay as large, and as slow to look through
+            awake = awake.difference(latest) | {id for id, on in latest.items() if on}
         yield row, meant, awake
