@@ -13,6 +13,10 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.wire import keys
 
 JOIN_TIMEOUT_S: Final = 60.0
+ASK_TIMEOUT_S: Final = 10.0
+"""For one question: where thousands ask at once, one of them, or its answer, may get lost."""
+TIMEOUT: Final = "Timeout"
+"""What Zenoh itself replies to a question that nobody answered in time."""
 JOIN_RETRY_S: Final = 0.2
 
 
@@ -38,9 +42,12 @@ def join(session: zenoh.Session, name: str) -> Joined:
     """Ask the launcher for all that the process of this name must know. Raises JoinError."""
     deadline = time.monotonic() + JOIN_TIMEOUT_S
     while time.monotonic() < deadline:
-        for reply in session.get(keys.JOIN, payload=name, timeout=JOIN_TIMEOUT_S):
+        for reply in session.get(keys.JOIN, payload=name, timeout=ASK_TIMEOUT_S):
             if reply.ok is None:
-                raise JoinError(f"{name}: {reply.err.payload.to_string() if reply.err else 'refused'}")
+                why = reply.err.payload.to_string() if reply.err else "refused"
+                if why == TIMEOUT:
+                    break
+                raise JoinError(f"{name}: {why}")
             answer = msgpack.unpackb(reply.ok.payload.to_bytes(), strict_map_key=False)
             process = ProcessSpec.from_plain(answer["process"])
             return Joined(RunSpec(**answer["run"]), process, answer["start_ns"], answer["stored"])
