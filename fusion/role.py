@@ -1,81 +1,64 @@
 """The fusion centre: collects the reports of a step until its deadline, fuses them, and publishes the track.
 
 Several trackers may run side by side on the same reports (Zhai et al., Fig. 2: fusion at the centre).
+
+A report that comes after its deadline but is not too old is taken in by going back: at the next deadline the
+trackers start again from their states before its step, and every step since is fused and published anew.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from enum import Enum
-from math import radians
-from typing import Any, Final, Literal
+from dataclasses import replace
+from math import dist, radians
+from typing import Any, Final
 
 import numpy as np
 from immutables import Map
 
+from fusion.memory import TRANSITIONS, Heard, Memory, Past, Phase
+from fusion.points import track_point
+from fusion.stored import Stored, pack, unpack
+from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
-from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+from trackfield.filters.types import Gaussian, Model, Reports
 from trackfield.role import (
     NS,
     Effect,
     Event,
     Ignored,
     IllegalEvent,
+    Late,
+    Note,
     Publish,
     Received,
+    Send,
     SetTimer,
     Started,
     State,
+    Store,
     Timer,
     TrackPoint,
-    Transitions,
     check_transition,
 )
-from trackfield.wire.messages import Doa
+from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
 
-MAX_PARTICLES: Final = 200
-"""How many particles of a tracker are published, at most."""
-
-
-class Phase(Enum):
-    """What the first tracker is doing: no track yet, following, or following without any report."""
-
-    NEW = "new"
-    WAITING = "waiting"
-    TRACKING = "tracking"
-    COASTING = "coasting"
-
-
-_RUNNING: Final = frozenset({Phase.WAITING, Phase.TRACKING, Phase.COASTING})
-
-TRANSITIONS: Final[Transitions] = {
-    (Phase.NEW, Started): frozenset({Phase.WAITING}),
-    **{(phase, Timer): _RUNNING for phase in _RUNNING},
-    **{(phase, Received): frozenset({phase}) for phase in _RUNNING},
-}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Memory:
-    """The centre's state: ``heard`` maps a step to the reports that came for it, ``fused`` is the last step done."""
-
-    phase: Phase
-    tracks: tuple[Any, ...]
-    fused: int = 0
-    heard: Map[int, Map[str, Doa]] = field(default_factory=Map)
+_LAST_STEP: Final = 65535
+"""As far as a message counts."""
 
 
 class Fusion:
     """Fuses the reports of ``sensors`` (id, x m, y m) each ``step_ns``, ``deadline_ns`` after the step's instant.
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
-    from the first reports. All randomness is keyed by ``seed``, the tracker and the step.
+    from the first reports. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
+    ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
+    commands the sensors' threshold. Its clock is the reference for sensors that ask for the time.
     """
 
-    kinds = frozenset({"doa"})
+    kinds = frozenset({"doa", "sync-request"})
 
     def __init__(
         self,
@@ -88,11 +71,15 @@ class Fusion:
         seed: int,
         prior: Mapping[str, Sequence[float]] | None = None,
         target: str = "target",
+        max_age_ns: int = 0,
+        threshold: Mapping[str, float] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
+        self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
         model = Model(sigma_w=radians(doa_sd_deg))
         self.trackers = {name: Following(make_tracker(name), model) for name in trackers}
+        self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None
             if prior is None
@@ -101,7 +88,7 @@ class Fusion:
 
     def begin(self) -> Memory:
         """Every tracker with its prior, or waiting for reports."""
-        return Memory(Phase.NEW, tuple(t.begin(self.prior) for t in self.trackers.values()))
+        return self._waiting(self.prior)
 
     def handle(self, state: Memory, event: Event) -> tuple[Memory, tuple[Effect, ...]]:
         """See ``trackfield.role.Role``."""
@@ -113,46 +100,141 @@ class Fusion:
 
     def _react(self, memory: Memory, event: Event) -> tuple[Memory, tuple[Effect, ...]]:
         match event:
-            case Started():
-                return replace(memory, phase=Phase.WAITING), (self._deadline(1),)
+            case Started(now, stored):
+                return self._start(memory, now, stored)
             case Received(now, Doa() as report, sender):
                 return self._collect(memory, now, report, sender)
+            case Received(now, SyncRequest(exchange, sent_us), sender):
+                return memory, (Send(SyncReply(exchange, sent_us, now // 1000, now // 1000), sender),)
             case Received():
                 return memory, (Ignored("unexpected"),)
-            case Timer():
-                return self._fuse(memory)
+            case Timer(now):
+                return self._fuse(memory, now)
         raise IllegalEvent(f"a fusion centre has no use for {event}")
 
     def _deadline(self, step: int) -> SetTimer:
         return SetTimer("deadline", step * self.step_ns + self.deadline_ns)
 
+    # --- the start of a life ---
+
+    def _waiting(self, prior: Gaussian | None) -> Memory:
+        level = self.controller.start_db if self.controller else None
+        return Memory(Phase.NEW, tuple(t.begin(prior) for t in self.trackers.values()), threshold_db=level)
+
+    def _start(self, memory: Memory, now: int, kept: bytes) -> tuple[Memory, tuple[Effect, ...]]:
+        fused = max((now - self.deadline_ns) // self.step_ns, 0)
+        begun = memory if fused == 0 else self._waiting(None)  # a prior is about the start of the run
+        fresh = replace(begun, phase=Phase.WAITING, fused=fused)
+        if not kept:
+            return fresh, (self._deadline(fused + 1),)
+        try:
+            stored = unpack(kept)
+            if stored.step > now // self.step_ns + 1:
+                raise ValueError(f"step {stored.step} is still to come")
+        except ValueError as error:
+            return fresh, (Note(f"What an earlier life stored is of no use: {error}"), self._deadline(fused + 1))
+        return self._resume(fresh, stored)
+
+    def _resume(self, fresh: Memory, stored: Stored) -> tuple[Memory, tuple[Effect, ...]]:
+        """Each tracker from its belief, without reports over the steps that were missed."""
+        fused = max(fresh.fused, stored.step)
+        tracks, points = [], []
+        for name, tracker in self.trackers.items():
+            belief, estimate = stored.beliefs.get(name), None
+            track = tracker.begin(None) if belief is None else tracker.resume(belief)
+            for step in range(stored.step + 1, fused + 1):
+                if track.track is None:
+                    break
+                nothing, rng = self._reports(step, Map()), generator(self.seed, name, step)
+                track, estimate = tracker.step(track, nothing, self.step_ns / NS, rng)
+            tracks.append(track)
+            if estimate is not None:
+                points.append(track_point(name, self.target, self._reports(fused, Map()), estimate))
+        phase = Phase.WAITING if tracks[0].track is None else Phase.COASTING
+        level = self._level(stored.threshold_db)
+        resumed = replace(fresh, phase=phase, tracks=tuple(tracks), fused=fused, threshold_db=level)
+        return resumed, (*map(Publish, points), self._deadline(fused + 1))
+
+    def _level(self, stored_db: float | None) -> float | None:
+        if self.controller is None:
+            return None
+        return self.controller.start_db if stored_db is None else self.controller.bounded(stored_db)
+
+    # --- reports ---
+
     def _collect(self, memory: Memory, now: int, report: Doa, sender: str) -> tuple[Memory, tuple[Effect, ...]]:
-        reports = memory.heard.get(report.step, Map())
-        if report.step <= memory.fused:
+        step = report.step
+        past = memory.past.get(step)
+        late = step <= memory.fused
+        if late and (past is None or now - step * self.step_ns > self.max_age_ns):
             return memory, (Ignored("late"),)
         if sender not in self.positions:
             return memory, (Ignored("unknown sensor"),)
-        if report.step > now // self.step_ns + 1:
+        if step > now // self.step_ns + 1:
             return memory, (Ignored("from the future"),)
+        reports = past.heard if past else memory.heard.get(step, Map())
         if sender in reports:
             return memory, (Ignored("repeated"),)
-        return replace(memory, heard=memory.heard.set(report.step, reports.set(sender, report))), ()
+        reports = reports.set(sender, report)
+        if past is None:
+            return replace(memory, heard=memory.heard.set(step, reports)), ()
+        stale = step if memory.stale is None else min(step, memory.stale)
+        return replace(memory, past=memory.past.set(step, Past(past.tracks, reports)), stale=stale), (Late(),)
 
-    def _fuse(self, memory: Memory) -> tuple[Memory, tuple[Effect, ...]]:
+    # --- deadlines ---
+
+    def _fuse(self, memory: Memory, now: int) -> tuple[Memory, tuple[Effect, ...]]:
         step = memory.fused + 1
-        reports = self._reports(step, memory.heard.get(step, Map()))
-        heard = memory.heard.delete(step) if step in memory.heard else memory.heard
-        tracks, points = [], []
-        for (name, tracker), track in zip(self.trackers.items(), memory.tracks, strict=True):
-            rng = generator(self.seed, name, step)
-            after, estimate = tracker.step(track, reports, self.step_ns / NS, rng)
-            tracks.append(after)
-            points.append(self._point(name, reports, estimate))
-        phase = Phase(points[0].status)
-        done = replace(memory, phase=phase, tracks=tuple(tracks), fused=step, heard=heard)
-        return done, (*(Publish(point) for point in points), self._deadline(step + 1))
+        memory, published = self._replay(memory)
+        heard = memory.heard.get(step, Map())
+        past = self._recent(memory.past.set(step, Past(memory.tracks, heard)), now)
+        tracks, points = self._advance(memory.tracks, step, heard)
+        first = next(iter(points.values()))
+        level, command = self._command(memory.threshold_db, first)
+        after = replace(
+            memory,
+            phase=Phase(first.status),
+            tracks=tracks,
+            fused=step,
+            heard=memory.heard.delete(step) if step in memory.heard else memory.heard,
+            past=past,
+            threshold_db=level,
+        )
+        publish = map(Publish, (*published, *points.values()))
+        return after, (*publish, *command, Store(pack(step, level, points)), self._deadline(step + 1))
 
-    def _reports(self, step: int, heard: Mapping[str, Doa]) -> Reports:
+    def _replay(self, memory: Memory) -> tuple[Memory, list[TrackPoint]]:
+        """All steps since the oldest that got a late report, fused again, and their points."""
+        if memory.stale is None:
+            return memory, []
+        past, published = memory.past, list[TrackPoint]()
+        tracks = past[memory.stale].tracks
+        for step in range(memory.stale, memory.fused + 1):
+            heard = past[step].heard
+            past = past.set(step, Past(tracks, heard))
+            tracks, points = self._advance(tracks, step, heard)
+            published += points.values()
+        return replace(memory, tracks=tracks, past=past, stale=None), published
+
+    def _recent(self, past: Map[int, Past], now: int) -> Map[int, Past]:
+        for step in sorted(past):
+            if now - step * self.step_ns <= self.max_age_ns:
+                break
+            past = past.delete(step)
+        return past
+
+    def _advance(
+        self, tracks: tuple[Any, ...], step: int, heard: Heard
+    ) -> tuple[tuple[Any, ...], dict[str, TrackPoint]]:
+        """The trackers' states after a step, and its points by tracker: the same whenever it is computed."""
+        reports, advanced, points = self._reports(step, heard), [], {}
+        for (name, tracker), track in zip(self.trackers.items(), tracks, strict=True):
+            after, estimate = tracker.step(track, reports, self.step_ns / NS, generator(self.seed, name, step))
+            advanced.append(after)
+            points[name] = track_point(name, self.target, reports, estimate)
+        return tuple(advanced), points
+
+    def _reports(self, step: int, heard: Heard) -> Reports:
         ids = tuple(sorted(heard))
         return Reports(
             step,
@@ -162,22 +244,13 @@ class Fusion:
             np.array([heard[id].level_db for id in ids], float),
         )
 
-    def _point(self, tracker: str, reports: Reports, estimate: Estimate | None) -> TrackPoint:
-        if estimate is None:
-            return TrackPoint(tracker, self.target, reports.step, "waiting", reports=len(reports))
-        status: Literal["tracking", "coasting"] = "tracking" if len(reports) else "coasting"
-        particles = b""
-        if estimate.particles is not None:
-            thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
-            particles = thin.astype("<f4").tobytes()
-        mean, covariance = estimate.mean.tolist(), estimate.covariance.ravel().tolist()
-        return TrackPoint(
-            tracker,
-            self.target,
-            reports.step,
-            status,
-            tuple(mean),
-            tuple(covariance),
-            len(reports),
-            particles,
-        )
+    def _command(self, level_db: float | None, point: TrackPoint) -> tuple[float | None, tuple[Send, ...]]:
+        """The threshold for the step after ``point``, and the message to those who are about to hear the target."""
+        if self.controller is None or level_db is None or not point.mean:
+            return level_db, ()
+        level = self.controller.adjusted(level_db, position_sd(point))
+        place, reach = expected_place(point, self.step_ns / NS), self.controller.reach_m
+        near = frozenset(id for id, position in self.positions.items() if dist(position, place) <= reach)
+        if not near or point.step >= _LAST_STEP:
+            return level, ()
+        return level, (Send(Threshold(point.step + 1, level), near),)

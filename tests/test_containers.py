@@ -88,8 +88,8 @@ class Field:
     def down(self) -> None:
         if containers := self.labelled("ps", "--all"):
             output("docker", "rm", "--force", *containers)
-        if networks := self.labelled("network", "ls"):
-            output("docker", "network", "rm", *networks)
+        # An engine may forget to let go of a container that was cut off, and keep the network until it restarts.
+        subprocess.run(["docker", "network", "rm", *self.labelled("network", "ls")], capture_output=True, check=False)
 
 
 @dataclass

@@ -13,7 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fusion.role import MAX_PARTICLES, TRANSITIONS, Fusion, Memory, Phase
+from fusion.memory import TRANSITIONS, Memory, Phase
+from fusion.points import MAX_PARTICLES
+from fusion.role import Fusion
+from fusion.stored import pack
 from tests.toys import Request
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.types import Reports
@@ -27,13 +30,15 @@ from trackfield.role import (
     Publish,
     Received,
     Sampled,
+    Send,
     SetTimer,
     Started,
     State,
+    Store,
     Timer,
     TrackPoint,
 )
-from trackfield.wire.messages import Doa
+from trackfield.wire.messages import Doa, SyncReply, SyncRequest
 
 SENSORS = (("n0", 0.0, 0.0), ("n1", 100.0, 0.0), ("n2", 0.0, 100.0), ("n3", 100.0, 100.0))
 PRIOR = {"mean": (50.0, 50.0, 0.0, 0.0), "sd": (20.0, 20.0, 4.0, 4.0)}
@@ -90,7 +95,7 @@ def test_it_waits_for_the_first_deadline() -> None:
     memory, effects = fusion.handle(fusion.begin(), Started(0))
     assert memory.phase is Phase.WAITING
     assert effects == (SetTimer("deadline", NS + DEADLINE), State("waiting"))
-    assert fusion.kinds == {"doa"}
+    assert fusion.kinds == {"doa", "sync-request"}
 
 
 def test_without_prior_it_starts_from_the_first_reports_that_give_a_fix() -> None:
@@ -113,7 +118,18 @@ def test_without_prior_it_starts_from_the_first_reports_that_give_a_fix() -> Non
 def test_while_it_waits_it_publishes_that_it_does_and_nothing_more() -> None:
     fusion = centre()
     _, effects = fusion.handle(started(fusion), deadline(1))
-    assert effects == (Publish(TrackPoint("fix-imm-ukf", "bus", 1, "waiting")), SetTimer("deadline", 2 * NS + DEADLINE))
+    point = TrackPoint("fix-imm-ukf", "bus", 1, "waiting")
+    kept = Store(pack(1, None, {"fix-imm-ukf": point}))
+    assert effects == (Publish(point), kept, SetTimer("deadline", 2 * NS + DEADLINE))
+
+
+def test_its_clock_is_the_reference_for_who_asks() -> None:
+    fusion = centre()
+    asked = Received(5_000_123_999, SyncRequest(7, -42), "n3")
+    for memory in (started(fusion), play(fusion, started(fusion), [deadline(1)])[0]):
+        after, effects = fusion.handle(memory, asked)
+        assert after is memory
+        assert effects == (Send(SyncReply(7, -42, 5_000_123, 5_000_123), "n3"),)
 
 
 def test_bearings_that_cross_are_where_the_target_is() -> None:
@@ -350,7 +366,7 @@ def leaves(value: Any) -> list[Any]:
 happenings = st.lists(
     st.one_of(
         st.just("deadline"),
-        st.tuples(st.integers(-1, 2), st.sampled_from(["n0", "n1", "n2", "n3", "stranger"]), st.floats(20, 80)),
+        st.tuples(st.integers(-3, 2), st.sampled_from(["n0", "n1", "n2", "n3", "stranger"]), st.floats(20, 80)),
         st.just("request"),
     ),
     max_size=25,
@@ -358,10 +374,10 @@ happenings = st.lists(
 
 
 @settings(max_examples=60)
-@given(happenings, st.booleans())
-def test_any_events_in_any_order(happened: list[Any], with_prior: bool) -> None:
+@given(happenings, st.booleans(), st.integers(0, 3))
+def test_any_events_in_any_order(happened: list[Any], with_prior: bool, max_age: int) -> None:
     """Equal calls have equal answers, no call writes into the state that it was given, and the table is kept."""
-    fusion = centre("fix-imm-ukf", "spcpf", prior=PRIOR if with_prior else None)
+    fusion = centre("fix-imm-ukf", "spcpf", prior=PRIOR if with_prior else None, max_age_ns=max_age * NS)
     memory = started(fusion)
     for what in happened:
         step = memory.fused + 1

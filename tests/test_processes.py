@@ -162,7 +162,7 @@ def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> No
 
 def test_no_peer_can_bring_a_run_down(tmp_path: Path) -> None:
     """A stranger in the field sends what no node would: it is counted, and all goes on."""
-    run, _ = mid_run(tmp_path / "run", "--speed", "4")
+    run, _ = mid_run(tmp_path / "run", "--speed", "4", "--link", "ideal")
     manifest = run.manifest()
     with open_client(manifest["endpoint"], manifest["run"]) as session:
         inbox = "data/field/to/fusion/stranger/doa"

@@ -6,10 +6,12 @@ normal matrix I + J^T J is never singular, even where P is, and its inverse give
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from trackfield.filters.gate import CLUTTER, Indices, Story, likeliest
 from trackfield.filters.gaussian import root, symmetric
 from trackfield.filters.types import Array, Gaussian, Reports, Update
 from trackfield.models import doa
@@ -17,6 +19,7 @@ from trackfield.models.sound import wrap
 
 _STEPS = 30
 _SETTLED = 1e-9  # of the prior's sd
+_SUSPECTS = 8
 
 
 class _Point(NamedTuple):
@@ -73,6 +76,33 @@ def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     scale = len(reports) * np.log(2.0 * np.pi * sigma_w**2)
     log_evidence = -0.5 * (best.cost + np.linalg.slogdet(normal)[1] + scale)
     return Update(Gaussian(mean, symmetric(L @ np.linalg.solve(normal, L.T))), log_evidence)
+
+
+@dataclass(frozen=True)
+class _Fixes:
+    """Judges bearings by the fix that they give. Of many that are off, only the ``_SUSPECTS`` worst are tried."""
+
+    prior: Gaussian
+    reports: Reports
+    sigma_w: float
+
+    def evidence(self, which: Indices) -> float:
+        return float(map_fix(self.prior, self.reports.only(which), self.sigma_w).log_evidence)
+
+    def without(self, which: Indices) -> Array:
+        these = self.reports.only(which)
+        place = map_fix(self.prior, these, self.sigma_w).posterior.mean
+        misses = np.abs(wrap(these.bearings - doa.measure(place, these.positions)))
+        evidence = np.full(len(which), -np.inf)
+        for k in np.argsort(-misses)[:_SUSPECTS]:
+            if misses[k] > self.sigma_w:
+                evidence[k] = self.evidence(np.delete(which, k)) if len(which) > 1 else 0.0
+        return evidence
+
+
+def agreeing(prior: Gaussian, reports: Reports, sigma_w: float, clutter: Array | float = CLUTTER) -> Story:
+    """Which bearings to fix a position from; ``clutter`` (K,) is the probability of each to be that."""
+    return likeliest(np.broadcast_to(clutter, len(reports)), _Fixes(prior, reports, sigma_w))
 
 
 def _trust(J: Array, L: Array, apart: Array) -> Array:

@@ -7,15 +7,19 @@ errors point the same way.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from immutables import Map
 
 from trackfield.filters import imm, ukf
-from trackfield.filters.fix import map_fix
+from trackfield.filters.fix import agreeing, map_fix
+from trackfield.filters.gate import Indices, left_out, likeliest
 from trackfield.filters.gaussian import Motion, constant_velocity, predict
-from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Update
+from trackfield.filters.suspicion import Suspicion, clutter, learn
+from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, Update
 from trackfield.models import doa, motion
 from trackfield.models.sound import wrap
 
@@ -29,18 +33,35 @@ _STIR = 0.5
 # parked vehicles.
 _SWITCHING = np.array([[0.97, 0.02, 0.01], [0.1, 0.88, 0.02], [0.0, 0.002, 0.998]])
 
+_ASTRAY, _WIDER = np.log(1e-2), 10.0
+"""Log odds that the track is astray, and by how much its sd is then larger than it says."""
+
 
 class FixImmUkfState(NamedTuple):
-    """The bank of M=3 models; ``fixed`` once bearings have been taken in."""
+    """The bank of M=3 models; ``fixed`` once bearings have been taken in; what sensors are suspected of."""
 
     model: Model
     bank: imm.Bank
     fixed: bool
+    suspicion: Suspicion = Map()
+
+
+Take = Callable[[Gaussian, Reports, float], Update]
+
+
+class _Plan(NamedTuple):
+    """What to do with the bearings of a step: from which bank to ``take`` in which of them."""
+
+    bank: imm.Bank
+    take: Take
+    believed: Indices
 
 
 @dataclass(frozen=True)
 class FixImmUkf:
-    """The tracker."""
+    """The tracker; without its ``gate`` it believes every bearing."""
+
+    gate: bool = True
 
     def init(self, prior: Gaussian, model: Model) -> FixImmUkfState:
         """The state of belief ``prior``, shared by all models, which start as equals."""
@@ -52,16 +73,41 @@ class FixImmUkf:
         self, state: FixImmUkfState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[FixImmUkfState, Estimate]:
         """Mix, predict, take in the bearings; the first bearings by a fix, since the prior may be wide."""
-        model = state.model
         bank = imm.mix(state.bank, _SWITCHING)
-        belief = predict(Gaussian(bank.mean, bank.covariance), _motions(dt))
-        if len(reports) == 0:
-            bank = imm.Bank(bank.probability, *belief)
-            return FixImmUkfState(model, bank, state.fixed), Estimate(*imm.combined(bank))
-        take = _track if state.fixed else _fix
-        posterior, log_evidence = take(belief, reports, model.sigma_w)
+        bank = imm.Bank(bank.probability, *predict(Gaussian(bank.mean, bank.covariance), _motions(dt)))
+        bank, take, believed = self._plan(state, bank, reports)
+        suspicion = learn(state.suspicion, reports.sensors, believed)
+        if len(believed) == 0:
+            after = FixImmUkfState(state.model, bank, state.fixed, suspicion)
+            return after, Estimate(*imm.combined(bank))
+        belief = Gaussian(bank.mean, bank.covariance)
+        posterior, log_evidence = take(belief, reports.only(believed), state.model.sigma_w)
         bank = imm.Bank(imm.reweigh(bank.probability, log_evidence), *posterior)
-        return FixImmUkfState(model, bank, fixed=True), Estimate(*imm.combined(bank))
+        return FixImmUkfState(state.model, bank, True, suspicion), Estimate(*imm.combined(bank))
+
+    def _plan(self, state: FixImmUkfState, bank: imm.Bank, reports: Reports) -> _Plan:
+        take = _track if state.fixed else _fix
+        if not self.gate:
+            return _Plan(bank, take, np.arange(len(reports)))
+        sigma_w, chances = state.model.sigma_w, clutter(state.suspicion, reports.sensors)
+        if not state.fixed:
+            return _Plan(bank, take, agreeing(imm.combined(bank), reports, sigma_w, chances).believed)
+        story = likeliest(chances, _Bearings(bank, reports, sigma_w))
+        if story.log_odds < _usual(chances, sigma_w) + _ASTRAY:
+            wide = bank._replace(covariance=_WIDER**2 * bank.covariance)
+            other = agreeing(imm.combined(wide), reports, sigma_w, chances)
+            if other.log_odds + _ASTRAY > story.log_odds:
+                return _Plan(wide, _fix, other.believed)
+        return _Plan(bank, take, story.believed)
+
+
+def _usual(chances: Array, sigma_w: float) -> float:
+    """Log odds on average of bearings as accurate as they should be, when the track is certain.
+
+    A story that comes near cannot be beaten by one that has to pay for a track astray.
+    """
+    gain = -np.log(sigma_w) - 0.5 * np.log(2.0 * np.pi * np.e)
+    return float((gain - left_out(chances)).sum())
 
 
 def _motions(dt: float) -> Motion:
@@ -78,3 +124,28 @@ def _fix(belief: Gaussian, reports: Reports, sigma_w: float) -> Update:
 
 def _track(belief: Gaussian, reports: Reports, sigma_w: float) -> Update:
     return ukf.update(belief, reports.bearings, sigma_w, lambda x: doa.measure(x, reports.positions), wrap)
+
+
+@dataclass(frozen=True)
+class _Bearings:
+    """Judges bearings by the whole bank: the models' evidences weighed by their probabilities."""
+
+    bank: imm.Bank
+    reports: Reports
+    sigma_w: float
+
+    def evidence(self, which: Indices) -> float:
+        return float(np.logaddexp.reduce(self._joint(self.reports.only(which))))
+
+    def without(self, which: Indices) -> Array:
+        these, belief = self.reports.only(which), Gaussian(self.bank.mean, self.bank.covariance)
+        expected = ukf.predictive(belief, these.bearings, self.sigma_w, lambda x: doa.measure(x, these.positions), wrap)
+        evidence: Array = np.logaddexp.reduce(self._joint(these)[:, None] - expected, axis=0)
+        return evidence
+
+    def _joint(self, these: Reports) -> Array:
+        """Log of each model's probability and evidence (M,)."""
+        evidence = _track(Gaussian(self.bank.mean, self.bank.covariance), these, self.sigma_w).log_evidence
+        with np.errstate(divide="ignore"):
+            joint: Array = np.log(self.bank.probability) + evidence
+        return joint

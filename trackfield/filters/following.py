@@ -3,7 +3,7 @@
 A track is doubted by Page's cumulative sum test (Page 1954): each bearing adds the log ratio of how well "it
 may come from anywhere" explains it to how well the track does, and the sum never falls below zero. When it
 exceeds ``_LOST_AT``, the track is given up; a right track lasts at least e^_LOST_AT bearings on average. A
-share ``_CLUTTER`` of bearings may come from anywhere although the track is right: no single one can end it.
+share ``CLUTTER`` of bearings may come from anywhere although the track is right: no single one can end it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackfield.filters.fix import centroid, map_fix
+from trackfield.filters.fix import agreeing, centroid, map_fix
+from trackfield.filters.gate import CLUTTER
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
 from trackfield.models import doa
@@ -22,7 +23,6 @@ from trackfield.models.sound import wrap
 
 S = TypeVar("S")
 
-_CLUTTER = 0.05
 _LOST_AT = math.log(1e6)
 _ANYWHERE_M, _SPEED_M_S = 1000.0, 10.0
 """sd per axis of a target nobody knows: wide against any field's spacing; a vehicle in town."""
@@ -48,6 +48,10 @@ class Following(Generic[S]):
         if prior is None:
             return Followed(None, 0.0, alone=True)
         return Followed(self.tracker.init(prior, self.model), 0.0, alone=False)
+
+    def resume(self, belief: Gaussian) -> Followed[S]:
+        """The state after a pause that began with ``belief``; it may start anew, as without a prior."""
+        return Followed(self.tracker.init(belief, self.model), 0.0, alone=True)
 
     def step(
         self, state: Followed[S], reports: Reports, dt: float, rng: np.random.Generator
@@ -77,7 +81,11 @@ def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
     if len(reports) < 2:
         return None
     anywhere = np.diag(np.square([_ANYWHERE_M, _ANYWHERE_M, _SPEED_M_S, _SPEED_M_S]))
-    fix, _ = map_fix(Gaussian(np.append(centroid(reports), [0.0, 0.0]), anywhere), reports, sigma_w)
+    prior = Gaussian(np.append(centroid(reports), [0.0, 0.0]), anywhere)
+    reports = reports.only(agreeing(prior, reports, sigma_w).believed)
+    if len(reports) < 2:
+        return None
+    fix, _ = map_fix(prior, reports, sigma_w)
     distance = np.sqrt(np.square(fix.mean[:2] - reports.positions).sum(axis=1).mean())
     return fix if _extent(fix) < distance / 2.0 else None
 
@@ -88,7 +96,7 @@ def doubts(estimate: Estimate, reports: Reports, sigma_w: float) -> float:
     variance = np.einsum("ki,ij,kj->k", H, estimate.covariance, H) + sigma_w**2
     misses = wrap(reports.bearings - doa.measure(estimate.mean, reports.positions))
     density = np.exp(-0.5 * np.square(misses) / variance) / np.sqrt(2.0 * np.pi * variance)
-    return -float(np.log((1.0 - _CLUTTER) * 2.0 * np.pi * density + _CLUTTER).sum())
+    return -float(np.log((1.0 - CLUTTER) * 2.0 * np.pi * density + CLUTTER).sum())
 
 
 def _extent(belief: Gaussian | Estimate) -> float:

@@ -44,6 +44,11 @@ class Reports:
     def __len__(self) -> int:
         return len(self.bearings)
 
+    def only(self, which: npt.NDArray[np.intp]) -> Reports:
+        """These of the reports, by their place."""
+        sensors = tuple(self.sensors[i] for i in which)
+        return Reports(self.step, sensors, self.positions[which], self.bearings[which], self.levels[which])
+
 
 @dataclass(frozen=True, slots=True)
 class Model:

@@ -9,6 +9,7 @@ Bishop et al. 2001). In the linear case it is the Kalman filter.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,27 +30,35 @@ def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
     return belief.mean[..., None, :] + offsets, weights
 
 
-def update(
-    prior: Gaussian,
-    z: Array,
-    sd: Array | float,
-    measure: Callable[[Array], Array],
-    residual: Callable[[Array], Array] = lambda difference: difference,
-) -> Update:
+class _Ensemble(NamedTuple):
+    """The belief's sigma points: B (..., p, n), their weighted deviations, and A (..., p, K), those of their
+    predicted measurements in units of the noise, as is the ``innovation`` (..., K)."""
+
+    A: Array
+    B: Array
+    innovation: Array
+
+    @property
+    def precision(self) -> Array:
+        return np.eye(self.A.shape[-2]) + self.A @ np.swapaxes(self.A, -1, -2)
+
+
+Map = Callable[[Array], Array]
+
+
+def _same(difference: Array) -> Array:
+    return difference
+
+
+def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Update:
     """Take in measurements ``z`` (K,) of independent noise ``sd`` (scalar or (K,)).
 
     ``measure`` maps states (..., n) to measurements (..., K); ``residual`` maps their differences into the
     range where they mean something (for angles, to [-pi, pi)). ``prior`` may have leading batch axes.
     """
-    points, weights = sigma_points(prior)
-    share = np.sqrt(weights)[:, None]
-    predicted = measure(points)
-    around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
-    centre = np.einsum("p,...pk->...k", weights, around)
-    A = share * (around - centre[..., None, :]) / sd
-    B = share * (points - prior.mean[..., None, :])
-    innovation = residual(z - predicted[..., 0, :] - centre) / sd
-    precision = np.eye(len(weights)) + A @ np.swapaxes(A, -1, -2)
+    ensemble = _ensemble(prior, z, sd, measure, residual)
+    A, B, innovation = ensemble
+    precision = ensemble.precision
     shadow = np.einsum("...pk,...k->...p", A, innovation)
     solved = np.linalg.solve(precision, np.concatenate((shadow[..., None], B), axis=-1))
     moved = np.swapaxes(B, -1, -2) @ solved
@@ -57,3 +66,31 @@ def update(
     nis = np.square(innovation).sum(axis=-1) - np.einsum("...p,...p->...", shadow, solved[..., 0])
     scale = np.broadcast_to(np.log(2.0 * np.pi * np.square(sd)), z.shape).sum()
     return Update(posterior, -0.5 * (nis + np.linalg.slogdet(precision)[1] + scale))
+
+
+def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Array:
+    """log p(z_k | all others) (..., K): how far each measurement is what the prior and the others let expect.
+
+    Arguments as for ``update``. With e_k what the update leaves of the innovation and l_k the measurement's
+    leverage, the others expect it e_k / (1 - l_k) off, with variance 1 / (1 - l_k), in units of the noise: the
+    deleted residual of regression (Cook & Weisberg 1982, sec. 2.2.1).
+    """
+    ensemble = _ensemble(prior, z, sd, measure, residual)
+    A, _, innovation = ensemble
+    solved = np.linalg.solve(ensemble.precision, A)
+    shadow = np.einsum("...pk,...k->...p", A, innovation)
+    left = innovation - np.einsum("...pk,...p->...k", solved, shadow)
+    free = np.maximum(1.0 - (A * solved).sum(axis=-2), np.finfo(np.float64).eps)
+    density: Array = -0.5 * (np.square(left) / free - np.log(free) + np.log(2.0 * np.pi * np.square(sd)))
+    return density
+
+
+def _ensemble(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map) -> _Ensemble:
+    points, weights = sigma_points(prior)
+    share = np.sqrt(weights)[:, None]
+    predicted = measure(points)
+    around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
+    centre = np.einsum("p,...pk->...k", weights, around)
+    A = share * (around - centre[..., None, :]) / sd
+    B = share * (points - prior.mean[..., None, :])
+    return _Ensemble(A, B, residual(z - predicted[..., 0, :] - centre) / sd)

@@ -1,0 +1,33 @@
+"""Estimates as published: the points of a track."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from trackfield.filters.types import Estimate, Reports
+from trackfield.role import TrackPoint
+
+MAX_PARTICLES: Final = 200
+"""How many particles of a tracker are published, at most."""
+
+
+def track_point(tracker: str, target: str, reports: Reports, estimate: Estimate | None) -> TrackPoint:
+    """The point of the step that ``reports`` are of; without an estimate the tracker waits."""
+    if estimate is None:
+        return TrackPoint(tracker, target, reports.step, "waiting", reports=len(reports))
+    status: Literal["tracking", "coasting"] = "tracking" if len(reports) else "coasting"
+    particles = b""
+    if estimate.particles is not None:
+        thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
+        particles = thin.astype("<f4").tobytes()
+    mean, covariance = estimate.mean.tolist(), estimate.covariance.ravel().tolist()
+    return TrackPoint(
+        tracker,
+        target,
+        reports.step,
+        status,
+        tuple(mean),
+        tuple(covariance),
+        len(reports),
+        particles,
+    )

@@ -1,0 +1,56 @@
+"""The sensors' threshold by command: as few of them awake as the track can do with.
+
+After each step the track's uncertainty is compared with a target. A track less certain than that lowers the
+threshold by ``STEP_DB``, so that more sensors report of the coming step; one more certain than ``EASY`` times the
+target raises it. In between it stays, or it would swing with every step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+from typing import Final
+
+from trackfield.role import TrackPoint
+
+STEP_DB: Final = 0.5
+EASY: Final = 0.8
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """Holds the position's sd at ``target_sd_m`` (m) by a threshold from ``low_db`` to ``high_db``.
+
+    ``reach_m``: how far from the target's expected place sensors have to know the threshold.
+    """
+
+    low_db: float
+    high_db: float
+    start_db: float
+    target_sd_m: float
+    reach_m: float
+
+    def adjusted(self, level_db: float, sd_m: float) -> float:
+        """The threshold for the coming step, from that of the step before and the track's sd after it."""
+        if sd_m > self.target_sd_m:
+            level_db -= STEP_DB
+        elif sd_m < EASY * self.target_sd_m:
+            level_db += STEP_DB
+        return self.bounded(level_db)
+
+    def bounded(self, level_db: float) -> float:
+        """The threshold nearest to this one that is allowed."""
+        return min(max(level_db, self.low_db), self.high_db)
+
+
+def position_sd(point: TrackPoint) -> float:
+    """The sd (m) of a track's position along the axis in which it is largest: one bearing leaves the range open."""
+    covariance = point.covariance
+    xx, xy, yy = covariance[0], covariance[1], covariance[5]
+    return sqrt(max((xx + yy) / 2.0 + hypot((xx - yy) / 2.0, xy), 0.0))
+
+
+def expected_place(point: TrackPoint, seconds: float) -> tuple[float, float]:
+    """Where (m) the target will be in so many seconds, at the velocity that it has."""
+    x, y, vx, vy = point.mean
+    return x + vx * seconds, y + vy * seconds
