@@ -103,15 +103,19 @@ def test_a_planned_kill_is_a_sigkill_after_the_last_word(tmp_path: Path, monkeyp
     assert senders(tmp_path) == {("hub", 0), ("t00", 0), ("t01", 0), ("t02", 0), ("t02", 1)}
 
 
-def test_a_life_that_follows_at_once_waits_for_what_was_kept(tmp_path: Path) -> None:
-    """The hub is up again 0.2 s after its kill and 0.8 s before the end, which at this speed is sooner than its last
-    word comes; it goes on with the number that it had all the same, and in step 5 tells it."""
+def test_a_life_that_follows_at_once_waits_for_what_the_one_before_left(tmp_path: Path) -> None:
+    """Hub and t02 are up again 0.2 s after their kills, which at this speed is sooner than their last words come.
+
+    The hub goes on with the number that it had, and t02 with what is in its battery, all the same.
+    """
     spec, hub, nodes = small(5, 4.0)
-    lives = lived(hub, (0, 4500 * MS), (4700 * MS, None))
-    spec = replace(spec, end_ns=5500 * MS)
-    plan = toy_plan(spec, [*nodes, *lives])
-    _, found = both(plan, tmp_path)
+    spans = (0, 4500 * MS), (4700 * MS, None)
+    battery = {"send_uw": 10, "receive_uw": 10, "listen_uw": 10, "sleep_uw": 10, "battery_fj": 50 * NS}
+    last = replace(nodes[2], role="node", power=battery)
+    plan = toy_plan(replace(spec, end_ns=5500 * MS), [*nodes[:2], *lived(last, *spans), *lived(hub, *spans)])
+    real, found = both(plan, tmp_path)
     assert found == []
+    assert real.metrics["lifetime_s"]["first_death"] == 5.2
     told = simulated(plan).estimates()
     assert [publish.estimate.step for _, id, publish in told if id == "hub"] == [1, 2, 3, 4, 5]
 
