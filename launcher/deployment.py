@@ -231,13 +231,16 @@ class Deployment:
         else:
             time.sleep(LINGER_S)
             self._order(keys.STOP, b"")
-            self._await(self._lives, STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives), "did not stop when told")
+            self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], WRITE_TIMEOUT_S, "did not close its files in time")
         if self._own_router and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
             self._children.terminate(ROUTER)
             self._children.wait([ROUTER], STOP_TIMEOUT_S)
+
+    def _stop_timeout_s(self) -> float:
+        return STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives)
 
     def _await(self, names: Iterable[str], timeout_s: float, why: str) -> None:
         """Wait until these have ended; kill and report those that do not."""

@@ -21,6 +21,8 @@ from trackfield.wire import keys
 
 GATHER_TIMEOUT_S: Final = 300.0
 """How long to wait for processes that others have to start."""
+STOP_TIMEOUT_S: Final = 60.0
+"""How long they may take to stop; an engine that takes down a hundred containers leaves the rest little time."""
 LOST: Final = "gone: its token was lost"
 
 
@@ -99,6 +101,9 @@ class Gathering(Deployment):
 
     def _ready_timeout_s(self) -> float:
         return GATHER_TIMEOUT_S
+
+    def _stop_timeout_s(self) -> float:
+        return STOP_TIMEOUT_S
 
     def _tend(self) -> None:
         while self.registry.births:
