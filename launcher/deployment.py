@@ -19,7 +19,7 @@ from launcher import zygote
 from launcher.children import KILL_TIMEOUT_S, Children
 from launcher.records import RECORDER, Plan
 from launcher.registry import Registry
-from launcher.watch import Watch
+from launcher.watch import Stop, Watch
 from trackfield.drivers.session import open_client
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
@@ -88,7 +88,7 @@ class Deployment:
     def __enter__(self) -> Self:
         self._children = self._make_children()
         self._watch = Watch(self._children, self._clock)
-        self.deaths, self.stops = self._watch.deaths, self._watch.stops
+        self.deaths = self._watch.deaths
         try:
             self._fork_and_connect()
         except BaseException:
@@ -107,6 +107,11 @@ class Deployment:
 
     def _make_children(self) -> Children:
         return Children(len(self.plan.processes) + 2)
+
+    @property
+    def stops(self) -> list[Stop]:
+        """Who was stopped from outside."""
+        return self._watch.stops
 
     # --- birth ----------------------------------------------------------------------------------------------------
 

@@ -292,6 +292,19 @@ def test_two_stops_of_one_process_are_two() -> None:
     assert watch.still() == {"n0"}
 
 
+def test_a_stall_that_only_one_look_sees_is_none() -> None:
+    """A busy machine, or a debugger that looks at a process, may stop it for an instant."""
+    ward = Ward(1)
+    watch = watching(ward, lambda: 2.0)
+    ward.still = {"n0"}
+    while not ward.asked:
+        watch.look()
+    ward.still = set()
+    for _ in range(SLICES):
+        watch.look()
+    assert (watch.stops, watch.still()) == ([], set())
+
+
 def test_one_that_was_killed_while_it_stood_still_never_went_on() -> None:
     ward = Ward(2)
     watch = watching(ward, lambda: 2.0)
