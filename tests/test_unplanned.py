@@ -284,7 +284,7 @@ def test_ten_looks_ask_everybody_once() -> None:
 def test_two_stops_of_one_process_are_two() -> None:
     ward, clock = Ward(1), [0.0]
     watch = watching(ward, lambda: clock[0])
-    for t_s, still in ((1.0, True), (4.5, False), (6.0, True), (7.0, True)):
+    for t_s, still in ((1.0, True), (1.5, True), (4.5, False), (6.0, True), (7.0, True)):
         ward.still, clock[0] = {"n0"} if still else set(), t_s
         for _ in range(SLICES):
             watch.look()
