@@ -30,8 +30,9 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, then the tables of docs/studies.md (10 minutes)
 	$(BIN)/python -m tests.campaign
+	$(BIN)/python -m tests.studies
 
 base-image:  ## the image that ours stands on, from Debian packages (as root, with debootstrap)
 	containers/base-image $(OWN_BASE)
