@@ -13,7 +13,7 @@ NODES ?= 25
 SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint study base-image image field clean
+.PHONY: help demo test lint study bench base-image image field clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,6 +33,9 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, then the tables of docs/studies.md (10 minutes)
 	$(BIN)/python -m tests.campaign
 	$(BIN)/python -m tests.studies
+
+bench: $(VENV)/dev.stamp  ## what a run costs as the field grows to 100,000 nodes, and to 3000 processes (a quarter of an hour)
+	$(BIN)/python -m bench.scale
 
 base-image:  ## the image that ours stands on, from Debian packages (as root, with debootstrap)
 	containers/base-image $(OWN_BASE)

@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from launcher.garbage import look_seldom
 from trackfield.errors import ScenarioError, TrackfieldError
 
 app = typer.Typer(
@@ -184,6 +185,7 @@ def compare(
 
 def main() -> NoReturn:
     """The program: exit 2 with one message for bad input, 1 for a failed run, never a traceback for either."""
+    look_seldom()
     try:
         raise SystemExit(app(prog_name="trackfield", standalone_mode=False))
     except typer.TyperException as error:  # an unknown or incomplete command or option

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from importlib.metadata import entry_points
@@ -17,6 +17,7 @@ from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.errors import ScenarioError
 from trackfield.link.models import make_link
+from trackfield.link.places import Places
 from trackfield.models.sound import audible_radius
 from trackfield.role import NS
 from trackfield.scenario import Plan as Site
@@ -44,11 +45,10 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     queue = {"queue": link.pop("queue")} if "queue" in link else {}  # of the process, not of what is in the air
     spec = RunSpec(run, scenario.seed, end_ns, link, speed, faults.partitions, **queue)
     _check_link(spec)
-    nodes = [life for index in range(len(site.sensors)) for life in _lives(_node(site, index), faults, site)]
-    centre = _lives(_centre(site), faults, site)
     # Nodes and centre send to each other, and nobody else.
-    nodes = [replace(node, peers=places_of(centre)) for node in nodes]
-    processes = (*(replace(life, peers=places_of(nodes)) for life in centre), *nodes)
+    centre = _centre(site)
+    nodes = [life for node in _nodes(site, places_of([centre])) for life in _lives(node, faults)]
+    processes = (*_lives(replace(centre, peers=places_of(nodes)), faults), *nodes)
     info = _info(site, spec, processes, faults.marks)
     sensor = scenario.sensor
     reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
@@ -76,7 +76,7 @@ def factory(role: str) -> str:
     raise ScenarioError(f"no installed package offers the role {role!r}", expected="an entry point in trackfield.roles")
 
 
-def _lives(process: ProcessSpec, faults: Faults, site: Site) -> list[ProcessSpec]:
+def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:
     """The process in each of its lives; a sensor's noise is another in each, its clock and its faults stay."""
     fates = faults.of(process.id)
     return [
@@ -94,26 +94,19 @@ def _lives(process: ProcessSpec, faults: Faults, site: Site) -> list[ProcessSpec
     ]
 
 
-def _node(site: Site, index: int) -> ProcessSpec:
-    id, x, y = site.sensors[index]
-    scenario = site.scenario
-    config: dict[str, Any] = {
-        "step_ns": site.step_ns,
-        "threshold_db": scenario.sensor.threshold_db,
-        "centre": CENTRE,
-        **_if_used(sync=sync_of(scenario, id), adaptive=scenario.sensor.adaptive),
-    }
-    return ProcessSpec(
-        id,
-        "node",
-        factory("node"),
-        config,
-        x,
-        y,
-        site.acoustic(index).to_plain(),
-        clock=clock_of(scenario, id),
-        power=power_of(scenario, scenario.energy.battery_j, round(scenario.energy.sample_mj * FJ_PER_MJ)),
-    )
+def _nodes(site: Site, peers: Places) -> Iterator[ProcessSpec]:
+    """The sensor nodes; what is the same for all of them is there once."""
+    scenario, role = site.scenario, factory("node")
+    power = power_of(scenario, scenario.energy.battery_j, round(scenario.energy.sample_mj * FJ_PER_MJ))
+    for index, (id, x, y) in enumerate(site.sensors):
+        config: dict[str, Any] = {
+            "step_ns": site.step_ns,
+            "threshold_db": scenario.sensor.threshold_db,
+            "centre": CENTRE,
+            **_if_used(sync=sync_of(scenario, id), adaptive=scenario.sensor.adaptive),
+        }
+        sound, clock = site.acoustic(index).to_plain(), clock_of(scenario, id)
+        yield ProcessSpec(id, "node", role, config, x, y, sound, peers=peers, clock=clock, power=power)
 
 
 def _centre(site: Site) -> ProcessSpec:

@@ -85,6 +85,8 @@ def times(values: list[MessageRow]) -> Columns:
     columns: list[Any] = []
     for name, column in zip(TIMES, found, strict=True):
         known = [value for value in column if value is not None]
+        if not known:
+            continue  # Rerun knows no type for it
         # The first argument is none of the columns: what is empty is left empty.
         values_of = rr.AnyValues.columns(False, **{name: np.array(known)})
         columns += values_of.partition([value is not None for value in column])

@@ -19,6 +19,7 @@ from typing import Any, Final
 from setproctitle import setproctitle
 
 import node.role  # noqa: F401  what a node needs is there before it is forked
+from launcher.garbage import look_seldom
 from trackfield.drivers.process import Process
 from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router
 
@@ -77,5 +78,5 @@ if os.environ.get("TRACKFIELD_ZYGOTE") == str(os.getppid()):
     os.setsid()  # the terminal's Ctrl-C is for the launcher alone
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     setproctitle("trackfield zygote")
-    gc.set_threshold(20_000, 20, 50)  # a young process makes much and drops little: looking for garbage costs more
+    look_seldom()
     gc.freeze()

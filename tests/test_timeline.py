@@ -19,6 +19,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from launcher import blueprint as look
+from launcher import rows
 from launcher.records import FieldInfo, MessageRow, Place
 from launcher.timeline import Timeline
 from tests import fake_run
@@ -426,6 +427,13 @@ def test_the_truth_is_drawn_only_as_far_as_the_run_came(tmp_path: Path) -> None:
     timeline.close()
     times = [t for t, _ in read(tmp_path / "run.rrd", "/field/truth/position", "Points2D:positions")]
     assert times == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_table_of_lost_frames_has_no_column_for_their_arrival() -> None:
+    """Of a column without any value Rerun would have to guess the type."""
+    lost = dataclasses.replace(report("n2", 2000, 10, "radio"), due_ns=None, local_ns=2 * NS)
+    columns = {str(column.component_descriptor().component) for column in rows.times([lost])}
+    assert columns == {name for name in rows.TIMES if name != "received at"}
 
 
 def test_what_comes_much_too_late_is_shown_late_but_not_dropped(small: Small) -> None:

@@ -1,0 +1,1 @@
+"""How much a run costs, and how that grows with the field."""
