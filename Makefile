@@ -22,7 +22,7 @@ demo: $(VENV)/run.stamp  ## track a city bus with a field of sensor processes
 	$(BIN)/trackfield run bus
 
 test: lint  ## lint, types, walls and all tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/ruff check
@@ -30,8 +30,9 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, 10 of them as processes too (a few minutes)
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, then the tables of docs/studies.md (10 minutes)
 	$(BIN)/python -m tests.campaign
+	$(BIN)/python -m tests.studies
 
 bench: $(VENV)/dev.stamp  ## what a run costs as the field grows to 100,000 nodes, and to 3000 processes (a quarter of an hour)
 	$(BIN)/python -m bench.scale

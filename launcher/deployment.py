@@ -19,7 +19,7 @@ from launcher import zygote
 from launcher.children import KILL_TIMEOUT_S, Children
 from launcher.records import RECORDER, Plan
 from launcher.registry import Registry
-from launcher.watch import Watch
+from launcher.watch import Stop, Watch
 from trackfield.drivers.session import open_client
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
@@ -88,7 +88,7 @@ class Deployment:
     def __enter__(self) -> Self:
         self._children = self._make_children()
         self._watch = Watch(self._children, self._clock)
-        self.deaths, self.stops = self._watch.deaths, self._watch.stops
+        self.deaths = self._watch.deaths
         try:
             self._fork_and_connect()
         except BaseException:
@@ -107,6 +107,11 @@ class Deployment:
 
     def _make_children(self) -> Children:
         return Children(len(self.plan.processes) + 2)
+
+    @property
+    def stops(self) -> list[Stop]:
+        """Who was stopped from outside."""
+        return self._watch.stops
 
     # --- birth ----------------------------------------------------------------------------------------------------
 
@@ -231,13 +236,16 @@ class Deployment:
         else:
             time.sleep(LINGER_S)
             self._order(keys.STOP, b"")
-            self._await(self._lives, STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives), "did not stop when told")
+            self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], WRITE_TIMEOUT_S, "did not close its files in time")
         if self._own_router and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
             self._children.terminate(ROUTER)
             self._children.wait([ROUTER], STOP_TIMEOUT_S)
+
+    def _stop_timeout_s(self) -> float:
+        return STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives)
 
     def _await(self, names: Iterable[str], timeout_s: float, why: str) -> None:
         """Wait until these have ended; kill and report those that do not."""

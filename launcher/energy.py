@@ -82,8 +82,8 @@ def energy_metrics(ledger: Ledger, nodes: Sequence[Node]) -> dict[str, Any]:
     spent = [node.spent_j for node in nodes]
     by = {cause: sum(one[cause] for one in spent) for cause in CAUSES}
     total = sum(by.values())
-    others = total, total - by["listen"], total - by["listen"] + _overheard_j(ledger, nodes)
-    figures = (*others, _first_order_j(ledger, nodes))
+    silent = total - by["listen"] + sum(n.activity.listen_ns * n.power.sleep_uw for n in nodes) * _FJ
+    figures = total, silent, silent + _overheard_j(ledger, nodes), _first_order_j(ledger, nodes)
     return {
         "total": total,
         "max_node": max(sum(one.values()) for one in spent),
@@ -160,7 +160,7 @@ def _first_order_j(ledger: Ledger, nodes: Iterable[Node]) -> float:
 
 
 def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:
-    """What hearing the frames of others, and lost ones, costs those whose radio is on in their reach.
+    """What hearing the frames of others, and lost ones, costs those whose radio is on in their reach, above sleeping.
 
     A radio that listens draws as much as one that receives, or nearly: this is a part of ``listen``, not beside it.
     """
@@ -170,7 +170,7 @@ def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:
         for id in awake - meant - {row.src}:
             if ledger.link.reception(row.src, id, row.bytes, at_ns=row.sent_ns) >= HEARD:
                 power = known[id].power
-                total += (row.bytes + power.overhead_bytes) * power.byte_ns * power.receive_uw
+                total += (row.bytes + power.overhead_bytes) * power.byte_ns * (power.receive_uw - power.sleep_uw)
     return total * _FJ
 
 

@@ -6,6 +6,8 @@ when nothing was heard of it for the time of a lease.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterable
 from typing import Final
 
 import msgpack
@@ -21,6 +23,10 @@ from trackfield.wire import keys
 
 GATHER_TIMEOUT_S: Final = 300.0
 """How long to wait for processes that others have to start."""
+STOP_TIMEOUT_S: Final = 60.0
+"""How long they may take to stop; an engine that takes down a hundred containers leaves the rest little time."""
+REFRESH_S: Final = 5.0
+"""How often to ask who is there, beside being told."""
 LOST: Final = "gone: its token was lost"
 
 
@@ -33,6 +39,7 @@ class Guests(Children):
         self._expected: dict[str, None] = {}
         self._came: set[str] = set()
         self._left: set[str] = set()
+        self._dismissed: set[str] = set()
         self._ended: list[tuple[str, str]] = []
 
     def expect(self, name: str) -> None:
@@ -43,6 +50,10 @@ class Guests(Children):
         """This guest said its last word."""
         self._left.add(name)
         self._ended.append((name, GOOD_END))
+
+    def dismiss(self, names: Iterable[str]) -> None:
+        """These have nothing left to do: whoever of them is gone from now on has left."""
+        self._dismissed.update(names)
 
     def names(self) -> list[str]:
         """Children and guests."""
@@ -59,10 +70,13 @@ class Guests(Children):
             return super().stopped(name)
         if self._registry.start_ns is None or name in self._left:
             return False
-        there = name in self._registry.live
-        if there:
+        if name in self._registry.live:
             self._came.add(name)
-        return name in self._came and not there
+            return False
+        if name in self._dismissed:
+            self.left(name)
+            return False
+        return name in self._came
 
     def kill(self, name: str) -> None:
         """End a child; give up a guest."""
@@ -76,6 +90,7 @@ class Gathering(Deployment):
     """A deployment that starts the recorder alone and waits for the roles; its router is somewhere else, too."""
 
     stopped = "was out of reach"
+    _refresh_at = 0.0
 
     def _registry(self) -> Registry:
         return Registry(self.plan, open=True)
@@ -100,7 +115,13 @@ class Gathering(Deployment):
     def _ready_timeout_s(self) -> float:
         return GATHER_TIMEOUT_S
 
+    def _stop_timeout_s(self) -> float:
+        return STOP_TIMEOUT_S
+
     def _tend(self) -> None:
+        if time.monotonic() >= self._refresh_at:
+            self._refresh_at = time.monotonic() + REFRESH_S
+            self.registry.refresh(self.session)
         while self.registry.births:
             before, life = self.registry.births.popleft()
             self._succeed(before, life)
@@ -121,16 +142,16 @@ class Gathering(Deployment):
         return False
 
     def finish(self) -> None:
-        """As any deployment, but nobody waits for those who never came."""
+        """As any deployment, but nobody waits for those who never came, or for last words."""
+        self._guests.dismiss(self._reached)
         if self.registry.start_ns is None:
             self._watch.gone.update(set(self._lives) - self.registry.live)
         super().finish()
 
     def _end_still(self, names: set[str]) -> None:
         """Who is out of reach at the end is not waited for."""
-        for name in sorted(names & self._watch.still()):
-            if name in self._lives:
-                self._watch.give_up(name, LOST)
+        for name in sorted(names & self._watch.still() & set(self._lives)):
+            self._watch.give_up(name, LOST)
         super()._end_still(names - self._watch.gone)
 
     def pids(self) -> dict[str, int]:

@@ -19,6 +19,7 @@ from trackfield.wire import keys
 
 LEAD_S: Final = 0.5
 """After a place was given again, until its next life begins: the recorder has to know of it by then."""
+REFRESH_TIMEOUT_S: Final = 2.0
 
 
 class Registry:
@@ -95,6 +96,15 @@ class Registry:
             self.hosts[name] = host
             return name
 
+    def refresh(self, session: zenoh.Session) -> None:
+        """Ask who is there: the news that somebody left is lost if the launcher was out of reach itself."""
+        known = set(self.live)
+        replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
+        there = {_name(token.key_expr) for token in replies if token}
+        if there and None not in replies:
+            for name in known - there:
+                self._seen(name, there=False)
+
     def _now_ns(self) -> int | None:
         return None if self.start_ns is None else round((time.monotonic_ns() - self.start_ns) * self.run.speed)
 
@@ -119,8 +129,9 @@ class Registry:
         self._stored[keys.id_of(name)] = sample.payload.to_bytes()
 
     def _on_live(self, sample: zenoh.Sample) -> None:
-        name = str(sample.key_expr).rpartition("/")[2]
-        there = sample.kind == zenoh.SampleKind.PUT
+        self._seen(_name(sample.key_expr), there=sample.kind == zenoh.SampleKind.PUT)
+
+    def _seen(self, name: str, *, there: bool) -> None:
         with self._lock:
             if self._claims is not None and name == self._latest.get(place := self._places.get(name, "")):
                 self._claims.seen(place, live=there, now=time.monotonic())
@@ -141,3 +152,7 @@ class Registry:
             query.reply_err(f"every place of a {role} is taken")
         else:
             query.reply(query.key_expr, name)
+
+
+def _name(token: zenoh.KeyExpr) -> str:
+    return str(token).rpartition("/")[2]

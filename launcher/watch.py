@@ -35,54 +35,67 @@ class Stop:
     for_s: float | None = None
 
 
+@dataclass(slots=True)
+class _Still:
+    """Who was seen to stand still: ``since`` (monotonic, s) the first time, and whether at another look too."""
+
+    stop: Stop
+    since: float
+    sure: bool = False
+
+
 class Watch:
     """Looks after the children of a run; ``clock`` tells emulated seconds (None: before the start).
 
-    ``gone`` are the names of those that ended, planned or not, ``deaths`` and ``stops`` what is to be reported.
+    ``gone`` are the names of those that ended, planned or not; ``deaths`` are to be reported, and so are ``stops``.
     """
 
     def __init__(self, children: Children, clock: Callable[[], float | None]) -> None:
         self.deaths: list[Death] = []
-        self.stops: list[Stop] = []
         self.gone: set[str] = set()
         self._children, self._clock = children, clock
         self._reasons: dict[str, str] = {}
-        self._still: dict[str, tuple[int, float]] = {}  # where in ``stops``, and since when (monotonic)
+        self._still: dict[str, _Still] = {}
+        self._went_on: list[Stop] = []
         self._turn = 0
+
+    @property
+    def stops(self) -> list[Stop]:
+        """Who stood still for longer than from one look to the next."""
+        return [*self._went_on, *(still.stop for still in self._still.values() if still.sure)]
 
     def look(self) -> list[tuple[str, str]]:
         """Who ended since the last look, and how; call it ``SLICES`` times a second."""
         ended = [(name, self._reasons.pop(name, why)) for name, why in self._children.gone() if name not in self.gone]
         for name, _ in ended:
             self.gone.add(name)
-            self._still.pop(name, None)
+            if (still := self._still.pop(name, None)) and still.sure:
+                self._went_on.append(still.stop)
         self._turn = (self._turn + 1) % SLICES
-        for name in self._children.names()[self._turn :: SLICES]:
-            if name not in self.gone:
-                self._check(name)
+        for name in {*self._children.names()[self._turn :: SLICES], *self._still} - self.gone:
+            self._check(name)
         return ended
 
     def _check(self, name: str) -> None:
-        still = self._children.stopped(name)
-        if still and name not in self._still:
-            self._still[name] = (len(self.stops), time.monotonic())
-            self.stops.append(Stop(name, self._clock()))
-        elif not still and name in self._still:
-            place, _ = self._still.pop(name)
-            stop, now = self.stops[place], self._clock()
-            if now is not None:
-                self.stops[place] = replace(stop, for_s=now - (stop.t_s or 0.0))
+        still, before = self._children.stopped(name), self._still.get(name)
+        if before is None:
+            if still:
+                self._still[name] = _Still(Stop(name, self._clock()), time.monotonic())
+            return
+        before.sure |= still
+        if not still:
+            del self._still[name]
+            if before.sure and (now := self._clock()) is not None:
+                self._went_on.append(replace(before.stop, for_s=now - (before.stop.t_s or 0.0)))
 
     def still(self, at_least_s: float = 0.0) -> set[str]:
         """Who has been standing still for so long (wall time) now."""
         latest = time.monotonic() - at_least_s
-        return {name for name, (_, since) in self._still.items() if since <= latest}
+        return {name for name, still in self._still.items() if still.since <= latest}
 
     def give_up(self, name: str, why: str, *, again: bool = False) -> None:
         """One that stands still will not go on: report that it died when it stopped."""
-        place, _ = self._still.pop(name)
-        stop = self.stops.pop(place)
-        self._still = {n: (p - (p > place), since) for n, (p, since) in self._still.items()}
+        stop = self._still.pop(name).stop
         self.gone.add(name)
         self.deaths.append(Death(name, why, stop.t_s, again))
 

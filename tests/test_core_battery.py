@@ -12,7 +12,7 @@ from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
 from tests.toys import Reply, Request
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import RANK_EMPTY, Charge, Died, Output, Told, Undone
+from trackfield.drivers.frames import RANK_BATTERY, Charge, Died, Output, Told, Undone
 from trackfield.drivers.meter import Activity, spent
 from trackfield.link.energy import Power
 from trackfield.role import NS, Effect, Radio, Received, Role, Sample, Sampled, Send, SetTimer, Started, Timer
@@ -35,7 +35,7 @@ def at_start(*effects: Effect) -> Puppet:
 
 def died_at(outputs: list[Output]) -> int | None:
     deaths = [o.key for o in outputs if isinstance(o, Told) and isinstance(o.effect, Died)]
-    assert all(key[1:] == (RANK_EMPTY,) for key in deaths)
+    assert all(key[1:] == (RANK_BATTERY,) for key in deaths)
     assert len(deaths) <= 1
     return deaths[0][0] if deaths else None
 
@@ -156,11 +156,12 @@ def test_a_battery_may_be_empty_while_a_process_stands_still() -> None:
 # --- what is told -----------------------------------------------------------------------------------------------------
 
 
-def test_the_charge_is_told_with_events_that_take_a_per_cent_or_more() -> None:
-    """Of 3000 fJ: after 10 ns 99 % are left, after 19 ns 98.1 and so more than 98, after 500 ns the half."""
+def test_the_charge_is_told_with_events_that_take_a_per_cent_or_more_and_at_each_tenth() -> None:
+    """Of 3000 fJ: after 10 ns 99 % are left, after 19 ns 98.1 and so more than 98; each 100 ns take a tenth."""
     core = powered(3000, at_start(*(SetTimer(f"{t}", t) for t in (9, 10, 19, 20, 500, 501))))
     outputs = run(core, NS)
-    assert charges(outputs) == [(10, 0.99), (20, 0.98), (500, 0.5), (1000, 0.0)]
+    tenths = [(t, (1000 - t) / 1000) for t in range(100, 1001, 100)]
+    assert charges(outputs) == [(10, 0.99), (20, 0.98), *tenths]
     assert [type(o.effect) for o in outputs[-2:] if isinstance(o, Told)] == [Died, Charge]
 
 

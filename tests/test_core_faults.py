@@ -101,6 +101,15 @@ def test_it_may_stand_still_again_as_soon_as_it_goes_on() -> None:
     assert after_start(core) == (Timer(5 * MS, "a"), Timer(9 * MS, "b"))
 
 
+def test_who_stands_still_from_its_first_instant_starts_and_does_nothing_more() -> None:
+    """It was up when it was stopped: what it wants at once, or should have done before, waits for the end."""
+    freeze = Conditions(freezes=((0, 5 * MS),))
+    core = at_start(SetTimer("now", 0), SetTimer("past", -MS), SetTimer("later", 6 * MS), conditions=freeze)
+    core.offer(arrival(0, Request(1)))
+    assert after_start(core) == (Timer(5 * MS, "past"), Timer(5 * MS, "now"), Timer(6 * MS, "later"))
+    assert core.tally == {"frozen": 1}
+
+
 def test_a_cancelled_timer_does_not_fire_at_the_end_either() -> None:
     core = core_of(
         script({START: (SetTimer("a", 2 * MS), SetTimer("b", 3 * MS)), Timer(5 * MS, "a"): (CancelTimer("b"),)}),

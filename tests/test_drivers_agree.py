@@ -161,13 +161,18 @@ FAULTS = """[
 
 
 def test_the_paper_scenario_is_the_same_under_every_fault(tmp_path: FilePath) -> None:
-    """With clocks that are off and set over the radio, acknowledgements, sleep, and batteries that empty."""
-    settings = ["target.steps=30", "clock.offset_ms=30", "clock.drift_ppm=50", "clock.resync_s=10", "link.ack=3",
-                "energy.battery_j=0.3", "energy.sample_mj=0.05", f"faults={FAULTS}"]  # fmt: skip
+    """With all that a scenario can have: a centre that moves, sets thresholds and clocks over the radio, takes in what
+    comes late, and is killed; acknowledgements, sleep, and batteries that empty."""
+    settings = [
+        "target.steps=30", "sensor.threshold=adaptive", "fusion.max_age_s=1",
+        "fusion.path=[[0, 350, 350], [25, 500, 400]]", "link.ack=3",
+        "clock.offset_ms=30", "clock.drift_ppm=50", "clock.resync_s=10",
+        "energy.battery_j=0.3", "energy.sample_mj=0.05", f"faults={FAULTS}",
+    ]  # fmt: skip
     real, found = both(planned(load("spcpf", link="lognormal_prr", seed=1, settings=settings), speed=3), tmp_path)
     assert found == []
     lost = real.metrics["frames"]["lost"]
     assert all(lost[cause] > 0 for cause in ("partition", "frozen", "dead")), lost
     assert real.metrics["timing"]["host_late"] == 0
     assert 0 < real.metrics["lifetime_s"]["first_death"] < 31
-    assert {"doa", "sync-request"} <= real.metrics["frames"]["by_kind"].keys()
+    assert {"doa", "sync-request", "sync-reply", "threshold"} <= real.metrics["frames"]["by_kind"].keys()

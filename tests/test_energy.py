@@ -70,7 +70,7 @@ def test_what_is_spent_by_cause() -> None:
     assert found["total"] == pytest.approx(sum(n0.values()) + sum(n1.values()))
     assert found["max_node"] == pytest.approx(sum(n1.values()))
     assert found["by_accounting"]["metered"] == found["total"]
-    assert found["by_accounting"]["without_listening"] == pytest.approx(found["total"] - 0.208)
+    assert found["by_accounting"]["without_listening"] == pytest.approx(found["total"] - 0.208 + 5.2 * 0.001)
 
 
 def test_nobody_counts_where_no_device_is_known() -> None:
@@ -110,9 +110,23 @@ def test_overhearing_is_paid_by_whose_radio_is_on_and_for_whom_the_frame_was_not
     final(book, "n1", 0, 0, 10_000, 0, 0)
     book.close()
     found = energy_metrics(book, nodes_of(plan, book))["by_accounting"]
-    heard = (10 + 17) * 32e-6 * 0.050
-    assert found["with_overhearing"] == pytest.approx(0.0095 + heard)
-    assert found["without_listening"] == pytest.approx(0.0095)
+    heard = (10 + 17) * 32e-6 * (0.050 - 0.001)
+    assert found["without_listening"] == pytest.approx(20 * 0.001)
+    assert found["with_overhearing"] == pytest.approx(20 * 0.001 + heard)
+
+
+def test_a_radio_that_is_on_for_nothing_is_cheaper_in_no_accounting() -> None:
+    """A node sleeps for ten seconds or listens all the while."""
+    found = []
+    for activity in ((0, 0, 0, 10_000, 0), (0, 0, 10_000, 0, 0)):
+        plan = plan_of(CENTRE, N0)
+        book = Ledger(plan.run, plan.processes)
+        final(book, "n0", *activity)
+        book.close()
+        found.append(energy_metrics(book, nodes_of(plan, book))["by_accounting"])
+    asleep, listening = found
+    assert all(listening[name] >= asleep[name] for name in asleep)
+    assert listening["without_listening"] == asleep["without_listening"] == pytest.approx(0.01)
 
 
 def overheard(*told: tuple[str, Told], processes: tuple[ProcessSpec, ...] = (CENTRE, N0, N1), t_ms: int = 400) -> float:
@@ -124,7 +138,7 @@ def overheard(*told: tuple[str, Told], processes: tuple[ProcessSpec, ...] = (CEN
     book.sent(frame(t_ms, "n0", "fusion"))
     book.close()
     spent: float = energy_metrics(book, nodes_of(plan, book))["by_accounting"]["with_overhearing"]
-    return spent / (27 * 32e-6 * 0.050)
+    return spent / (27 * 32e-6 * 0.049)
 
 
 @pytest.mark.parametrize(("t_ms", "count"), [(99, 1), (100, 0), (299, 0), (300, 1), (400, 1), (401, 0), (500, 0)])
@@ -157,7 +171,7 @@ def test_whoever_a_broadcast_is_for_does_not_overhear_it() -> None:
     book.close()
     assert [row.dst for row in book.rows] == ["n0", "n1", "n2"]
     found = energy_metrics(book, nodes_of(plan, book))["by_accounting"]
-    assert found["with_overhearing"] == pytest.approx(27 * 32e-6 * 0.050)
+    assert found["with_overhearing"] == pytest.approx(27 * 32e-6 * 0.049)
 
 
 def test_the_first_order_model_counts_bits_and_metres_alone() -> None:
@@ -251,12 +265,14 @@ def test_on_mains_nobody_dies_and_no_place_is_lost_that_one_of_them_covers() -> 
 
 def test_what_a_run_spends_is_what_its_nodes_say() -> None:
     """Nodes that sleep until they hear something: the parts make the whole, and none of them is up for longer."""
-    plan = spcpf(1, ["target.steps=10", "energy.battery_j=0.05"])
+    plan = spcpf(1, ["target.steps=10", "energy.battery_j=0.05", "clock.offset_ms=20"])
     book, _ = simulated(plan)
     nodes = nodes_of(plan, book)
     found = energy_metrics(book, nodes)
     assert found["total"] == pytest.approx(sum(found["by"].values()))
-    assert found["by_accounting"]["without_listening"] == pytest.approx(found["total"] - found["by"]["listen"])
+    listened_j = sum(one.activity.listen_ns * (one.power.listen_uw - one.power.sleep_uw) for one in nodes) / J
+    assert found["by_accounting"]["without_listening"] == pytest.approx(found["total"] - listened_j)
+    assert listened_j > 0
     assert all(sum(one.activity[:4]) == one.metered_ns for one in nodes)
     assert all(sum(one.spent_j.values()) < 0.05 * 1.01 for one in nodes)
     assert {one.died_ns is not None for one in nodes} == {True}

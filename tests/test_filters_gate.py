@@ -14,6 +14,7 @@ from trackfield.filters import ukf
 from trackfield.filters.fix import agreeing
 from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.gate import CLUTTER, left_out, likeliest
+from trackfield.filters.gaussian import extent
 from trackfield.filters.suspicion import clutter, learn
 from trackfield.filters.types import Gaussian, Reports
 from trackfield.models import doa
@@ -168,6 +169,19 @@ def test_a_step_in_which_nothing_is_believed_is_coasted_through():
     _, after_wrong = tracker.step(state, wrong, 1.0, np.random.default_rng(0))
     _, after_nothing = tracker.step(state, nothing, 1.0, np.random.default_rng(0))
     assert np.array_equal(after_wrong.mean, after_nothing.mean)
+
+
+def test_a_single_bearing_does_not_say_where_a_lost_target_went():
+    """Beside its sensor the target may be in any direction; whatever is told, the track gets hardly wider for it."""
+    beside = GRID[60] + np.array([4.0, 2.0])
+    for seed in range(5):
+        tracker, state = settled(beside, np.random.default_rng(seed))
+        nothing = exactly(beside).only(np.array([], dtype=int))
+        _, coasted = tracker.step(state, nothing, 1.0, np.random.default_rng(0))
+        for degrees in range(0, 360, 15):
+            one = Reports(0, ("n060",), GRID[[60]], np.radians([float(degrees)]), np.array([60.0]))
+            _, told = tracker.step(state, one, 1.0, np.random.default_rng(0))
+            assert extent(told.covariance) < 2.0 * extent(coasted.covariance)
 
 
 # --- the first fix ---

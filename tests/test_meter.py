@@ -53,10 +53,10 @@ def test_what_is_left_is_never_less_than_nothing(spent_ns: int, left: int) -> No
 
 
 def test_when_it_is_empty() -> None:
-    assert Meter().empty_ns(POWER) == 3334
-    assert Meter(since_ns=50, on=False).empty_ns(POWER) == 10_050
-    assert Meter().at(9999).empty_ns(POWER) == 9999
-    assert Meter().empty_ns(DEVICES["cc2420"]) is None  # on mains
+    assert Meter().falls_ns(POWER, 0) == 3334
+    assert Meter(since_ns=50, on=False).falls_ns(POWER, 0) == 10_050
+    assert Meter().at(9999).falls_ns(POWER, 0) == 9999
+    assert Meter().falls_ns(DEVICES["cc2420"], 0) is None  # on mains
 
 
 steps = st.lists(
@@ -92,7 +92,7 @@ def test_all_moments_add_up_to_the_time_that_passed(story: list[tuple[str, int]]
 def test_it_is_empty_at_the_very_moment_that_was_foretold(story: list[tuple[str, int]], battery_fj: int) -> None:
     power = Power(7, 5, 3, 1, battery_fj=battery_fj)
     meter = played(Meter(), story)
-    at = meter.empty_ns(power)
+    at = meter.falls_ns(power, 0)
     assert at is not None
     assert meter.at(at).left_fj(power) == 0
     if at > meter.since_ns:

@@ -149,7 +149,8 @@ def test_the_death_of_one_does_not_hold_up_the_rest(title: str, tmp_path: Path) 
 
 def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> None:
     """Threshold 0: everybody hears the target in every step and reports in the same instant."""
-    run = Run(tmp_path / "run", "spcpf", "--nodes", "1000", "--set", "sensor.threshold=0", "--set", "target.steps=6")
+    all_of_them = ("--link", "ideal", "--set", "sensor.threshold=0", "--set", "target.steps=6")
+    run = Run(tmp_path / "run", "spcpf", "--nodes", "1000", *all_of_them)
     exit_code, said = run.finish()
     frames = run.metrics()["frames"]
     assert exit_code == 0, said

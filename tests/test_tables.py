@@ -34,7 +34,7 @@ def message(sent_ns: int, src: str = "a", dst: str = "b", kind: str = "doa", cop
 def test_the_last_estimate_of_a_step_counts() -> None:
     told = [(100, point(1, 1.0)), (200, point(2, 2.0)), (300, point(1, 3.0))]
     rows = track_rows(told, PATH, NS)
-    assert [(row.point.step, row.told_ns, row.point.mean[0]) for row in rows] == [(1, 300, 3.0), (2, 200, 2.0)]
+    assert [(row.point.step, row.told_ns, row.point.mean[0]) for row in rows] == [(1, 100, 3.0), (2, 200, 2.0)]
 
 
 def test_rows_are_in_the_order_of_trackers_targets_steps() -> None:

@@ -284,12 +284,25 @@ def test_ten_looks_ask_everybody_once() -> None:
 def test_two_stops_of_one_process_are_two() -> None:
     ward, clock = Ward(1), [0.0]
     watch = watching(ward, lambda: clock[0])
-    for t_s, still in ((1.0, True), (4.5, False), (6.0, True), (7.0, True)):
+    for t_s, still in ((1.0, True), (1.5, True), (4.5, False), (6.0, True), (7.0, True)):
         ward.still, clock[0] = {"n0"} if still else set(), t_s
         for _ in range(SLICES):
             watch.look()
     assert watch.stops == [Stop("n0", 1.0, 3.5), Stop("n0", 6.0)]
     assert watch.still() == {"n0"}
+
+
+def test_a_stall_that_only_one_look_sees_is_none() -> None:
+    """A busy machine, or a debugger that looks at a process, may stop it for an instant."""
+    ward = Ward(1)
+    watch = watching(ward, lambda: 2.0)
+    ward.still = {"n0"}
+    while not ward.asked:
+        watch.look()
+    ward.still = set()
+    for _ in range(SLICES):
+        watch.look()
+    assert (watch.stops, watch.still()) == ([], set())
 
 
 def test_one_that_was_killed_while_it_stood_still_never_went_on() -> None:

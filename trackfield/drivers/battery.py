@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.frames import Charge
 from trackfield.drivers.life import Life
+
+STEP: Final = 10
+"""Per cent."""
 
 
 def empty(life: Life, given: Conditions) -> bool:
@@ -12,9 +17,16 @@ def empty(life: Life, given: Conditions) -> bool:
     return life.meter.left_fj(given.power) == 0
 
 
-def empty_ns(life: Life, given: Conditions) -> int | None:
-    """When it is empty if nothing else happens; None: never."""
-    return None if given.power.battery_fj is None else life.meter.empty_ns(given.power)
+def falls_ns(life: Life, given: Conditions) -> int | None:
+    """When it is empty, or down to the next tenth of its capacity, if nothing else happens; None: never.
+
+    So even one who sleeps all the time tells now and then what is left.
+    """
+    capacity = given.power.battery_fj
+    if capacity is None:
+        return None
+    tenth = (life.told - 1) // STEP * STEP
+    return life.meter.falls_ns(given.power, max(capacity * tenth // 100, 0))
 
 
 def tell(life: Life, given: Conditions) -> tuple[Life, Charge | None]:

@@ -17,7 +17,7 @@ from trackfield.drivers import battery, radio
 from trackfield.drivers.conditions import At, Conditions, Sense
 from trackfield.drivers.frames import (
     LATE,
-    RANK_EMPTY,
+    RANK_BATTERY,
     RANK_FAULT,
     RANK_TIMER,
     Arrival,
@@ -203,15 +203,15 @@ class Core:
         key: EventKey | None = None
         if life.jumped < len(given.jumps):
             key = (given.jumps[life.jumped][0], RANK_FAULT, "clock")
-        empty_ns = battery.empty_ns(life, given)
-        if empty_ns is not None and (key is None or empty_ns < key[0]):
-            key = (empty_ns, RANK_EMPTY)
+        falls_ns = battery.falls_ns(life, given)
+        if falls_ns is not None and (key is None or falls_ns < key[0]):
+            key = (falls_ns, RANK_BATTERY)
         return key
 
     def _handle(self, key: EventKey) -> Arrival | None:
         t, life = key[0], self.life
         self.life = life = life._replace(meter=life.meter.at(t))
-        if key[1] in (RANK_FAULT, RANK_EMPTY):
+        if key[1] in (RANK_FAULT, RANK_BATTERY):
             self._befall(key)
             return None
         if key[1] == RANK_TIMER:
@@ -225,15 +225,15 @@ class Core:
         return arrival
 
     def _befall(self, key: EventKey) -> None:
-        """A start, a jump of the clock, or an empty battery; on one that is empty already, nothing starts."""
+        """A start, a jump of the clock, or a battery that falls; on one that is empty already, nothing starts."""
         t, starting = key[0], not self.life.started
         self.life = life = self.life._replace(started=True)
-        if key[1] == RANK_EMPTY or (starting and battery.empty(life, self.conditions)):
+        if (starting or key[1] == RANK_BATTERY) and battery.empty(life, self.conditions):
             self.life = life._replace(over=True)
             self._outputs.append(Told(key, Died("battery")))
         elif starting:
             self._feed(Started(life.clock.local(t), life.stored), key)
-        else:
+        elif key[1] == RANK_FAULT:
             # Pending timers are left alone: they fire when they would have, and the clock shows another time then.
             by = self.conditions.jumps[life.jumped][1]
             alarms = {name: alarm._replace(at=alarm.at + by) for name, alarm in life.alarms.items()}

@@ -12,7 +12,7 @@ from trackfield.wire.keys import Medium
 RANK_FAULT: Final = 0
 RANK_FRAME: Final = 1
 RANK_TIMER: Final = 2
-RANK_EMPTY: Final = 3
+RANK_BATTERY: Final = 3
 
 LATE: Final = "late"
 """The reason by which a role says that a frame came after its deadline."""
@@ -23,7 +23,8 @@ EventKey = tuple[Any, ...]
 """Place of an event in the total order of one process.
 
 ``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to)`` for frames,
-``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that is empty; t in ns of true time.
+``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that falls to a tenth or to nothing; t in ns of true
+time.
 """
 
 

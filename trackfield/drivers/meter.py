@@ -62,12 +62,12 @@ class Meter(NamedTuple):
             return None
         return max(power.battery_fj - sum(self.activity.energy_fj(power).values()), 0)
 
-    def empty_ns(self, power: Power) -> int | None:
-        """When the battery is empty if nothing else happens; None: never."""
+    def falls_ns(self, power: Power, level_fj: int) -> int | None:
+        """When no more than this is left in the battery if nothing else happens; None: never."""
         left, draw = self.left_fj(power), power.listen_uw if self.on else power.sleep_uw
-        if left is None or (left and not draw):
+        if left is None or (left > level_fj and not draw):
             return None
-        return self.since_ns + (-(-left // draw) if left else 0)
+        return self.since_ns + (-(-(left - level_fj) // draw) if left > level_fj else 0)
 
     def _rest(self, passed: int) -> Activity:
         a = self.activity

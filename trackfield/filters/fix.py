@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters.gate import CLUTTER, Indices, Story, likeliest
-from trackfield.filters.gaussian import root, symmetric
+from trackfield.filters.gaussian import extent, root, symmetric
 from trackfield.filters.types import Array, Gaussian, Reports, Update
 from trackfield.models import doa
 from trackfield.models.sound import wrap
@@ -76,6 +76,19 @@ def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     scale = len(reports) * np.log(2.0 * np.pi * sigma_w**2)
     log_evidence = -0.5 * (best.cost + np.linalg.slogdet(normal)[1] + scale)
     return Update(Gaussian(mean, symmetric(L @ np.linalg.solve(normal, L.T))), log_evidence)
+
+
+def certain_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Gaussian | None:
+    """The belief after these bearings, or None if they do not say where the target is: one alone never does.
+
+    A fix must be certain to within half the (rms) distance to its sensors: over that, bearings are no longer
+    nearly linear in the position and the covariance means nothing.
+    """
+    if len(reports) < 2:
+        return None
+    fix, _ = map_fix(prior, reports, sigma_w)
+    distance = np.sqrt(np.square(fix.mean[:2] - reports.positions).sum(axis=1).mean())
+    return fix if extent(fix.covariance) < distance / 2.0 else None
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from immutables import Map
 
 from trackfield.filters import imm, ukf
-from trackfield.filters.fix import agreeing, map_fix
+from trackfield.filters.fix import agreeing, certain_fix, map_fix
 from trackfield.filters.gate import Indices, left_out, likeliest
 from trackfield.filters.gaussian import Motion, constant_velocity, predict
 from trackfield.filters.suspicion import Suspicion, clutter, learn
@@ -95,8 +95,11 @@ class FixImmUkf:
         story = likeliest(chances, _Bearings(bank, reports, sigma_w))
         if story.log_odds < _usual(chances, sigma_w) + _ASTRAY:
             wide = bank._replace(covariance=_WIDER**2 * bank.covariance)
-            other = agreeing(imm.combined(wide), reports, sigma_w, chances)
-            if other.log_odds + _ASTRAY > story.log_odds:
+            anywhere = imm.combined(wide)
+            other = agreeing(anywhere, reports, sigma_w, chances)
+            likelier = other.log_odds + _ASTRAY > story.log_odds
+            # going where no fix says would make the track only wider, step after step
+            if likelier and certain_fix(anywhere, reports.only(other.believed), sigma_w) is not None:
                 return _Plan(wide, _fix, other.believed)
         return _Plan(bank, take, story.believed)
 

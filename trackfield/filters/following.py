@@ -14,8 +14,9 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackfield.filters.fix import agreeing, centroid, map_fix
+from trackfield.filters.fix import agreeing, centroid, certain_fix
 from trackfield.filters.gate import CLUTTER
+from trackfield.filters.gaussian import extent
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
 from trackfield.models import doa
@@ -61,7 +62,7 @@ class Following(Generic[S]):
             return self._start(reports)
         track, estimate = self.tracker.step(state.track, reports, dt, rng)
         doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
-        if state.alone and (doubt > _LOST_AT or _extent(estimate) > LOST_M):
+        if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > LOST_M):
             return self._start(reports)
         return Followed(track, doubt, state.alone), estimate
 
@@ -73,21 +74,12 @@ class Following(Generic[S]):
 
 
 def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
-    """The belief from the bearings of one step alone, or None if their geometry does not give one.
-
-    A fix must be certain to within half the (rms) distance to its sensors: over that, bearings are no longer
-    nearly linear in the position and the covariance means nothing.
-    """
+    """The belief from the bearings of one step alone, or None if their geometry does not give one."""
     if len(reports) < 2:
         return None
     anywhere = np.diag(np.square([_ANYWHERE_M, _ANYWHERE_M, _SPEED_M_S, _SPEED_M_S]))
     prior = Gaussian(np.append(centroid(reports), [0.0, 0.0]), anywhere)
-    reports = reports.only(agreeing(prior, reports, sigma_w).believed)
-    if len(reports) < 2:
-        return None
-    fix, _ = map_fix(prior, reports, sigma_w)
-    distance = np.sqrt(np.square(fix.mean[:2] - reports.positions).sum(axis=1).mean())
-    return fix if _extent(fix) < distance / 2.0 else None
+    return certain_fix(prior, reports.only(agreeing(prior, reports, sigma_w).believed), sigma_w)
 
 
 def doubts(estimate: Estimate, reports: Reports, sigma_w: float) -> float:
@@ -97,8 +89,3 @@ def doubts(estimate: Estimate, reports: Reports, sigma_w: float) -> float:
     misses = wrap(reports.bearings - doa.measure(estimate.mean, reports.positions))
     density = np.exp(-0.5 * np.square(misses) / variance) / np.sqrt(2.0 * np.pi * variance)
     return -float(np.log((1.0 - CLUTTER) * 2.0 * np.pi * density + CLUTTER).sum())
-
-
-def _extent(belief: Gaussian | Estimate) -> float:
-    """The largest sd of the position (m)."""
-    return float(np.sqrt(np.linalg.eigvalsh(belief.covariance[:2, :2])[-1]))

@@ -56,6 +56,11 @@ def symmetric(covariance: Array) -> Array:
     return half
 
 
+def extent(covariance: Array) -> float:
+    """The largest sd of the position (m), of a ``covariance`` (4, 4) of (x, y, vx, vy)."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+
+
 def root(covariance: Array) -> Array:
     """L (..., n, n) with L L^T = ``covariance``: Cholesky's if there is one.
 
