@@ -154,7 +154,7 @@ class Process:
     def run(self) -> None:
         """Run until the launcher says stop."""
         while self._start_ns is None and not self._stop.is_set():
-            self._wake.wait(1.0)
+            self._wake.wait()
             self._wake.clear()
         while not self._stop.is_set():
             self._wake.clear()
