@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from launcher.faults import Faults, Mark, resolve
-from launcher.hardware import FJ_PER_MJ, clock_of, power_of, sync_of
+from launcher.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
 from launcher.records import FieldInfo, Place, Plan
 from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
@@ -103,7 +103,7 @@ def _nodes(site: Site, peers: Places) -> Iterator[ProcessSpec]:
             "step_ns": site.step_ns,
             "threshold_db": scenario.sensor.threshold_db,
             "centre": CENTRE,
-            **_if_used(sync=sync_of(scenario, id), adaptive=scenario.sensor.adaptive),
+            **_if_used(sync=sync_of(scenario, id), adaptive=duty_of(scenario)),
         }
         sound, clock = site.acoustic(index).to_plain(), clock_of(scenario, id)
         yield ProcessSpec(id, "node", role, config, x, y, sound, peers=peers, clock=clock, power=power)
