@@ -22,6 +22,8 @@ COMMANDS: Final = 32
 """So many sensors may have to be told a threshold in turn, through the centre's one radio."""
 JITTERS: Final = 5
 """So many times the mean of an exponential delay are exceeded by one in 150."""
+GUARD_SDS: Final = 3
+"""By so many standard deviations may the clock be off of who listens at a time, and it still listens long enough."""
 SYNC_BYTES: Final = 64
 """No message of a synchronisation is longer (docs/wire.md)."""
 
@@ -52,11 +54,11 @@ def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
     }
 
 
-def duty_of(scenario: Scenario) -> dict[str, int] | None:
-    """When a sensor node that is awake listens for its threshold; None if nobody tells it one."""
+def duty_of(scenario: Scenario, end_ns: int) -> dict[str, int] | None:
+    """When a sensor node that is awake listens for its threshold in a run until ``end_ns``; None if nobody tells it."""
     if not scenario.sensor.adaptive:
         return None
-    step_ns = round(scenario.target.step_s * NS)
+    step_ns, guard_ns = round(scenario.target.step_s * NS), _guard_ns(scenario, end_ns)
     match scenario.link:
         case LognormalPrr() | Csma154():
             window_ns = PATIENCE_NS + COMMANDS * slowest_ns(scenario)
@@ -64,8 +66,17 @@ def duty_of(scenario: Scenario) -> dict[str, int] | None:
             window_ns = step_ns  # whatever was measured
         case _:
             window_ns = PATIENCE_NS + slowest_ns(scenario)
-    # Until it listens again: even what comes after the step's instant counts, for the steps after it.
-    return {"listen_from_ns": round(scenario.fusion.deadline_s * NS), "listen_for_ns": min(window_ns, step_ns)}
+    return {
+        "listen_from_ns": round(scenario.fusion.deadline_s * NS) - guard_ns,
+        # At most until it listens again: what comes after the coming step's instant counts for those after it.
+        "listen_for_ns": min(window_ns + 2 * guard_ns, step_ns),
+    }
+
+
+def _guard_ns(scenario: Scenario, end_ns: int) -> int:
+    """How far off a node must take its clock to be, if it never learns the time."""
+    clock = scenario.clock
+    return 0 if clock.sync else round(GUARD_SDS * (clock.offset_ms * 1e6 + clock.drift_ppm * 1e-6 * end_ns))
 
 
 def slowest_ns(scenario: Scenario) -> int:
