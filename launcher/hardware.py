@@ -10,16 +10,20 @@ from trackfield.link.energy import DEVICES
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 from trackfield.scenario import Scenario
-from trackfield.scenario.links import Ethernet, Fixed, GilbertElliott, LognormalPrr
+from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
 
 FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12
 DEVICE_OF: Final = {"802154-0dbm": "cc2420", "802154-20dbm": "cc2420-20dbm", "lora868": "sx1276", "wifi11b": "wifi11b"}
 """The device that has this radio; for any other, the figures of a CC2420."""
 PATIENCE_NS: Final = NS // 10
-"""What a node allows for an exchange besides the link's own delays."""
+"""What a node allows for an exchange, or for a command, besides the link's own delays."""
+COMMANDS: Final = 32
+"""So many sensors may have to be told a threshold in turn, through the centre's one radio."""
 JITTERS: Final = 5
 """So many times the mean of an exponential delay are exceeded by one in 150."""
+GUARD_SDS: Final = 3
+"""By so many standard deviations may the clock be off of who listens at a time, and it still listens long enough."""
 SYNC_BYTES: Final = 64
 """No message of a synchronisation is longer (docs/wire.md)."""
 
@@ -50,6 +54,31 @@ def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
     }
 
 
+def duty_of(scenario: Scenario, end_ns: int) -> dict[str, int] | None:
+    """When a sensor node that is awake listens for its threshold in a run until ``end_ns``; None if nobody tells it."""
+    if not scenario.sensor.adaptive:
+        return None
+    step_ns, guard_ns = round(scenario.target.step_s * NS), _guard_ns(scenario, end_ns)
+    match scenario.link:
+        case LognormalPrr() | Csma154():
+            window_ns = PATIENCE_NS + COMMANDS * slowest_ns(scenario)
+        case Trace():
+            window_ns = step_ns  # whatever was measured
+        case _:
+            window_ns = PATIENCE_NS + slowest_ns(scenario)
+    return {
+        "listen_from_ns": round(scenario.fusion.deadline_s * NS) - guard_ns,
+        # At most until it listens again: what comes after the coming step's instant counts for those after it.
+        "listen_for_ns": min(window_ns + 2 * guard_ns, step_ns),
+    }
+
+
+def _guard_ns(scenario: Scenario, end_ns: int) -> int:
+    """How far off a node must take its clock to be, if it never learns the time."""
+    clock = scenario.clock
+    return 0 if clock.sync else round(GUARD_SDS * (clock.offset_ms * 1e6 + clock.drift_ppm * 1e-6 * end_ns))
+
+
 def slowest_ns(scenario: Scenario) -> int:
     """How long a message of a synchronisation takes where it takes long, on an idle channel; 0 if nobody knows."""
     match scenario.link:
@@ -57,8 +86,8 @@ def slowest_ns(scenario: Scenario) -> int:
             return round(link.delay_ms * 1e6)
         case GilbertElliott() as link:
             return round((link.delay_ms + JITTERS * link.jitter_ms) * 1e6)
-        case LognormalPrr() as link:
-            radio = RADIOS[link.radio](link.sf or 9)
+        case LognormalPrr() | Csma154() as link:
+            radio = RADIOS[link.radio](link.sf or 9) if isinstance(link, LognormalPrr) else RADIOS["802154-0dbm"](0)
             one = radio.airtime_ns(radio.overhead_bytes + SYNC_BYTES) + radio.patience_ns
             return one * max(radio.ack if link.ack is None else link.ack, 1)
     return 0

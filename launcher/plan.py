@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from launcher.faults import Faults, Mark, resolve
-from launcher.hardware import FJ_PER_MJ, clock_of, power_of, sync_of
+from launcher.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
 from launcher.records import FieldInfo, Place, Plan
 from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
@@ -47,7 +47,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     _check_link(spec)
     # Nodes and centre send to each other, and nobody else.
     centre = _centre(site)
-    nodes = [life for node in _nodes(site, places_of([centre])) for life in _lives(node, faults)]
+    nodes = [life for node in _nodes(site, places_of([centre]), end_ns) for life in _lives(node, faults)]
     processes = (*_lives(replace(centre, peers=places_of(nodes)), faults), *nodes)
     info = _info(site, spec, processes, faults.marks)
     sensor = scenario.sensor
@@ -94,7 +94,7 @@ def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:
     ]
 
 
-def _nodes(site: Site, peers: Places) -> Iterator[ProcessSpec]:
+def _nodes(site: Site, peers: Places, end_ns: int) -> Iterator[ProcessSpec]:
     """The sensor nodes; what is the same for all of them is there once."""
     scenario, role = site.scenario, factory("node")
     power = power_of(scenario, scenario.energy.battery_j, round(scenario.energy.sample_mj * FJ_PER_MJ))
@@ -103,7 +103,7 @@ def _nodes(site: Site, peers: Places) -> Iterator[ProcessSpec]:
             "step_ns": site.step_ns,
             "threshold_db": scenario.sensor.threshold_db,
             "centre": CENTRE,
-            **_if_used(sync=sync_of(scenario, id), adaptive=scenario.sensor.adaptive),
+            **_if_used(sync=sync_of(scenario, id), adaptive=duty_of(scenario, end_ns)),
         }
         sound, clock = site.acoustic(index).to_plain(), clock_of(scenario, id)
         yield ProcessSpec(id, "node", role, config, x, y, sound, peers=peers, clock=clock, power=power)

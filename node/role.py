@@ -6,6 +6,9 @@ and direction of arrival to the fusion centre.
 A node whose clock is off learns the centre's time by radio (``node/sync.py``): ahead of each waking, or soon after its
 start, and every now and then while it is awake. It takes its clock plus its correction for the time; timers are local.
 A new correction may move time back, so the node remembers which steps it has done: none is reported twice.
+
+A node whose threshold the centre sets listens for the command while it hears the target, after each step's deadline,
+until it came (``node/duty.py``).
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, Final
 
+from node.duty import Duty
 from node.spans import Spans, first_absent, insert
 from node.sync import Synchronisation, Timekeeping
 from trackfield.role import (
@@ -62,11 +66,15 @@ TRANSITIONS: Final[Transitions] = {
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """All that a node remembers: from which level it reports and since which step, the steps it did, and the time."""
+    """All that a node remembers: from which level it reports and since which step, the steps it did, and the time.
+
+    ``listening`` while its receiver is on for a command.
+    """
 
     phase: Phase
     threshold_db: float
     threshold_step: int = -1
+    listening: bool = False
     done: Spans = ()
     time: Timekeeping = field(default_factory=Timekeeping)
 
@@ -78,7 +86,8 @@ class Node:
     """Reports to ``centre`` in each step of ``step_ns`` in which it hears at least ``threshold_db``.
 
     A step is numbered by the time it begins at. ``sync`` holds the arguments of its ``Synchronisation`` but ``centre``;
-    None: its own clock is right. An ``adaptive`` node reports from the level on that the centre last told it.
+    None: its own clock is right. ``adaptive`` holds those of its ``Duty`` but ``step_ns``, for a node that reports from
+    the level on that the centre last told it; None: its threshold stays.
     """
 
     def __init__(
@@ -88,11 +97,12 @@ class Node:
         threshold_db: float,
         centre: str,
         sync: Mapping[str, Any] | None = None,
-        adaptive: bool = False,
+        adaptive: Mapping[str, int] | None = None,
     ) -> None:
-        self.step_ns, self.threshold_db, self.centre, self.adaptive = step_ns, threshold_db, centre, adaptive
+        self.step_ns, self.threshold_db, self.centre = step_ns, threshold_db, centre
         self.sync = None if sync is None else Synchronisation(centre, **sync)
-        replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if adaptive else set[str]()
+        self.duty = None if adaptive is None else Duty(step_ns, **adaptive)
+        replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if self.duty else set[str]()
         self.kinds = frozenset(replies | thresholds)
 
     def begin(self) -> Memory:
@@ -111,7 +121,7 @@ class Node:
 
     def _receives(self, memory: Memory) -> bool:
         """Whether its receiver is on: only while something may come for it."""
-        return memory.time.sent_ns is not None or (self.adaptive and memory.phase in (Phase.AWAKE, Phase.REPORTING))
+        return memory.time.sent_ns is not None or memory.listening
 
     def _react(self, memory: Memory, event: Event) -> Step:
         match event:
@@ -121,20 +131,28 @@ class Node:
                 return memory, self._wake_at(memory, now, at)
             case Sampled(now, "sound", heard):
                 return self._hear(replace(memory, done=insert(memory.done, self._step(memory, now))), now, heard)
-            case Timer(now, "step"):
-                return memory, self._listen(memory, now)
-            case Timer(now, "sync") if self.sync:
-                return self._keep(memory, now, *self.sync.due(memory.time, now))
+            case Timer():
+                return self._ring(memory, event)
             case Received(now, message, sender):
                 return self._receive(memory, now, message, sender)
         raise IllegalEvent(f"a node has no use for {event}")
+
+    def _ring(self, memory: Memory, timer: Timer) -> Step:
+        match timer:
+            case Timer(now, "step"):
+                return memory, self._listen(memory, now)
+            case Timer(now, "command") if self.duty:
+                return self._attend(memory, now)
+            case Timer(now, "sync") if self.sync:
+                return self._keep(memory, now, *self.sync.due(memory.time, now))
+        raise IllegalEvent(f"a node has no use for {timer}")
 
     def _receive(self, memory: Memory, now: int, message: Any, sender: str) -> Step:
         match message:
             case SyncReply() if self.sync:
                 return self._keep(memory, now, *self.sync.receive(memory.time, now, message, sender))
-            case Threshold() if self.adaptive:
-                return self._obey(memory, message, sender)
+            case Threshold() if self.duty:
+                return self._obey(memory, now, message, sender)
         return memory, (Ignored("unexpected"),)
 
     def _start(self, memory: Memory, now: int) -> Step:
@@ -155,12 +173,15 @@ class Node:
 
     def _hear(self, memory: Memory, now: int, heard: Heard | None) -> Step:
         if heard is None:
-            return replace(memory, phase=Phase.ASLEEP), (Sample("wake-up"),)
+            deaf = (CancelTimer("command"),) if self.duty else ()
+            return replace(memory, phase=Phase.ASLEEP, listening=False), (*deaf, Sample("wake-up"))
         again = self._listen_from(memory, now)
         if heard.level_db < memory.threshold_db:
-            return replace(memory, phase=Phase.AWAKE), again
+            after, attend = self._attend(replace(memory, phase=Phase.AWAKE), now)
+            return after, (*again, *attend)
         report = Doa(self._step(memory, now), heard.bearing_deg, heard.level_db)
-        return replace(memory, phase=Phase.REPORTING), (Send(report, self.centre), *again)
+        after, attend = self._attend(replace(memory, phase=Phase.REPORTING), now)
+        return after, (Send(report, self.centre), *again, *attend)
 
     def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
         """At the first step from then on that is not done; step 0 is the start itself, where nothing was heard yet."""
@@ -187,11 +208,19 @@ class Node:
             return after, effects
         if memory.phase is Phase.ASLEEP:
             return after, (*effects, Sample("wake-up"))
-        return after, (*effects, *self._listen_from(after, now), SetTimer("sync", time.due_ns))
+        after, attend = self._attend(after, now)
+        return after, (*effects, *self._listen_from(after, now), *attend, SetTimer("sync", time.due_ns))
 
-    def _obey(self, memory: Memory, threshold: Threshold, sender: str) -> Step:
+    def _attend(self, memory: Memory, now: int) -> Step:
+        """Turn an ear to the centre or away from it, as is due by now; a sleeper has none for it."""
+        if self.duty is None or memory.phase is Phase.ASLEEP:
+            return memory, ()
+        listening, wait_ns = self.duty.at(now + memory.time.correction_ns, memory.threshold_step)
+        return replace(memory, listening=listening), (SetTimer("command", now + wait_ns),)
+
+    def _obey(self, memory: Memory, now: int, threshold: Threshold, sender: str) -> Step:
         if sender != self.centre:
             return memory, (Ignored("foreign"),)
         if threshold.step <= memory.threshold_step:
             return memory, (Ignored("outdated"),)
-        return replace(memory, threshold_db=threshold.level_db, threshold_step=threshold.step), ()
+        return self._attend(replace(memory, threshold_db=threshold.level_db, threshold_step=threshold.step), now)

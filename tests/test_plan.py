@@ -8,7 +8,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from launcher.hardware import slowest_ns
+from launcher.hardware import duty_of, slowest_ns
 from launcher.prepare import load, planned
 from launcher.reception import receptions
 from launcher.records import Plan
@@ -89,6 +89,7 @@ def test_nodes_synchronise_if_their_clocks_are_off_and_they_may() -> None:
         (["link.model=gilbert_elliott", "link.delay_ms=20", "link.jitter_ms=10"], 60, 80),
         (["link.radio=802154-20dbm", "link.ack=3"], 9, 12),
         (["link.radio=lora868", "link.sf=12", "link.ack=0"], 3000, 6000),
+        (["link.model=csma154", "link.ack=2"], 6, 8),
     ],
 )
 def test_a_node_waits_as_long_for_an_answer_as_its_link_may_take(
@@ -164,7 +165,8 @@ def test_a_centre_that_drives_is_where_its_path_says() -> None:
 def test_an_adaptive_threshold_is_told_to_both_ends() -> None:
     plan = made("sensor.threshold=adaptive", "sensor.threshold_max=0.78", "fusion.target_sd_m=5")
     node, centre = process(plan, "n060"), process(plan, "fusion")
-    assert (node.config["adaptive"], node.config["threshold_db"]) == (True, pytest.approx(0.74 * 70))
+    assert node.config["adaptive"] == {"listen_from_ns": 300_000_000, "listen_for_ns": 100_000_000}
+    assert node.config["threshold_db"] == pytest.approx(0.74 * 70)
     assert node.sound["audible_db"] == pytest.approx(0.70 * 70 - 1)
     assert centre.config["threshold"] == {
         "low_db": pytest.approx(49),
@@ -174,6 +176,29 @@ def test_an_adaptive_threshold_is_told_to_both_ends() -> None:
         "reach_m": pytest.approx(10**2.2),
     }
     assert plan.reach_m == pytest.approx(10**2.1)
+
+
+@pytest.mark.parametrize(
+    ("settings", "from_ms", "for_ms"),
+    [
+        ([], 300, 431.776),  # 32 commands of 3 times 3.456 ms: 81 bytes and the wait for an acknowledgement
+        (["link.ack=0"], 300, 210.592),
+        (["link.model=csma154", "link.ack=0"], 300, 210.592),
+        (["link.radio=lora868"], 300, 1000),  # its commands take longer than a step
+        (["link.model=trace", "link.file=trace.csv"], 300, 1000),
+        (["link.model=fixed", "link.delay_ms=30"], 300, 130),
+        (["link.model=gilbert_elliott", "fusion.deadline_s=1"], 1000, 170),
+        (["link.model=ideal", *OFF], 300, 100),
+        (["link.model=ideal", *OFF, "clock.sync=false"], 300 - 153.66, 100 + 2 * 153.66),  # 61 s of 20 ppm
+        (["link.model=ideal", "clock.sync=false", "target.step_s=0.25", "fusion.deadline_s=0.2"], 200, 100),
+        (["link.model=ideal", "clock={sync=false, offset_ms=300}"], -600, 1000),
+    ],
+)
+def test_nodes_listen_for_commands_as_long_as_they_may_take(settings: list[str], from_ms: float, for_ms: float) -> None:
+    scenario = load("spcpf", settings=["sensor.threshold=adaptive", *settings])
+    duty = duty_of(scenario, 61 * S)
+    assert duty is not None
+    assert (duty["listen_from_ns"] / 1e6, duty["listen_for_ns"] / 1e6) == pytest.approx((from_ms, for_ms))
 
 
 def test_a_queue_is_the_processes_and_acknowledgements_are_the_links() -> None:
