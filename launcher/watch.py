@@ -65,14 +65,17 @@ class Watch:
         return [*self._went_on, *(still.stop for still in self._still.values() if still.sure)]
 
     def look(self) -> list[tuple[str, str]]:
-        """Who ended since the last look, and how; call it ``SLICES`` times a second."""
+        """Who ended since the last look, and how; call it ``SLICES`` times a second.
+
+        Who is being killed is not asked any more: it does not go on, even if it does not stand still any longer.
+        """
         ended = [(name, self._reasons.pop(name, why)) for name, why in self._children.gone() if name not in self.gone]
         for name, _ in ended:
             self.gone.add(name)
             if (still := self._still.pop(name, None)) and still.sure:
                 self._went_on.append(still.stop)
         self._turn = (self._turn + 1) % SLICES
-        for name in {*self._children.names()[self._turn :: SLICES], *self._still} - self.gone:
+        for name in {*self._children.names()[self._turn :: SLICES], *self._still} - self.gone - self._reasons.keys():
             self._check(name)
         return ended
 

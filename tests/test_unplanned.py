@@ -313,6 +313,8 @@ def test_one_that_was_killed_while_it_stood_still_never_went_on() -> None:
         watch.look()
     watch.kill("n1", "of no use")
     assert (ward.killed, watch.gone) == (["n1"], set())
+    ward.still = set()
+    assert watch.look() == []  # dying
     ward.still, ward.ended = set(), [("n1", "signal 9")]
     assert watch.look() == [("n1", "of no use")]
     for _ in range(SLICES):
