@@ -315,7 +315,7 @@ def test_one_that_was_killed_while_it_stood_still_never_went_on() -> None:
     assert (ward.killed, watch.gone) == (["n1"], set())
     ward.still = set()
     assert watch.look() == []  # dying
-    ward.still, ward.ended = set(), [("n1", "signal 9")]
+    ward.ended = [("n1", "signal 9")]
     assert watch.look() == [("n1", "of no use")]
     for _ in range(SLICES):
         assert watch.look() == []
