@@ -8,7 +8,7 @@ import os
 import socket
 import sys
 import time
-from typing import Final
+from typing import Final, NoReturn
 
 import zenoh
 from setproctitle import setproctitle
@@ -40,6 +40,15 @@ def main(role: str, description: str | None) -> None:
                 sys.exit(f"{role}: cannot join {which} through {arguments.connect}: {error}")
             time.sleep(RETRY_S)
     process.run()
+    _leave()
+
+
+def _leave() -> NoReturn:
+    """End at once: a thread of Zenoh's that asks for an interpreter in shutdown would abort the process."""
+    logging.shutdown()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _join(role: str, arguments: argparse.Namespace) -> Process:
