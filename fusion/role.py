@@ -53,7 +53,8 @@ class Fusion:
     """Fuses the reports of ``sensors`` (id, x m, y m) each ``step_ns``, ``deadline_ns`` after the step's instant.
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
-    from the first reports. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
+    from the first reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one
+    motion model. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
     ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
     commands the sensors' threshold. Its clock is the reference for sensors that ask for the time.
     """
@@ -73,12 +74,14 @@ class Fusion:
         target: str = "target",
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
+        sigma_v: float = 0.1,
+        options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
-        model = Model(sigma_w=radians(doa_sd_deg))
-        self.trackers = {name: Following(make_tracker(name), model) for name in trackers}
+        model, options = Model(radians(doa_sd_deg), sigma_v), options or {}
+        self.trackers = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None

@@ -24,6 +24,7 @@ from trackfield.scenario import Plan as Site
 from trackfield.scenario import Scenario
 from trackfield.scenario import plan as survey
 from trackfield.scenario.nearest import suggestion
+from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
 from trackfield.wire.registry import product_kinds
 
@@ -119,7 +120,12 @@ def _centre(site: Site) -> ProcessSpec:
         "doa_sd_deg": scenario.sensor.doa_sd_deg,
         "seed": scenario.seed,
         "prior": _prior(site),
-        **_if_used(max_age_ns=round(scenario.fusion.max_age_s * NS), threshold=_threshold(scenario)),
+        "sigma_v": scenario.fusion.sigma_v,
+        **_if_used(
+            options=tables(scenario.fusion.options),
+            max_age_ns=round(scenario.fusion.max_age_s * NS),
+            threshold=_threshold(scenario),
+        ),
     }
     return ProcessSpec(
         CENTRE,

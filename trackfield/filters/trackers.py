@@ -13,15 +13,23 @@ from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
 
-TRACKERS: Final[Mapping[str, Callable[[], Tracker[Any]]]] = MappingProxyType(
+TRACKERS: Final[Mapping[str, Callable[..., Tracker[Any]]]] = MappingProxyType(
     {"spcpf": SpCpf, "fix-imm-ukf": FixImmUkf, "bootstrap": Bootstrap}
 )
 
 
-def make_tracker(name: str) -> Tracker[Any]:
-    """The tracker of this name. Raises ``ScenarioError`` with the nearest name if there is none."""
-    if name not in TRACKERS:
-        near = get_close_matches(name, TRACKERS, n=1)
+def make_tracker(name: str, options: Mapping[str, Any] | None = None) -> Tracker[Any]:
+    """The tracker of this name; ``options`` are its fields; ``tracker`` among them says whose variant it is.
+
+    Raises ``ScenarioError`` with the nearest name if there is none, or if it has no such option.
+    """
+    fields = dict(options or {})
+    kind = fields.pop("tracker", name)
+    if kind not in TRACKERS:
+        near = get_close_matches(kind, TRACKERS, n=1)
         expected = f"'{near[0]}'" if near else "one of " + ", ".join(sorted(TRACKERS))
-        raise ScenarioError(f"unknown tracker '{name}'", expected=expected)
-    return TRACKERS[name]()
+        raise ScenarioError(f"unknown tracker '{kind}'", expected=expected)
+    try:
+        return TRACKERS[kind](**fields)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(f"tracker '{name}': {error}", key=f"fusion.options.{name}") from None

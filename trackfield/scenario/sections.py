@@ -25,6 +25,7 @@ from trackfield.scenario.faults import Fault
 from trackfield.scenario.hardware import Clocks, Energy
 from trackfield.scenario.links import Ideal, Link
 from trackfield.scenario.nearest import suggestion
+from trackfield.scenario.options import EXPECTED, Options, tables
 from trackfield.scenario.section import NotNegative, Positive, Section, Share, wrong
 
 MAX_STEPS: Final = 65535
@@ -238,6 +239,11 @@ class Waypoints(_Target):
 class Fusion(Section):
     """The fusion centre and its trackers, all of which get the same reports."""
 
+    options: Options = Field(
+        default=(),
+        json_schema_extra={"expected": EXPECTED},
+        description="of single trackers; tracker = says whose variant a name of your own is",
+    )
     trackers: tuple[str, ...] = Field(
         default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
     )
@@ -258,6 +264,9 @@ class Fusion(Section):
         json_schema_extra=_LEGS,
         description="when the centre is where, in metres east and north, if it drives; unset: it stands",
     )
+    sigma_v: NotNegative = Field(
+        default=0.1, description="standard deviation of the acceleration, m/s^2, for trackers with one motion model"
+    )
     prior: Literal["paper", "none"] = Field(
         default="none",
         description="start around the true state (paper), or from the first reports alone (none)",
@@ -274,7 +283,10 @@ class Fusion(Section):
         for name in trackers:
             if trackers.count(name) > 1:
                 raise wrong(f"{name!r} is there twice", "each tracker once")
-            if known is not None and name not in known:
+            if (
+                known is not None
+                and tables(info.data.get("options", ())).get(name, {}).get("tracker", name) not in known
+            ):
                 raise wrong(f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}")
         return trackers
 
