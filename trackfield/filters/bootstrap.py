@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters.gaussian import moments
-from trackfield.filters.particles import draw, log_likelihood, propagate
+from trackfield.filters.measurement import log_likelihood
+from trackfield.filters.particles import draw, propagate
 from trackfield.filters.resampling import normalised, systematic
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
 
@@ -34,12 +35,12 @@ class Bootstrap:
     def step(
         self, state: BootstrapState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[BootstrapState, Estimate]:
-        """Propagate, weigh by the bearings, resample; without reports propagate only."""
+        """Propagate, weigh by the readings, resample; without reports propagate only."""
         model, prior, particles = state
         if particles is None:
             particles = draw(prior, self.n, rng)
         particles = propagate(particles, dt, model.sigma_v, rng)
-        weights = normalised(log_likelihood(particles, reports, model.sigma_w))
+        weights = normalised(log_likelihood(model, particles, reports))
         mean, covariance = moments(weights, particles)
         if len(reports):
             particles = particles[systematic(weights, self.n, rng)]

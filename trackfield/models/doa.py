@@ -5,10 +5,12 @@ For the filters; a single bearing without numpy is ``sound.bearing``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from trackfield.models.sound import bearing
+from trackfield.models.sound import bearing, wrap
 
 Array = npt.NDArray[np.float64]
 
@@ -31,3 +33,27 @@ def jacobian(state: Array, sensors: Array) -> Array:
     slopes[..., 0] = dy / square
     slopes[..., 1] = -dx / square
     return slopes
+
+
+@dataclass(frozen=True, slots=True)
+class Bearings:
+    """The measurement model of bearings with noise of sd ``sigma_w`` (rad): one number (m = 1) a reading."""
+
+    sigma_w: float
+
+    @property
+    def sd(self) -> tuple[float, ...]:
+        """The noise's sd (m,)."""
+        return (self.sigma_w,)
+
+    def h(self, states: Array, positions: Array) -> Array:
+        """Noiseless readings (..., K, 1) of ``states`` (..., 4) from ``positions`` (K, 2)."""
+        return measure(states, positions)[..., None]
+
+    def jacobian(self, states: Array, positions: Array) -> Array:
+        """dh/dx (..., K, 1, 4)."""
+        return jacobian(states, positions)[..., None, :]
+
+    def residual(self, difference: Array) -> Array:
+        """Differences of readings (..., 1), the short way round."""
+        return wrap(difference)

@@ -1,0 +1,53 @@
+"""The reports of a step as one measurement vector, for filters that take any sensor.
+
+Its K m numbers are those of the first sensor, then those of the second, and so on. States may have leading batch
+axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackfield.filters.types import Array, Model, Reports
+
+
+def measured(reports: Reports) -> Array:
+    """The readings z (K m,)."""
+    return reports.values.reshape(-1)
+
+
+def noise_sd(model: Model, reports: Reports) -> Array:
+    """The noise's sd of each of them (K m,)."""
+    return np.tile(np.asarray(model.sensor.sd, float), len(reports))
+
+
+def expected(model: Model, states: Array, reports: Reports) -> Array:
+    """h(x) (..., K m): the noiseless readings of ``states`` (..., 4)."""
+    readings = model.sensor.h(states, reports.positions)
+    return readings.reshape(*readings.shape[:-2], -1)
+
+
+def jacobians(model: Model, states: Array, reports: Reports) -> Array:
+    """dh/dx (..., K m, 4) at ``states`` (..., 4)."""
+    slopes = model.sensor.jacobian(states, reports.positions)
+    return slopes.reshape(*slopes.shape[:-3], -1, 4)
+
+
+def residual(model: Model, difference: Array) -> Array:
+    """Differences of readings (..., K m) where they mean something; for angles, wrapped."""
+    sensor = model.sensor
+    apart = difference.reshape(*difference.shape[:-1], -1, len(sensor.sd))
+    return sensor.residual(apart).reshape(difference.shape)
+
+
+def innovations(model: Model, states: Array, reports: Reports) -> Array:
+    """z - h(x) (..., K m) for ``states`` (..., 4)."""
+    return residual(model, measured(reports) - expected(model, states, reports))
+
+
+def log_likelihood(model: Model, states: Array, reports: Reports) -> Array:
+    """log p(z | x) (...,) of all readings for ``states`` (..., 4), up to a constant."""
+    sensor = model.sensor
+    apart = sensor.residual(reports.values - sensor.h(states, reports.positions)) / np.asarray(sensor.sd, float)
+    log_weights: Array = -0.5 * np.square(apart).sum(axis=(-2, -1))
+    return log_weights
