@@ -53,10 +53,11 @@ class Fusion:
     """Fuses the reports of ``sensors`` (id, x m, y m) each ``step_ns``, ``deadline_ns`` after the step's instant.
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
-    from the first reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one
-    motion model. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
-    ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
-    commands the sensors' threshold. Its clock is the reference for sensors that ask for the time.
+    from the first reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where those
+    are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model. All randomness is keyed by
+    ``seed``, the tracker and the step. Reports that are up to ``max_age_ns`` old count after their deadline too. With
+    ``threshold`` (the fields of ``Controller``) the centre commands the sensors' threshold. Its clock is the reference
+    for sensors that ask for the time.
     """
 
     kinds = frozenset({"doa", "sync-request"})
@@ -76,12 +77,13 @@ class Fusion:
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
         options: Mapping[str, Mapping[str, Any]] | None = None,
+        places: Mapping[str, str] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
         model, options = Model(radians(doa_sd_deg), sigma_v), options or {}
-        self.trackers = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
+        self.trackers = {name: Following(make_tracker(name, options.get(name), places), model) for name in trackers}
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None

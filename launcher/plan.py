@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.extensions import tracker_places
 from launcher.faults import Faults, Mark, resolve
 from launcher.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
 from launcher.records import FieldInfo, Place, Plan
@@ -123,6 +124,7 @@ def _centre(site: Site) -> ProcessSpec:
         "sigma_v": scenario.fusion.sigma_v,
         **_if_used(
             options=tables(scenario.fusion.options),
+            places=tracker_places(scenario.fusion),
             max_age_ns=round(scenario.fusion.max_age_s * NS),
             threshold=_threshold(scenario),
         ),

@@ -18,6 +18,7 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.deployment import ROUTER, Deployment
+from launcher.extensions import check_importable
 from launcher.gathering import Gathering
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
@@ -126,7 +127,11 @@ def run_processes(
     *,
     external: bool = False,
 ) -> Outcome:
-    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up."""
+    """Run as processes over Zenoh, our own or ``external`` ones.
+
+    Raises ``RunFailed`` if they do not come up, and ``ScenarioError`` for a tracker that they could not import.
+    """
+    check_importable(plan)
     begun = time.monotonic()
     deploy = Gathering if external else Deployment
     with _until_signal() as ended, deploy(plan, folder, endpoint=endpoint) as field:

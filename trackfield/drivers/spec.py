@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
 from typing import Any, Self
 
 from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
@@ -15,6 +14,7 @@ from trackfield.link.fate import Link
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Partitioned
 from trackfield.link.places import Path, Places, Point
+from trackfield.plugins import load
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
@@ -140,8 +140,7 @@ def _legs(plain: Iterable[Sequence[Any]]) -> Path:
 
 def role_factory(place: str) -> Callable[..., Role[Any]]:
     """What makes roles, from ``module:attribute``; loading it registers the message kinds that its module defines."""
-    module, _, attribute = place.partition(":")
-    factory: Callable[..., Role[Any]] = getattr(import_module(module), attribute)
+    factory: Callable[..., Role[Any]] = load(place)
     return factory
 
 
