@@ -6,9 +6,39 @@ axes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
 from trackfield.filters.types import Array, Model, Reports
+
+
+@dataclass(frozen=True)
+class OwnMeasurement:
+    """The measurement model of a user's ``sensor`` (``world.sensors.Sensor``), which may lack ``residual``."""
+
+    sensor: Any
+
+    @property
+    def sd(self) -> Sequence[float]:
+        """See ``Measurement``."""
+        sd: Sequence[float] = self.sensor.sd
+        return sd
+
+    def h(self, states: Array, positions: Array) -> Array:
+        """See ``Measurement``."""
+        return np.asarray(self.sensor.h(states, positions), float)
+
+    def jacobian(self, states: Array, positions: Array) -> Array:
+        """See ``Measurement``."""
+        return np.asarray(self.sensor.jacobian(states, positions), float)
+
+    def residual(self, difference: Array) -> Array:
+        """See ``Measurement``."""
+        wrapped = getattr(self.sensor, "residual", None)
+        return difference if wrapped is None else np.asarray(wrapped(difference), float)
 
 
 def measured(reports: Reports) -> Array:

@@ -19,6 +19,8 @@ TRACKERS: Final = Plugins(
     {"spcpf": SpCpf, "fix-imm-ukf": FixImmUkf, "bootstrap": Bootstrap},
     methods=("init", "step"),
 )
+ANY_SENSOR: Final = frozenset({"bootstrap"})
+"""Those of our own that take readings of any kind; the others take bearings alone."""
 
 
 def register_tracker(name: str, maker: Maker) -> None:
