@@ -38,7 +38,7 @@ def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns:
 
 
 def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
-    """One row per (frame, hearer)."""
+    """messages.parquet: one row per (frame, hearer)."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
         "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
@@ -50,6 +50,11 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
 
 
 def write_tracks(rows: Sequence[TrackRow], file: FilePath) -> None:
+    """tracks.parquet."""
+    pq.write_table(tracks_table(rows), file)
+
+
+def tracks_table(rows: Sequence[TrackRow]) -> pa.Table:
     """One row per (tracker, target, step): state, covariance row by row, truth; null before the track."""
     floats, vector = pa.float64(), pa.list_(pa.float64())
     columns = {
@@ -64,4 +69,4 @@ def write_tracks(rows: Sequence[TrackRow], file: FilePath) -> None:
         "covariance": pa.array([list(r.point.covariance) or None for r in rows], vector),
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
     }
-    pq.write_table(pa.table(columns), file)
+    return pa.table(columns)
