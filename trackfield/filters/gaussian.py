@@ -74,6 +74,12 @@ def root(covariance: Array) -> Array:
         return np.asarray(axes * np.sqrt(np.maximum(variances, 0.0))[..., None, :])
 
 
+def log_scale(sd: Array) -> Array:
+    """Log of 2 pi sd^2, summed over K measurements of noise ``sd`` (..., K); one of infinite noise adds nothing."""
+    scale: Array = np.log(np.where(np.isinf(sd), 1.0, 2.0 * np.pi * np.square(sd))).sum(axis=-1)
+    return scale
+
+
 def log_density(points: Array, belief: Gaussian) -> Array:
     """log N(x; m, P) of ``points`` (..., n) under one Gaussian, up to directions in which P has no extent.
 
