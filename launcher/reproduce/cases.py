@@ -109,7 +109,7 @@ def _cases() -> list[Case]:
             {},
             {
                 **_plain("predict-only", "ekf", "ukf", "bootstrap", "spcpf"),
-                "spcpf-paper": {"tracker": "spcpf", "single": "paper"},
+                # "spcpf-paper": {"tracker": "spcpf", "single": "paper"},
             },
             RADAR,
         ),

@@ -145,7 +145,7 @@ def _cheaper(results: Results) -> Claim:
 
 def _radar(results: Results) -> Claim:
     found = results.scores["radar"]
-    names = ("spcpf", "spcpf-paper", "ekf", "bootstrap", "predict-only")
+    names = ("spcpf", "ekf", "bootstrap", "predict-only")
     better = found["spcpf"].position < min(found["ekf"].position, found["bootstrap"].position)
     return Claim(
         "With a single radar, closer than EKF and bootstrap",

@@ -19,15 +19,17 @@ class Score:
     """One tracker in one case, over runs and steps 1 to T; metres.
 
     ``mean_x``, ``var_x``, ``mean_y``, ``var_y``: mean and variance over the steps of RMSE(t), the root mean square over
-    the runs of the error at step t (Table I). ``position`` pools the distance over runs and steps, ``median_run`` is
-    its median over the runs. ``lost`` is the share of the runs that end more than 50 m off, ``largest`` the largest
-    error of any step.
+    the runs of the error at step t (Table I). ``median_x``, ``median_y``: RMSE over the steps, of the median run.
+    ``position`` pools the distance over runs and steps, ``median_run`` is its RMSE over the steps, of the median run.
+    ``lost`` is the share of the runs that end more than 50 m off, ``largest`` the largest error of any step.
     """
 
     mean_x: float
     var_x: float
+    median_x: float
     mean_y: float
     var_y: float
+    median_y: float
     position: float
     median_run: float
     lost: float
@@ -37,15 +39,18 @@ class Score:
     def of(cls, errors: Array) -> Score:
         """The score of errors (R, T, 4). A step without a track counts in none of the means."""
         over_time = rmse_over_time(errors)
-        squared = np.square(errors[..., :2]).sum(axis=-1)
-        last = errors[:, :, :2]
-        lost = metrics.lost(last) | np.isnan(last[:, -1]).any(axis=-1)
+        places = errors[..., :2]
+        squared = np.square(places).sum(axis=-1)
+        lost = metrics.lost(places) | np.isnan(places[:, -1]).any(axis=-1)
         (mean_x, mean_y), (var_x, var_y) = (f(over_time[:, :2], axis=0).tolist() for f in (np.nanmean, np.nanvar))
+        median_x, median_y = np.median(np.sqrt(np.nanmean(np.square(places), axis=1)), axis=0).tolist()
         return cls(
             mean_x,
             var_x,
+            median_x,
             mean_y,
             var_y,
+            median_y,
             float(np.sqrt(np.nanmean(squared))),
             float(np.median(np.sqrt(np.nanmean(squared, axis=1)))),
             float(lost.mean()),

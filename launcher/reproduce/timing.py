@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from launcher.ledger import Ledger
-from launcher.plan import Plan
 from launcher.prepare import planned
+from launcher.records import Plan
 from launcher.reproduce.cases import Case
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.virtual import Virtual

@@ -68,7 +68,7 @@ BANDS: Final[Mapping[tuple[str, str], Mapping[str, Band]]] = {
     ("s2", "fix-imm-ukf"): {"position": Band(0, 2.0)},
     ("s3", "fix-imm-ukf"): {"position": Band(0, 1.95)},
 }
-"""By case and tracker, for fields of ``Score``: what an independent implementation reached, with some room (m; shares)."""
+"""For fields of ``Score``, by case and tracker: what an independent implementation reached, with some room."""
 RADAR_SHARE: Final = 0.5
 """With bearings, a tracker's error should be at most this share of what predicting alone leaves."""
 
@@ -102,9 +102,12 @@ def _table_1(results: Results) -> Iterator[Row]:
     units |= {"mean_y": "mean of RMSE y, m", "var_y": "variance of RMSE y, m²"}
     for tracker, published in TABLE_1.items():
         for name, unit in units.items():
-            ours = getattr(results.scores["s1"][tracker], name)
+            score = results.scores["s1"][tracker]
+            ours = getattr(score, name)
             ratio = ours / published[name]
-            yield Row("s1", tracker, unit, ours, published[name], ratio, verdict=_beside(ratio))
+            median = getattr(score, name.replace("mean", "median")) if name.startswith("mean") else None
+            lost = None if median is None else score.lost
+            yield Row("s1", tracker, unit, ours, published[name], ratio, median, lost, verdict=_beside(ratio))
         ours = results.times[tracker]
         yield Row("s1", tracker, "processor time, s", ours, published["time"], ours / published["time"])
     ours, published_ratio = time_ratio(results.times), time_ratio({name: row["time"] for name, row in TABLE_1.items()})
