@@ -20,7 +20,7 @@ from trackfield.filters.gaussian import extent
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
 from trackfield.models import doa
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 S = TypeVar("S")
 
