@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from launcher.bounds import run_bound
 from launcher.metrics import run_metrics
 from launcher.prepare import planned
 from launcher.reproduce.cases import Case
@@ -60,4 +61,6 @@ def measure(case: Case, seed: int) -> Record:
     metrics = run_metrics(plan, ledger, tracks)
     energy = metrics["energy_j"]
     network = [metrics["frames"]["sent"], metrics["bytes"]["payload"], energy["by"]["send"], energy["total"]]
-    return Record(errors, reports, np.full(steps, np.nan), np.array(network, float))
+    bounds = run_bound(plan, ledger.rows)
+    bound = np.array([bounds.get(step, np.nan) for step in range(1, steps + 1)])
+    return Record(errors, reports, bound, np.array(network, float))

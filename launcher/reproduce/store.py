@@ -21,7 +21,7 @@ from launcher.reproduce.records import Record, measure
 
 RESULTS: Final = "results"
 _PACKAGES: Final = ("trackfield", "node", "fusion")
-_MODULES: Final = ("plan", "faults", "hardware", "ledger", "diary", "metrics", "energy", "virtually")
+_MODULES: Final = ("plan", "faults", "hardware", "ledger", "diary", "metrics", "energy", "bounds", "virtually")
 """Of the launcher, those that decide a run's figures; the others only show them."""
 
 
@@ -45,7 +45,8 @@ class Store:
     def __init__(self, folder: Path, cases: Sequence[Case]) -> None:
         self.folder = folder
         self.cases = {case.name: case for case in cases}
-        self._folders = {case.name: folder / RESULTS / f"{case.name}-{_key(case)}" for case in cases}
+        home = folder.absolute() / RESULTS  # workers may have been started elsewhere
+        self._folders = {case.name: home / f"{case.name}-{_key(case)}" for case in cases}
 
     def file(self, case: str, seed: int) -> Path:
         """Where the run is, or will be."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from math import radians
 from typing import Any, Final
 
@@ -42,38 +43,62 @@ class _Ear(Ledger):
             self.heard.append((frame.src, message))
 
 
-def cpu_times(case: Case, names: Iterable[str], seed: int = 1) -> dict[str, float]:
-    """Processor time (s) of all steps of a run of ``case`` by tracker; all take turns on the same reports."""
+@dataclass(frozen=True)
+class Heard:
+    """What the trackers of a run are given: what the centre is told beforehand, and the reports of each step."""
+
+    config: Mapping[str, Any]
+    reports: tuple[Reports, ...]
+
+    def begun(self, tracker: Tracker[Any]) -> Any:
+        """The tracker's state before the first step."""
+        prior, model = self.config["prior"], Model(radians(self.config["doa_sd_deg"]), self.config["sigma_v"])
+        return tracker.init(Gaussian(np.array(prior["mean"]), np.diag(np.square(prior["sd"]))), model)
+
+    def stepped(self, tracker: Tracker[Any], state: Any, some: Reports, rng: np.random.Generator) -> Any:
+        """The state and the estimate after these reports."""
+        return tracker.step(state, some, self.config["step_ns"] / NS, rng)
+
+    def rng(self, name: str, some: Reports) -> np.random.Generator:
+        """What the tracker of this name draws from in this step."""
+        return generator(self.config["seed"], name, some.step)
+
+
+def heard(case: Case, seed: int) -> Heard:
+    """Of a run whose link loses nothing."""
     plan = planned(case.scenario(seed))
     ear = _Ear(plan)
     Virtual(plan.run, plan.processes, ear).run()
     config = next(process.config for process in plan.processes if process.id == CENTRE)
-    reports = _reports(config, ear.heard, plan.run.end_ns // plan.step_ns - 1)
+    return Heard(config, tuple(_reports(config, ear.heard, plan.run.end_ns // plan.step_ns - 1)))
+
+
+def cpu_times(case: Case, names: Iterable[str], seed: int = 1) -> dict[str, float]:
+    """Processor time (s) of all steps of a run of ``case`` by tracker; all take turns on the same reports."""
+    given = heard(case, seed)
     trackers = {name: make_tracker(name, case.trackers[name]) for name in names}
     times = dict.fromkeys(trackers, np.inf)
     for _ in range(REPEATS):
         for name, tracker in trackers.items():
-            times[name] = min(times[name], _cpu_s(tracker, name, config, reports))
+            times[name] = min(times[name], _cpu_s(given, name, tracker))
     return times
 
 
-def _cpu_s(tracker: Tracker[Any], name: str, config: Mapping[str, Any], reports: Iterable[Reports]) -> float:
-    prior = Gaussian(np.array(config["prior"]["mean"]), np.diag(np.square(config["prior"]["sd"])))
-    state = tracker.init(prior, Model(radians(config["doa_sd_deg"]), config["sigma_v"]))
-    spent = 0.0
-    for some in reports:
-        rng = generator(config["seed"], name, some.step)
+def _cpu_s(given: Heard, name: str, tracker: Tracker[Any]) -> float:
+    state, spent = given.begun(tracker), 0.0
+    for some in given.reports:
+        rng = given.rng(name, some)
         begun = time.process_time()
-        state, _ = tracker.step(state, some, config["step_ns"] / NS, rng)
+        state, _ = given.stepped(tracker, state, some, rng)
         spent += time.process_time() - begun
     return spent
 
 
-def _reports(config: Mapping[str, Any], heard: Iterable[tuple[str, Doa]], steps: int) -> list[Reports]:
+def _reports(config: Mapping[str, Any], told: Iterable[tuple[str, Doa]], steps: int) -> list[Reports]:
     """What the fusion centre makes of the messages of each step when none is lost."""
     places = {id: (x, y) for id, x, y in config["sensors"]}
     by_step: dict[int, dict[str, Doa]] = {step: {} for step in range(1, steps + 1)}
-    for sensor, message in heard:
+    for sensor, message in told:
         if message.step in by_step:
             by_step[message.step][sensor] = message
     return [
