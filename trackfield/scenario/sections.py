@@ -327,7 +327,9 @@ class Contents(Section):
     restart: Literal["never", "on-death"] = Field(
         default="never", description="what becomes of a process that dies unplanned: nothing, or it is started again"
     )
-    field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Beside | Surveyed, Field(discriminator="layout")] = Grid()
+    field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Beside | Surveyed, Field(discriminator="layout")] = (
+        Grid()
+    )
     sensor: Sensor = Sensor()
     target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
     link: Annotated[Link, Field(discriminator="model")] = Ideal()
