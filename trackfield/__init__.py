@@ -9,34 +9,57 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from launcher.api import Comparison, Result, compare, open, run, study
+    from launcher.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
     from trackfield.filters.types import Estimate, Gaussian, Model, Reports
     from trackfield.scenario import Scenario
+    from trackfield.world.sensors import register_sensor
 
 _HOMES: Final = {
+    "Comparison": "launcher.api",
     "Estimate": "trackfield.filters.types",
     "Gaussian": "trackfield.filters.types",
     "Model": "trackfield.filters.types",
     "Reports": "trackfield.filters.types",
+    "Result": "launcher.api",
     "RunFailed": "trackfield.errors",
     "Scenario": "trackfield.scenario",
     "ScenarioError": "trackfield.errors",
+    "Study": "launcher.studies",
     "TrackfieldError": "trackfield.errors",
+    "compare": "launcher.api",
+    "open": "launcher.api",
+    "register_sensor": "trackfield.world.sensors",
     "register_tracker": "trackfield.filters.trackers",
+    "run": "launcher.api",
+    "study": "launcher.api",
 }
 
 __all__ = [
+    "Comparison",
     "Estimate",
     "Gaussian",
     "Model",
     "Reports",
+    "Result",
     "RunFailed",
     "Scenario",
     "ScenarioError",
+    "Study",
     "TrackfieldError",
+    "compare",
+    "open",
+    "register_sensor",
     "register_tracker",
+    "run",
+    "study",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])
 
 
 def __getattr__(name: str) -> Any:

@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from trackfield.filters import particles
 from trackfield.filters.types import Array, Model, Reports
+from trackfield.models import doa
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class OwnMeasurement:
 
 def measured(reports: Reports) -> Array:
     """The readings z (K m,)."""
-    return reports.values.reshape(-1)
+    return reports.bearings if reports.readings is None else reports.readings.reshape(-1)
 
 
 def noise_sd(model: Model, reports: Reports) -> Array:
@@ -53,21 +55,26 @@ def noise_sd(model: Model, reports: Reports) -> Array:
 
 def expected(model: Model, states: Array, reports: Reports) -> Array:
     """h(x) (..., K m): the noiseless readings of ``states`` (..., 4)."""
-    readings = model.sensor.h(states, reports.positions)
+    if model.own is None:
+        return doa.measure(states, reports.positions)
+    readings = model.own.h(states, reports.positions)
     return readings.reshape(*readings.shape[:-2], -1)
 
 
 def jacobians(model: Model, states: Array, reports: Reports) -> Array:
     """dh/dx (..., K m, 4) at ``states`` (..., 4)."""
-    slopes = model.sensor.jacobian(states, reports.positions)
+    if model.own is None:
+        return doa.jacobian(states, reports.positions)
+    slopes = model.own.jacobian(states, reports.positions)
     return slopes.reshape(*slopes.shape[:-3], -1, 4)
 
 
 def residual(model: Model, difference: Array) -> Array:
     """Differences of readings (..., K m) where they mean something; for angles, wrapped."""
-    sensor = model.sensor
-    apart = difference.reshape(*difference.shape[:-1], -1, len(sensor.sd))
-    return sensor.residual(apart).reshape(difference.shape)
+    if model.own is None:
+        return doa.wrap(difference)
+    apart = difference.reshape(*difference.shape[:-1], -1, len(model.own.sd))
+    return model.own.residual(apart).reshape(difference.shape)
 
 
 def innovations(model: Model, states: Array, reports: Reports) -> Array:
@@ -77,7 +84,7 @@ def innovations(model: Model, states: Array, reports: Reports) -> Array:
 
 def log_likelihood(model: Model, states: Array, reports: Reports) -> Array:
     """log p(z | x) (...,) of all readings for ``states`` (..., 4), up to a constant."""
-    sensor = model.sensor
-    apart = sensor.residual(reports.values - sensor.h(states, reports.positions)) / np.asarray(sensor.sd, float)
-    log_weights: Array = -0.5 * np.square(apart).sum(axis=(-2, -1))
+    if model.own is None:
+        return particles.log_likelihood(states, reports, model.sigma_w)
+    log_weights: Array = -0.5 * np.square(innovations(model, states, reports) / noise_sd(model, reports)).sum(axis=-1)
     return log_weights

@@ -7,7 +7,9 @@ from typing import Any, Final
 
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.checked import Checked
+from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.fix_imm_ukf import FixImmUkf
+from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
 from trackfield.options import made
@@ -16,10 +18,18 @@ from trackfield.plugins import Maker, Plugins, load
 TRACKERS: Final = Plugins(
     "tracker",
     "trackfield.trackers",
-    {"spcpf": SpCpf, "fix-imm-ukf": FixImmUkf, "bootstrap": Bootstrap},
+    {
+        "fix-imm-ukf": FixImmUkf,
+        "spcpf": SpCpf,
+        "bootstrap": Bootstrap,
+        "fix-doa": FixDoa,
+        "ekf": Ekf,
+        "ukf": Ukf,
+        "predict-only": PredictOnly,
+    },
     methods=("init", "step"),
 )
-ANY_SENSOR: Final = frozenset({"bootstrap"})
+ANY_SENSOR: Final = frozenset({"bootstrap", "ekf", "ukf", "predict-only"})
 """Those of our own that take readings of any kind; the others take bearings alone."""
 
 
