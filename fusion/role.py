@@ -21,7 +21,7 @@ from fusion.points import track_point
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
-from trackfield.filters.measurement import OwnMeasurement
+from trackfield.filters.measurement import OfSensor
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
@@ -85,7 +85,7 @@ class Fusion:
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
         self.sensor = None if sensor is None else make_sensor(**sensor)
-        own = None if self.sensor is None else OwnMeasurement(self.sensor)
+        own = None if self.sensor is None else OfSensor(self.sensor)
         self.kinds = frozenset({"doa" if own is None else "measurement", "sync-request"})
         model, options = Model(radians(doa_sd_deg), sigma_v, own), options or {}
         self.trackers = {name: Following(make_tracker(name, options.get(name), places), model) for name in trackers}

@@ -11,7 +11,7 @@ from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.particles import log_likelihood
 from trackfield.filters.types import Gaussian, Model, Reports
 from trackfield.models import doa
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 STATES = np.random.default_rng(1).normal((210.0, 140.0, 5.0, 5.0), (30.0, 30.0, 2.0, 2.0), (7, 4))
 SENSORS = np.array([[0.0, 0.0], [100.0, 0.0], [0.0, 100.0]])

@@ -18,10 +18,15 @@ from trackfield.models import doa
 
 
 @dataclass(frozen=True)
-class OwnMeasurement:
+class OfSensor:
     """The measurement model of a user's ``sensor`` (``world.sensors.Sensor``), which may lack ``residual``."""
 
     sensor: Any
+
+    @property
+    def range_m(self) -> float:
+        """See ``OwnMeasurement``."""
+        return float(self.sensor.range_m)
 
     @property
     def sd(self) -> Sequence[float]:

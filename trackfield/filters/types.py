@@ -82,6 +82,15 @@ class Measurement(Protocol):
         ...
 
 
+class OwnMeasurement(Measurement, Protocol):
+    """The measurement model of a user's own sensors."""
+
+    @property
+    def range_m(self) -> float:
+        """How far (m) from a sensor that measured it the target is at most."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """What a tracker is told of the deployment."""
@@ -90,7 +99,7 @@ class Model:
     """sd of a reported bearing, rad; NaN if the sensors report no bearings."""
     sigma_v: float = 0.1
     """sd of the target's acceleration per axis, m/s^2, for trackers with a single motion model."""
-    own: Measurement | None = None
+    own: OwnMeasurement | None = None
     """The measurement model of sensors that report no bearings."""
 
     @property
