@@ -18,7 +18,6 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.deployment import ROUTER, Deployment
-from launcher.extensions import check_importable
 from launcher.gathering import Gathering
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
@@ -136,11 +135,7 @@ def run_processes(
     *,
     external: bool = False,
 ) -> Outcome:
-    """Run as processes over Zenoh, our own or ``external`` ones.
-
-    Raises ``RunFailed`` if they do not come up, and ``ScenarioError`` for a tracker that they could not import.
-    """
-    check_importable(plan)
+    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up."""
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
     with _until_signal() as ended, deploy(plan, folder, endpoint=endpoint) as field:

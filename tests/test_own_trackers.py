@@ -55,7 +55,7 @@ class Still:
 def none_left() -> Iterator[None]:
     """No test leaves a name behind."""
     yield
-    TRACKERS._registered.clear()
+    TRACKERS.registered.clear()
 
 
 def plan_with(*trackers: str, **settings: Any) -> Plan:
