@@ -52,7 +52,8 @@ def load(
         "link.model": link,
         "fusion.trackers": list(trackers) or None,
     }
-    overrides = dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
+    whole = {"target.steps": None} if end is not None else {}  # who names the end wants all up to there
+    overrides = whole | dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
     return Scenario.load(name, overrides, known_trackers=TRACKERS)
 
 

@@ -44,12 +44,16 @@ class Observer(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any."""
+    """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any.
+
+    ``unreported`` says why there is no report; the run is none the worse for it.
+    """
 
     folder: Path
     metrics: Metrics
     complaints: tuple[str, ...]
     signal: int | None = None
+    unreported: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -186,7 +190,18 @@ def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[in
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None)
+    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, _report(folder))
+
+
+def _report(folder: Path) -> str:
+    """Draw the report; why that failed, if it did."""
+    from launcher.report import write_report  # matplotlib takes a while to load
+
+    try:
+        write_report(folder)
+    except Exception as error:  # noqa: BLE001  whatever it is, the run is over and all its tables are there
+        return f"{type(error).__name__}: {error}"
+    return ""
 
 
 def _complaint(field: Deployment, death: Death) -> str:

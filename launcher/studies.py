@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from launcher.bounds import run_bound
 from launcher.measures import RunFigures
 from launcher.metrics import run_metrics
 from launcher.prepare import checked, keep, planned
@@ -102,7 +103,7 @@ def study_run(scenario: Scenario) -> StudyRun:
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
     metrics["recorder"]["messages"] = metrics["frames"]["sent"]
-    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows))
+    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, run_bound(plan, ledger.rows)))
 
 
 def unordered(
