@@ -39,6 +39,11 @@ class Journal:
         self._write(*self.ledger.settle(until_ns))
         self.timeline.flush()
 
+    def take_over(self, rows: Sequence[MessageRow]) -> None:
+        """What became of each frame in a run before this one."""
+        self.ledger.rows += rows
+        self._write(rows, [])
+
     def close(self, deaths: Sequence[tuple[str, float | None, str]], *, messages: int) -> Metrics:
         """Write the rest, and the tables; the metrics that are known here.
 
@@ -64,7 +69,7 @@ class Journal:
         metrics["recorder"]["messages"] = messages
         return metrics
 
-    def _write(self, rows: list[MessageRow], events: list[Event]) -> None:
+    def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
             if row.sent_ns < self.plan.run.end_ns:  # a stranger may date its frames at will

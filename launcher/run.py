@@ -123,7 +123,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
-    return _close(folder, metrics, [], ended)
+    return close_folder(folder, metrics, [], ended)
 
 
 def run_processes(
@@ -163,7 +163,7 @@ def run_processes(
         "pss_mb_per_node": pss,
     }
     complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
-    return _close(folder, metrics, complaints, ended)
+    return close_folder(folder, metrics, complaints, ended)
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
@@ -181,7 +181,8 @@ def _blank(value: object) -> Any:
     return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
 
 
-def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+def close_folder(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+    """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early."""
     frames = metrics["frames"]
     if frames["host_lost"]:
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
