@@ -57,6 +57,12 @@ def load(
     return Scenario.load(name, overrides, known_trackers=TRACKERS)
 
 
+def checked(scenario: Scenario, seed: int | None = None) -> Scenario:
+    """The scenario, perhaps under another seed, with its trackers' names checked too. Raises ``ScenarioError``."""
+    overrides = {} if seed is None else {"seed": seed}
+    return Scenario.load(scenario.plain(), overrides, known_trackers=TRACKERS)
+
+
 def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     """The scenario's plan under a run id of its own, and how well reports get through. Raises ``ScenarioError``."""
     if not 0 < speed <= 100:

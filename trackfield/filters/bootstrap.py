@@ -55,7 +55,7 @@ class Bootstrap:
         weights = normalised(log_weights)
         mean, covariance = moments(weights, particles)
         if len(reports) and due(weights, self.ess_share):
-            particles = particles[_RESAMPLERS[self.resampling](weights, self.n, rng)]
+            particles = particles.take(_RESAMPLERS[self.resampling](weights, self.n, rng), axis=0)
             kept = None
         else:
             kept = weights if len(reports) else before

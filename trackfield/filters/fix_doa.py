@@ -51,5 +51,5 @@ class FixDoa:
         log_weights = log_likelihood(particles, reports, sigma_w)
         weights = normalised(log_weights + log_density(particles, belief) - log_density(particles, proposal))
         belief = moments(weights, particles)
-        particles = particles[systematic(weights, self.particles, rng)]
+        particles = particles.take(systematic(weights, self.particles, rng), axis=0)
         return FixDoaState(state.model, belief), Estimate(*belief, particles[:, :2])

@@ -23,8 +23,22 @@ def systematic(weights: Array, n: int, rng: np.random.Generator) -> Indices:
     The weights need not sum to 1 exactly; what has no weight is never drawn. Raises ValueError if nothing has
     weight.
     """
+    return evenly(weights, n, rng.random())
+
+
+def evenly(weights: Array, n: int, u: Array | float) -> Indices:
+    """The same (..., n) of ``weights`` (..., m), with the one random number ``u`` (...,) in [0, 1) as an argument."""
     cumulative = _cumulative(weights)
-    return _at(cumulative, (np.arange(n) + rng.random()) * (cumulative[-1] / n))
+    total = cumulative[..., -1:]
+    # the points (k + u) total / n below a sum are counted, not looked up one by one
+    below = np.ceil(cumulative * (n / total) - np.asarray(u)[..., None]).astype(np.intp)
+    # rounding may lift the last point to the total itself: it belongs to the last index that has weight
+    below[cumulative >= total] = n
+    counts = below.copy()
+    counts[..., 1:] -= below[..., :-1]
+    places = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
+    indices: Indices = np.repeat(places.ravel(), counts.ravel()).reshape(*counts.shape[:-1], n)
+    return indices
 
 
 def residual(weights: Array, n: int, rng: np.random.Generator) -> Indices:
@@ -37,7 +51,10 @@ def residual(weights: Array, n: int, rng: np.random.Generator) -> Indices:
     rest = n - int(copies.sum())
     if rest:
         cumulative = np.cumsum(shares - copies)
-        copies += np.bincount(_at(cumulative, rng.random(rest) * cumulative[-1]), minlength=len(copies))
+        drawn = np.searchsorted(cumulative, rng.random(rest) * cumulative[-1], side="right")
+        # rounding may lift a draw to the sum itself: it belongs to the last index that has a share
+        drawn = np.minimum(drawn, np.searchsorted(cumulative, cumulative[-1]))
+        copies += np.bincount(drawn, minlength=len(copies))
     return np.repeat(np.arange(len(copies)), copies)
 
 
@@ -63,14 +80,7 @@ def normalised(log_weights: Array) -> Array:
 
 
 def _cumulative(weights: Array) -> Array:
-    cumulative = np.cumsum(weights, dtype=np.float64)
-    if not cumulative[-1] > 0.0:
+    cumulative = np.cumsum(weights, axis=-1, dtype=np.float64)
+    if not np.all(cumulative[..., -1] > 0.0):
         raise ValueError("cannot resample: no weight is positive")
     return cumulative
-
-
-def _at(cumulative: Array, points: Array) -> Indices:
-    chosen = np.searchsorted(cumulative, points, side="right")
-    # rounding may lift a point to the total itself: it belongs to the last index that has weight
-    indices: Indices = np.minimum(chosen, np.searchsorted(cumulative, cumulative[-1]))
-    return indices

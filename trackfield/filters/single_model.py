@@ -11,7 +11,7 @@ from trackfield.filters import ekf, ukf
 from trackfield.filters.gaussian import constant_velocity, predict
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 from trackfield.models import doa
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 
 class SingleState(NamedTuple):
