@@ -148,6 +148,12 @@ class Run:
         return round(max(times, default=0.0) * NS / self.site.step_ns)
 
     @property
+    def bound_m(self) -> float | None:
+        """What errors are measured by, m: the bound for the reports that the trackers were given."""
+        found: float | None = self.metrics["bound"].get("trajectory")
+        return found
+
+    @property
     def bounded(self) -> bool:
         """Whether the tracks have a bound beside them."""
         return any(bool(np.isfinite(track.bound).any()) for track in self.tracks)

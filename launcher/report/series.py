@@ -34,7 +34,7 @@ def error(run: Run) -> Figure | None:
         _line(above, run, track, track.error_m)
     for track in {track.target: track for track in run.tracks}.values():
         if np.isfinite(track.bound).any():
-            above.plot(track.t_s, track.bound, "--", color=style.INK, lw=1.3, label="bound (standard deviation)")
+            above.plot(track.t_s, track.bound, "--", color=style.INK, lw=1.3, label="bound for these reports (rms)")
     errors = np.concatenate([track.error_m[np.isfinite(track.error_m)] for track in known] or [np.ones(1)])
     if errors.max() > WIDE * max(float(np.median(errors)), 1e-9):
         above.set_yscale("log")

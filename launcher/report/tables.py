@@ -90,7 +90,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     steps = f"all {of} steps" if m["steps"] == of else f"{m['steps']} of {of} steps"
     blind = sum(int(track.coasting.sum()) for track in run.tracks if track.tracker == name)
     steps += f", {blind} of them without a report" if blind else ""
-    rmse, bound = m["rmse"]["position"], run.metrics["bound"]["position"]
+    rmse, bound = m["rmse"]["position"], run.bound_m
     error = f"RMSE {number(rmse, 'm')}, median error {number(m['median_error'], 'm')}, over {steps}"
     if bound:
         error += f"; {rmse / bound:.2f} times the bound of {number(bound, 'm')}"
@@ -112,7 +112,7 @@ def _consistency(m: dict[str, Any]) -> str:
 
 def trackers(run: Run) -> Table:
     """Every figure of every tracker."""
-    bound = run.metrics["bound"]["position"]
+    bound = run.bound_m
     head = [
         "tracker",
         "RMSE [m]",
