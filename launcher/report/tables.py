@@ -119,7 +119,7 @@ def trackers(run: Run) -> Table:
         "east [m]",
         "north [m]",
         "median [m]",
-        "velocity RMSE [m/s]",
+        "velocity [m/s]",
         "NEES",
         "steps",
         "lost",
@@ -131,7 +131,7 @@ def trackers(run: Run) -> Table:
         rows.append([name, *map(number, figures), "yes" if m["lost"] else "no"])
         if bound:
             rows[-1].insert(2, number(rmse["position"] and rmse["position"] / bound))
-    return Table([*head[:2], *(["RMSE / bound"] if bound else []), *head[2:]], rows)
+    return Table([*head[:2], *(["/ bound"] if bound else []), *head[2:]], rows)
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------
