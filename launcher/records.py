@@ -43,6 +43,8 @@ class FieldInfo:
 
 RECORDER: Final = "recorder"
 """The id of the process that writes a run down."""
+LIVE: Final = "live"
+"""The id of the one that shows it while it goes on."""
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""
 
