@@ -74,10 +74,10 @@ def _series(plan: Plan, reporting: Reporting) -> Series:
     """From the start if there is a prior, else from the first step with as many bearings as it takes."""
     centre, truth, sensors = _centre(plan), _truth(plan), _sensors(plan)
     prior, sd = centre.get("prior"), radians(centre.get("doa_sd_deg", 0.0))
-    steps = [step for step in truth if step and (prior or reporting.get(step))]
-    if not steps or sd <= 0.0:
+    first = next((step for step in truth if step and (prior or reporting.get(step))), None)
+    if first is None or sd <= 0.0:
         return {}
-    steps = list(range(steps[0], steps[-1] + 1))
+    steps = [step for step in truth if step >= first]
     informations = np.stack([_information(truth[step], reporting.get(step, ()), sensors, sd) for step in steps])
     begin = ANYWHERE if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
     bounds = position_sd(trajectory_crlb(begin, _motions(truth, steps, plan.step_ns / NS), informations))

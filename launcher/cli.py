@@ -87,7 +87,7 @@ def run(
             outcome = run_processes(plan, folder, observer, sys.argv, connect, external=external)
     if as_json:
         print(json.dumps(outcome.metrics, indent=2))
-    if not quiet or outcome.complaints:
+    if not quiet or outcome.complaints or outcome.unreported:
         conclude(outcome)
     raise typer.Exit(outcome.exit_code)
 
@@ -150,6 +150,14 @@ def view(
         open_viewer(run, web)
     else:
         picture(run, png, at)
+
+
+@app.command()
+def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a finished run.")]) -> None:
+    """Draw a run's figures and write its report.html, anew."""
+    from launcher.report import write_report
+
+    print(write_report(run))
 
 
 @app.command()

@@ -38,7 +38,7 @@ def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns:
 
 
 def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
-    """One row per (frame, hearer)."""
+    """messages.parquet: one row per (frame, hearer)."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
         "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
@@ -50,6 +50,11 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
 
 
 def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: FilePath) -> None:
+    """tracks.parquet."""
+    pq.write_table(tracks_table(rows, bound), file)
+
+
+def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> pa.Table:
     """One row per (tracker, target, step): state, covariance row by row, truth; null before the track.
 
     ``bound`` is that of the position's sd (m) by step, as far as there is one.
@@ -68,4 +73,4 @@ def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: Fil
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
         "bound_m": pa.array([bound.get(r.point.step) for r in rows], floats),
     }
-    pq.write_table(pa.table(columns), file)
+    return pa.table(columns)
