@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.filters.metrics import LOST_M
 from trackfield.link.places import Path as Legs
 from trackfield.world.path import Path
 
@@ -43,6 +44,8 @@ class FieldInfo:
 
 RECORDER: Final = "recorder"
 """The id of the process that writes a run down."""
+LIVE: Final = "live"
+"""The id of the one that shows it while it goes on."""
 Payload = bytes
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""
@@ -86,7 +89,8 @@ class Plan:
     """A run, ready to be driven: the same for both drivers.
 
     ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
-    a sensor reports the target; ``restart`` says that processes which die unplanned are started again.
+    a sensor reports the target; ``restart`` says that processes which die unplanned are started again; ``lost_m`` is
+    how far off a track may end without being lost.
     """
 
     run: RunSpec
@@ -96,3 +100,4 @@ class Plan:
     step_ns: int
     reach_m: float = 0.0
     restart: bool = False
+    lost_m: float = LOST_M
