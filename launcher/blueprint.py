@@ -44,6 +44,7 @@ LATE: Final[Colour] = 0xF5B041FF
 LOST: Final[Colour] = 0xF2524BFF
 LEVELS: Final[dict[str, Colour]] = {"INFO": INFO, "WARN": LATE, "ERROR": LOST}
 SERIES: Final[dict[str, tuple[list[str], list[Colour]]]] = {
+    "error/bound": (["bound"], [0x969BA5FF]),
     "latency": (["median", "95 %"], [0x8C7BF0FF, 0x5B4FB0FF]),
     "lost": (["lost", "late"], [LOST, LATE]),
     "bytes": (["sent to hearers", "delivered"], [0x9A8F6AFF, 0xE6C65CFF]),

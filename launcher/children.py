@@ -7,9 +7,12 @@ import os
 import resource
 import select
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
+from multiprocessing import forkserver
 from multiprocessing.context import ForkServerProcess
 from types import ModuleType
 from typing import Any, Final
@@ -24,6 +27,8 @@ KILL_TIMEOUT_S: Final = 5.0
 POLL_S: Final = 0.02
 STAT_BYTES: Final = 128
 """As much of /proc/<pid>/stat as holds the pid, the name (at most 64 bytes) and the state."""
+_FORKING: Final = threading.Lock()
+"""Runs may begin in several threads at once; what children are not to inherit is the whole program's."""
 
 
 class Children:
@@ -40,7 +45,8 @@ class Children:
 
     def fork(self, name: str, target: Callable[..., None], *args: Any) -> None:
         """Start ``target(*args)`` in a process of its own."""
-        with _no_main_module(), _zygote_environment():
+        with _FORKING, _no_main_module(), _zygote_environment():
+            _start_zygote(os.getpid())
             child = self._context.Process(target=target, name=name, args=args)
             child.start()
         # Each start polls all children that multiprocessing knows of; we watch ours ourselves.
@@ -135,6 +141,22 @@ def _no_main_module() -> Iterator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
+
+
+@cache
+def _start_zygote(_launcher: int) -> None:
+    """Once in each program, from a thread that stays: the kernel ends the zygote with the thread that started it."""
+    started = threading.Event()
+
+    def start() -> None:
+        try:
+            forkserver.ensure_running()
+        finally:
+            started.set()
+        threading.Event().wait()
+
+    threading.Thread(target=start, name="zygote", daemon=True).start()
+    started.wait()
 
 
 @contextmanager

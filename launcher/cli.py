@@ -89,7 +89,7 @@ def run(
             outcome = run_processes(plan, folder, observer, sys.argv, connect, external=external, live=live_to)
     if as_json:
         print(json.dumps(outcome.metrics, indent=2))
-    if not quiet or outcome.complaints:
+    if not quiet or outcome.complaints or outcome.unreported:
         conclude(outcome)
     raise typer.Exit(outcome.exit_code)
 
@@ -155,6 +155,14 @@ def view(
 
 
 @app.command()
+def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a finished run.")]) -> None:
+    """Draw a run's figures and write its report.html, anew."""
+    from launcher.report import write_report
+
+    print(write_report(run))
+
+
+@app.command()
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
     exact: Annotated[
@@ -183,6 +191,21 @@ def compare(
     if found:
         raise typer.Exit(1)
     print(f"equal to within {exact:g}, and the fate of every frame is the same")
+
+
+@app.command()
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="zhai: Zhai et al. 2009, SP-CPF.")],
+    runs: Annotated[int, typer.Option(help="Of each case, with seeds from 1 on.")] = 100,
+    out: Annotated[
+        Path | None, typer.Option(help="The study's folder; what an earlier one left there is not run again.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print results.json, and nothing else, to stdout.")] = False,
+) -> None:
+    """Do a paper's experiments again, and say which of its claims hold."""
+    from launcher.reproduce.command import reproduce
+
+    print(reproduce(paper, runs, out).shown(as_json=as_json), end="")
 
 
 def main() -> NoReturn:

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.bounds import bound_metrics
 from launcher.energy import energy_metrics, lifetime_metrics, nodes_of
 from launcher.ledger import Ledger
 from launcher.records import MessageRow, Plan
@@ -31,7 +32,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(tracks, plan.info.trackers),
-        "bound": {"position": None},
+        "bound": bound_metrics(plan, ledger.rows, {r.point.step for r in tracks if _has_track(r) and r.truth}),
         "processes": {
             "started": len(plan.processes),
             "ready_s": None,

@@ -53,8 +53,15 @@ def load(
         "link.model": link,
         "fusion.trackers": list(trackers) or None,
     }
-    overrides = dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
+    whole = {"target.steps": None} if end is not None else {}  # who names the end wants all up to there
+    overrides = whole | dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
     return Scenario.load(name, overrides, known_trackers=TRACKERS)
+
+
+def checked(scenario: Scenario, seed: int | None = None) -> Scenario:
+    """The scenario, perhaps under another seed, with its trackers' names checked too. Raises ``ScenarioError``."""
+    overrides = {} if seed is None else {"seed": seed}
+    return Scenario.load(scenario.plain(), overrides, known_trackers=TRACKERS)
 
 
 def planned(scenario: Scenario, speed: float = 1.0) -> Plan:

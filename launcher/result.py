@@ -9,6 +9,7 @@ from math import hypot
 from pathlib import Path as FilePath
 from typing import Any, Final
 
+from launcher.bounds import run_bound
 from launcher.diary import Event
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
@@ -41,12 +42,11 @@ class Telling:
         self.timeline.flush()
 
     def end(self, deaths: Sequence[Unplanned] = ()) -> None:
-        """Write the rest, and end the timeline."""
+        """Write the rest of it; the timeline is still to be closed."""
         self._write(*self.ledger.close(name for name, *_ in deaths))
         for name, t_s, why in deaths:
             if t_s is not None:
                 self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
-        self.timeline.close()
 
     def _write(self, rows: list[MessageRow], events: list[Event]) -> None:
         for row in rows:
@@ -91,13 +91,18 @@ class Journal(Telling):
     def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
         """Write the rest, and the tables; the metrics that are known here."""
         self.end(deaths)
-        write_messages(self.ledger.rows, self.folder / "messages.parquet")
         tracks = track_rows(
             [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
             self.plan.path,
             self.plan.step_ns,
         )
-        write_tracks(tracks, self.folder / "tracks.parquet")
+        bound = run_bound(self.plan, self.ledger.rows)
+        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
+            if step in bound:
+                self.timeline.bound(t_ns, bound[step])
+        self.timeline.close()
+        write_messages(self.ledger.rows, self.folder / "messages.parquet")
+        write_tracks(tracks, bound, self.folder / "tracks.parquet")
         metrics = run_metrics(self.plan, self.ledger, tracks)
         metrics["recorder"]["messages"] = messages
         return metrics

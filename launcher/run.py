@@ -45,12 +45,16 @@ class Observer(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any."""
+    """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any.
+
+    ``unreported`` says why there is no report; the run is none the worse for it.
+    """
 
     folder: Path
     metrics: Metrics
     complaints: tuple[str, ...]
     signal: int | None = None
+    unreported: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -61,9 +65,15 @@ class Outcome:
 
 
 def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
-    """An empty folder for the run. Raises ``ScenarioError`` if there is something in it or it cannot be written."""
+    """An empty folder for the run. Raises ``ScenarioError`` as ``begin_folder`` does."""
     stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
     folder = out or Path("runs") / f"{scenario}-{seed}-{stamp}"
+    begin_folder(folder, "logs")
+    return folder
+
+
+def begin_folder(folder: Path, inside: str) -> None:
+    """A folder with an empty one inside. Raises ``ScenarioError`` if it has something in it or cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
@@ -73,7 +83,7 @@ def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
                 key="--out",
                 expected="an empty or new one",
             )
-        (folder / "logs").mkdir()
+        (folder / inside).mkdir()
     except OSError as error:
         raise ScenarioError(
             f"cannot write there ({error.strerror})",
@@ -81,7 +91,6 @@ def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
             key="--out",
             expected="a writable folder",
         ) from None
-    return folder
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
@@ -105,7 +114,7 @@ def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: s
 def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcome:
     """Run in virtual time."""
     write_manifest(folder, plan, command, None)
-    begun = time.monotonic()
+    begun, cpu_s = time.monotonic(), time.process_time()
     ledger = Ledger(plan.run, plan.processes)
     journal = Journal(plan, ledger, folder)
     virtual = Virtual(plan.run, plan.processes, ledger)
@@ -113,7 +122,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
         virtual.run(stop=lambda: bool(ended))
     ledger.end(virtual.end_ns)
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
-    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time()}
+    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
     return _close(folder, metrics, [], ended)
 
@@ -132,7 +141,7 @@ def run_processes(
 
     ``live``, if given, is told the address of a live view, and what becomes of that.
     """
-    begun = time.monotonic()
+    begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
     with (
         _until_signal() as ended,
@@ -158,7 +167,7 @@ def run_processes(
             field.watch(tick)
         field.finish()
     metrics = _recorded(plan, folder)
-    cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() + field.router_cpu_s
+    cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() - own_cpu_s + field.router_cpu_s
     metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
     metrics["processes"] |= {
         "ready_s": ready_s,
@@ -194,7 +203,18 @@ def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[in
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None)
+    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, _report(folder))
+
+
+def _report(folder: Path) -> str:
+    """Draw the report; why that failed, if it did."""
+    from launcher.report import write_report  # matplotlib takes a while to load
+
+    try:
+        write_report(folder)
+    except Exception as error:  # noqa: BLE001  whatever it is, the run is over and all its tables are there
+        return f"{type(error).__name__}: {error}"
+    return ""
 
 
 def _complaint(field: Deployment, death: Death) -> str:

@@ -20,6 +20,7 @@ from launcher.prepare import remarks
 from launcher.reception import receptions
 from launcher.records import ARRIVED, Plan
 from launcher.run import Observer, Outcome
+from launcher.words import alarms, span
 from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0
@@ -149,12 +150,14 @@ def conclude(outcome: Outcome) -> None:
         console.print(_result(metrics))
         for line in _surroundings(metrics):
             console.print(line)
-        for line in _alarms(metrics):
+        for line in alarms(metrics):
             console.print(f"[bold red]{line}[/]")
     for complaint in outcome.complaints[:MAX_COMPLAINTS]:
         console.print("[bold red]failed:[/]", Text(complaint), soft_wrap=True)
     if len(outcome.complaints) > MAX_COMPLAINTS:
         console.print(f"[bold red]... and {len(outcome.complaints) - MAX_COMPLAINTS} more[/] (metrics.json has all)")
+    if outcome.unreported:
+        console.print("[yellow]no report:[/]", Text(outcome.unreported), soft_wrap=True)
     if outcome.signal is not None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
     folder = str(outcome.folder)
@@ -207,32 +210,8 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
         yield f"energy of sensor nodes: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
     if lifetime["first_death"] is not None:
         names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
-        times = [f"{text} after {_span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]
+        times = [f"{text} after {span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]
         yield f"batteries: {', '.join(times)}{' (at this rate)' if lifetime['extrapolated'] else ''}"
-
-
-def _span(seconds: float) -> str:
-    """A time that may be a minute or a year."""
-    for unit, length in (("days", 86_400), ("h", 3_600), ("min", 60)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.1f} s"
-
-
-def _alarms(metrics: dict[str, Any]) -> list[str]:
-    """What makes a run's figures doubtful."""
-    alarms = []
-    frames, timing = metrics["frames"], metrics["timing"]
-    if timing["host_late"]:
-        alarms.append(
-            f"timing: {timing['host_late']} events came too late on this machine to be put in order without a trace "
-            "(timing.host_late): a lower --speed, or --virtual, is exact"
-        )
-    if frames["expected"] and not frames["delivered"]:
-        alarms.append(f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by")
-    if not frames["expected"]:
-        alarms.append("no frame was sent: no tracker had anything to go by")
-    return alarms
 
 
 def _metres(value: float | None) -> str:

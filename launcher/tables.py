@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path as FilePath
 
@@ -38,7 +38,7 @@ def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns:
 
 
 def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
-    """One row per (frame, hearer)."""
+    """messages.parquet: one row per (frame, hearer)."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
         "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
@@ -49,8 +49,16 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     pq.write_table(pa.table(columns), file)
 
 
-def write_tracks(rows: Sequence[TrackRow], file: FilePath) -> None:
-    """One row per (tracker, target, step): state, covariance row by row, truth; null before the track."""
+def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: FilePath) -> None:
+    """tracks.parquet."""
+    pq.write_table(tracks_table(rows, bound), file)
+
+
+def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> pa.Table:
+    """One row per (tracker, target, step): state, covariance row by row, truth; null before the track.
+
+    ``bound`` is that of the position's sd (m) by step, as far as there is one.
+    """
     floats, vector = pa.float64(), pa.list_(pa.float64())
     columns = {
         "t_s": pa.array([r.t_ns / NS for r in rows], floats),
@@ -63,5 +71,6 @@ def write_tracks(rows: Sequence[TrackRow], file: FilePath) -> None:
         **{n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats) for i, n in enumerate(STATE)},
         "covariance": pa.array([list(r.point.covariance) or None for r in rows], vector),
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
+        "bound_m": pa.array([bound.get(r.point.step) for r in rows], floats),
     }
-    pq.write_table(pa.table(columns), file)
+    return pa.table(columns)

@@ -155,6 +155,10 @@ class Timeline:
                 error = math.dist(fix, truth)
                 self._add(entity("plots", "error", point.tracker), rows.scalars, t_ns, (error,))
 
+    def bound(self, t_ns: int, sd_m: float) -> None:
+        """How small the trackers' error could be at a step (m, root mean square)."""
+        self._add("/plots/error/bound", rows.scalars, t_ns, (sd_m,))
+
     def flush(self) -> None:
         """Sends what is due; to be called every quarter of a second."""
         self._flushes += 1

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from launcher.ledger import Ledger
 from launcher.prepare import load, planned
 from launcher.records import Plan
-from launcher.tables import TrackRow, track_rows
-from trackfield.drivers.virtual import Virtual
+from launcher.virtually import simulate as simulated
 
-
-def simulated(plan: Plan) -> tuple[Ledger, list[TrackRow]]:
-    """The closed ledger and the tracks of a run."""
-    ledger = Ledger(plan.run, plan.processes)
-    virtual = Virtual(plan.run, plan.processes, ledger)
-    virtual.run()
-    ledger.close()
-    return ledger, track_rows([(t, p.estimate) for t, _, p in ledger.estimates()], plan.path, plan.step_ns)
+__all__ = ["simulated", "spcpf"]
 
 
 def spcpf(seed: int = 1, settings: Sequence[str] = ()) -> Plan:

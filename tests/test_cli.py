@@ -83,7 +83,7 @@ def test_list_names_scenarios_and_trackers(trackfield: Call) -> None:
     assert (said.code, said.err) == (0, "")
     *scenarios, trackers = said.out.splitlines()
     assert [line.split()[0] for line in scenarios] == ["bus", "spcpf"]
-    assert trackers == "trackers: spcpf, fix-imm-ukf, bootstrap"
+    assert trackers == "trackers: fix-imm-ukf, spcpf, bootstrap, fix-doa, ekf, ukf, predict-only"
 
 
 def test_the_schema_knows_every_section(trackfield: Call) -> None:

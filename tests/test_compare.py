@@ -32,7 +32,7 @@ FRAMES = [MessageRow("doa", "n0", "fusion", "field", n * NS, n * NS + 1, "delive
 
 def folder(at: Path, tracks: Sequence[TrackRow] = TRACKS, frames: Sequence[MessageRow] = FRAMES) -> Path:
     at.mkdir()
-    write_tracks(tracks, at / "tracks.parquet")
+    write_tracks(tracks, {}, at / "tracks.parquet")
     write_messages(frames, at / "messages.parquet")
     return at
 

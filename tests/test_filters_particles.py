@@ -9,6 +9,7 @@ from tests.zhai_field import MODEL, hear
 from trackfield.filters import sp_pekf
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.fix import intensity_weights
+from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.gaussian import collapse
 from trackfield.filters.particles import draw, log_likelihood, propagate
 from trackfield.filters.spcpf import SpCpf
@@ -34,7 +35,13 @@ def exact_and_theirs(tracker, seed, steps=6):
 
 
 @pytest.mark.parametrize(
-    "tracker", [Bootstrap(n=20_000), SpCpf(particles=20_000, nominals=50, weights="gaussian-prior")]
+    "tracker",
+    [
+        Bootstrap(n=20_000),
+        Bootstrap(n=20_000, resampling="residual", ess_share=0.5),
+        SpCpf(particles=20_000, nominals=50, weights="gaussian-prior"),
+        FixDoa(particles=20_000, sigma_v=LINEAR.sigma_v),
+    ],
 )
 def test_linear_case_is_kalmans(tracker):
     """Over several seeds mean and covariance scatter as 20,000 particles do (1/sqrt(n) = 0.007), no more."""
@@ -55,6 +62,27 @@ def test_more_particles_come_nearer_to_kalman():
         return np.sqrt(np.mean([np.square(e.mean - k.mean).mean() for k, e in misses]))
 
     assert error(6400) < 0.4 * error(100)  # 1 / sqrt(n) says 0.125
+
+
+def test_particles_that_are_not_resampled_keep_their_weights():
+    """A step of two halves of the noise's information, without a draw between: the weights of one."""
+    halves, once = Bootstrap(n=50, ess_share=1e-9), Bootstrap(n=50)
+    still, reports = Model(LINEAR.sigma_w * np.sqrt(2.0), sigma_v=0.0), kalman.far_reports(np.array([5.0, 1.0]))
+    state = halves.init(PRIOR, still)
+    for _ in range(2):
+        state, estimate = halves.step(state, reports, 0.0, np.random.default_rng(0))
+    _, expected = once.step(once.init(PRIOR, Model(LINEAR.sigma_w)), reports, 0.0, np.random.default_rng(0))
+    assert estimate.mean == pytest.approx(expected.mean)
+    assert estimate.covariance == pytest.approx(expected.covariance)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_step_without_reports_neither_draws_nor_weighs(share):
+    tracker, none = Bootstrap(n=50, ess_share=share), kalman.far_reports(np.zeros(2)).only(np.array([], int))
+    state, _ = tracker.step(tracker.init(PRIOR, LINEAR), kalman.far_reports(np.zeros(2)), 1.0, np.random.default_rng(0))
+    after, _ = tracker.step(state, none, 0.0, np.random.default_rng(1))
+    assert after.particles == pytest.approx(state.particles)
+    assert after.weights is state.weights
 
 
 def test_draws_have_the_moments_of_the_belief():

@@ -30,7 +30,7 @@ MS = 1_000_000
 KEYS = """
 scenario seed driver wall_s cpu_s
 trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,lost,steps}
-bound.position
+bound.{position,trajectory}
 processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
@@ -115,7 +115,7 @@ def test_the_document_tells_each_column_of_the_tables(tmp_path: FilePath, file: 
     if which == "messages":
         write_messages(ledger.rows, tmp_path / file)
     else:
-        write_tracks(tracks, tmp_path / file)
+        write_tracks(tracks, {}, tmp_path / file)
     columns = [[column.name, str(column.type)] for column in pq.read_schema(tmp_path / file)]
     plain = [[name, type.replace("&lt;", "<").replace("&gt;", ">")] for name, type, *_ in table(file)]
     assert plain == [[name, type.replace("element: ", "")] for name, type in columns]

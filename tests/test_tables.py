@@ -61,17 +61,17 @@ def test_a_track_reads_back(tmp_path: FilePath) -> None:
         TrackRow(1_300_000_000, NS, point(1, None), None),
         TrackRow(2_300_000_000, 2 * NS, point(2), (1.5, 2.5, 3.5, 4.5)),
     ]
-    write_tracks(rows, tmp_path / "tracks.parquet")
+    write_tracks(rows, {2: 0.75}, tmp_path / "tracks.parquet")
     first, second = pq.read_table(tmp_path / "tracks.parquet").to_pylist()
     empty = dict.fromkeys(("x", "y", "vx", "vy", "covariance", "true_x", "true_y", "true_vx", "true_vy"))
     assert first == {
         "t_s": 1.0, "step": 1, "target": "target", "tracker": "t", "status": "waiting", "reports": 0, "told_s": 1.3,
-        **empty,
+        **empty, "bound_m": None,
     }  # fmt: skip
     assert second == {
         "t_s": 2.0, "step": 2, "target": "target", "tracker": "t", "status": "tracking", "reports": 5, "told_s": 2.3,
         "x": 1.0, "y": 2.0, "vx": 3.0, "vy": 4.0, "covariance": list(COVARIANCE),
-        "true_x": 1.5, "true_y": 2.5, "true_vx": 3.5, "true_vy": 4.5,
+        "true_x": 1.5, "true_y": 2.5, "true_vx": 3.5, "true_vy": 4.5, "bound_m": 0.75,
     }  # fmt: skip
 
 
@@ -108,7 +108,7 @@ def test_a_table_without_rows_has_the_columns_of_one_with(tmp_path: FilePath, ta
     schemas = []
     for n in range(2):
         if table == "tracks":
-            write_tracks([TrackRow(1, 1, point(1), (1.0, 2.0, 3.0, 4.0))] * n, tmp_path / f"{n}")
+            write_tracks([TrackRow(1, 1, point(1), (1.0, 2.0, 3.0, 4.0))] * n, {}, tmp_path / f"{n}")
         else:
             write_messages([message(1)] * n, tmp_path / f"{n}")
         schemas.append(pq.read_schema(tmp_path / f"{n}"))

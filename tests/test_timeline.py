@@ -103,6 +103,7 @@ def test_every_part_of_the_picture_is_there(played: Played) -> None:
         "/notes",
         "/plots/clock",
         "/plots/queue",
+        "/plots/error/bound",
         "/plots/error/fix-imm-ukf",
         "/plots/error/spcpf",
         "/plots/latency",

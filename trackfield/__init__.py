@@ -9,17 +9,42 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from launcher.api import Comparison, Result, compare, open, run, study
+    from launcher.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.scenario import Scenario
 
 _HOMES: Final = {
+    "Comparison": "launcher.api",
+    "Result": "launcher.api",
     "RunFailed": "trackfield.errors",
     "Scenario": "trackfield.scenario",
     "ScenarioError": "trackfield.errors",
+    "Study": "launcher.studies",
     "TrackfieldError": "trackfield.errors",
+    "compare": "launcher.api",
+    "open": "launcher.api",
+    "run": "launcher.api",
+    "study": "launcher.api",
 }
 
-__all__ = ["RunFailed", "Scenario", "ScenarioError", "TrackfieldError"]
+__all__ = [
+    "Comparison",
+    "Result",
+    "RunFailed",
+    "Scenario",
+    "ScenarioError",
+    "Study",
+    "TrackfieldError",
+    "compare",
+    "open",
+    "run",
+    "study",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])
 
 
 def __getattr__(name: str) -> Any:

@@ -3,29 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
 from trackfield.filters.gaussian import moments
 from trackfield.filters.particles import draw, log_likelihood, propagate
-from trackfield.filters.resampling import normalised, systematic
+from trackfield.filters.resampling import due, normalised, residual, systematic
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
+
+_RESAMPLERS: Final = {"systematic": systematic, "residual": residual}
 
 
 class BootstrapState(NamedTuple):
-    """``particles`` (n, 4) of equal weight; before the first step there is only the prior."""
+    """``particles`` (n, 4) and their ``weights`` (n,), None if equal; before the first step there is only the prior."""
 
     model: Model
     prior: Gaussian
     particles: Array | None
+    weights: Array | None = None
 
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """The tracker; ``n`` particles, resampled in every step that has reports."""
+    """The tracker; ``n`` particles, resampled in every step that has reports.
+
+    With an ``ess_share`` below 1, only when their effective number is at most that share of n; until then they carry
+    weights, which the particles of the estimate do not show.
+    """
 
     n: int = 2000
+    resampling: Literal["systematic", "residual"] = "systematic"
+    ess_share: float = 1.0
 
     def init(self, prior: Gaussian, model: Model) -> BootstrapState:
         """The state of belief ``prior``; particles are drawn in the first step."""
@@ -35,12 +44,19 @@ class Bootstrap:
         self, state: BootstrapState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[BootstrapState, Estimate]:
         """Propagate, weigh by the bearings, resample; without reports propagate only."""
-        model, prior, particles = state
+        model, prior, particles, before = state
         if particles is None:
             particles = draw(prior, self.n, rng)
         particles = propagate(particles, dt, model.sigma_v, rng)
-        weights = normalised(log_likelihood(particles, reports, model.sigma_w))
+        log_weights = log_likelihood(particles, reports, model.sigma_w)
+        if before is not None:
+            with np.errstate(divide="ignore"):  # who has no weight gets none
+                log_weights = log_weights + np.log(before)
+        weights = normalised(log_weights)
         mean, covariance = moments(weights, particles)
-        if len(reports):
-            particles = particles[systematic(weights, self.n, rng)]
-        return BootstrapState(model, prior, particles), Estimate(mean, covariance, particles[:, :2])
+        if len(reports) and due(weights, self.ess_share):
+            particles = particles.take(_RESAMPLERS[self.resampling](weights, self.n, rng), axis=0)
+            kept = None
+        else:
+            kept = weights if len(reports) else before
+        return BootstrapState(model, prior, particles, kept), Estimate(mean, covariance, particles[:, :2])

@@ -15,7 +15,7 @@ from trackfield.filters.gate import CLUTTER, Indices, Story, likeliest
 from trackfield.filters.gaussian import extent, root, symmetric
 from trackfield.filters.types import Array, Gaussian, Reports, Update
 from trackfield.models import doa
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 _STEPS = 30
 _SETTLED = 1e-9  # of the prior's sd

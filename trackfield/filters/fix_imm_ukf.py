@@ -21,7 +21,7 @@ from trackfield.filters.gaussian import Motion, constant_velocity, predict
 from trackfield.filters.suspicion import Suspicion, clutter, learn
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, Update
 from trackfield.models import doa, motion
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 _QUIET, _MANOEUVRE = 0.1, 1.5
 """sd of the acceleration per axis, m/s^2."""

@@ -20,13 +20,13 @@ from trackfield.filters.gaussian import extent
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
 from trackfield.models import doa
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 S = TypeVar("S")
 
 _LOST_AT = math.log(1e6)
-_ANYWHERE_M, _SPEED_M_S = 1000.0, 10.0
-"""sd per axis of a target nobody knows: wide against any field's spacing; a vehicle in town."""
+ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
+"""Covariance of a target nobody knows: wide against any field's spacing; a vehicle in town."""
 
 
 class Followed(NamedTuple, Generic[S]):
@@ -77,8 +77,7 @@ def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
     """The belief from the bearings of one step alone, or None if their geometry does not give one."""
     if len(reports) < 2:
         return None
-    anywhere = np.diag(np.square([_ANYWHERE_M, _ANYWHERE_M, _SPEED_M_S, _SPEED_M_S]))
-    prior = Gaussian(np.append(centroid(reports), [0.0, 0.0]), anywhere)
+    prior = Gaussian(np.append(centroid(reports), [0.0, 0.0]), ANYWHERE)
     return certain_fix(prior, reports.only(agreeing(prior, reports, sigma_w).believed), sigma_w)
 
 

@@ -5,6 +5,7 @@ All functions take leading batch axes.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,15 +21,24 @@ class Motion(NamedTuple):
     Q: Array
 
 
+@lru_cache(maxsize=64)
 def constant_velocity(dt: float, sigma_v: float) -> Motion:
     """Nearly constant velocity over ``dt`` seconds, acceleration of sd ``sigma_v`` (m/s^2) per axis."""
-    return Motion(np.array(motion.transition(dt)), np.array(motion.process_noise(dt, sigma_v)))
+    return Motion(constant(motion.transition(dt)), constant(motion.process_noise(dt, sigma_v)))
+
+
+@lru_cache(maxsize=64)
+def constant(rows: motion.Rows) -> Array:
+    """A matrix of ``trackfield.models.motion`` as an array, made once and then shared: nobody can write into it."""
+    matrix = np.array(rows)
+    matrix.flags.writeable = False
+    return matrix
 
 
 def predict(belief: Gaussian, model: Motion) -> Gaussian:
     """The belief after one step of the motion: F m, F P F^T + Q."""
     F, Q = model
-    mean = np.einsum("...ij,...j->...i", F, belief.mean)
+    mean = (F @ belief.mean[..., None])[..., 0]
     return Gaussian(mean, F @ belief.covariance @ np.swapaxes(F, -1, -2) + Q)
 
 
@@ -44,10 +54,10 @@ def collapse(weights: Array, means: Array, covariances: Array) -> Gaussian:
 
 
 def moments(weights: Array, points: Array) -> Gaussian:
-    """Mean and covariance of weighted points: ``weights`` (n,) sum to 1, ``points`` (n, d)."""
-    mean = np.einsum("i,ij->j", weights, points)
-    apart = points - mean
-    return Gaussian(mean, np.einsum("i,ij,ik->jk", weights, apart, apart))
+    """Mean and covariance of weighted points: ``weights`` (..., n) sum to 1, ``points`` (..., n, d)."""
+    mean = np.einsum("...i,...ij->...j", weights, points)
+    apart = points - mean[..., None, :]
+    return Gaussian(mean, symmetric((np.swapaxes(apart, -1, -2) * weights[..., None, :]) @ apart))
 
 
 def symmetric(covariance: Array) -> Array:
@@ -72,6 +82,12 @@ def root(covariance: Array) -> Array:
     except np.linalg.LinAlgError:
         variances, axes = np.linalg.eigh(covariance)
         return np.asarray(axes * np.sqrt(np.maximum(variances, 0.0))[..., None, :])
+
+
+def log_scale(sd: Array) -> Array:
+    """Log of 2 pi sd^2, summed over K measurements of noise ``sd`` (..., K); one of infinite noise adds nothing."""
+    scale: Array = np.log(np.where(np.isinf(sd), 1.0, 2.0 * np.pi * np.square(sd))).sum(axis=-1)
+    return scale
 
 
 def log_density(points: Array, belief: Gaussian) -> Array:

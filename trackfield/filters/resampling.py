@@ -1,28 +1,75 @@
-"""Systematic resampling (Kitagawa 1996; Chopin & Papaspiliopoulos 2020, alg. 9.4)."""
+"""Resampling: systematic (Kitagawa 1996) and residual (Liu & Chen 1998), and when to do it.
+
+Chopin & Papaspiliopoulos 2020, algs. 9.3 and 9.4, and sec. 10.2 of the effective size.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from trackfield.filters.types import Array
 
+Indices = npt.NDArray[np.intp]
+Resampler = Callable[[Array, int, np.random.Generator], Indices]
+"""Indices (n,), ascending, of n draws from weights (m,)."""
 
-def systematic(weights: Array, n: int, rng: np.random.Generator) -> npt.NDArray[np.intp]:
+
+def systematic(weights: Array, n: int, rng: np.random.Generator) -> Indices:
     """Indices (n,), ascending, of ``n`` draws from ``weights`` (m,): floor or ceil of n w_i times each i.
 
     The weights need not sum to 1 exactly; what has no weight is never drawn. Raises ValueError if nothing has
     weight.
     """
-    cumulative = np.cumsum(weights)
-    total = cumulative[-1]
-    if not total > 0.0:
-        raise ValueError("cannot resample: no weight is positive")
-    points = (np.arange(n) + rng.random()) * (total / n)
-    chosen = np.searchsorted(cumulative, points, side="right")
+    return evenly(weights, n, rng.random())
+
+
+def evenly(weights: Array, n: int, u: Array | float) -> Indices:
+    """The same (..., n) of ``weights`` (..., m), with the one random number ``u`` (...,) in [0, 1) as an argument."""
+    cumulative = _cumulative(weights)
+    total = cumulative[..., -1:]
+    # the points (k + u) total / n below a sum are counted, not looked up one by one
+    below = np.ceil(cumulative * (n / total) - np.asarray(u)[..., None]).astype(np.intp)
     # rounding may lift the last point to the total itself: it belongs to the last index that has weight
-    indices: npt.NDArray[np.intp] = np.minimum(chosen, np.searchsorted(cumulative, total))
+    below[cumulative >= total] = n
+    counts = below.copy()
+    counts[..., 1:] -= below[..., :-1]
+    places = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
+    indices: Indices = np.repeat(places.ravel(), counts.ravel()).reshape(*counts.shape[:-1], n)
     return indices
+
+
+def residual(weights: Array, n: int, rng: np.random.Generator) -> Indices:
+    """Indices (n,), ascending, of ``n`` draws: floor of n w_i times each i, the rest by chance of what is left.
+
+    Weights as for ``systematic``, and the same error.
+    """
+    shares = np.asarray(weights, np.float64) * (n / _cumulative(weights)[-1])
+    copies = np.floor(shares).astype(np.intp)
+    rest = n - int(copies.sum())
+    if rest:
+        cumulative = np.cumsum(shares - copies)
+        drawn = np.searchsorted(cumulative, rng.random(rest) * cumulative[-1], side="right")
+        # rounding may lift a draw to the sum itself: it belongs to the last index that has a share
+        drawn = np.minimum(drawn, np.searchsorted(cumulative, cumulative[-1]))
+        copies += np.bincount(drawn, minlength=len(copies))
+    return np.repeat(np.arange(len(copies)), copies)
+
+
+def effective_size(weights: Array) -> Array:
+    """How many equal weights are worth as much as these (..., n): 1 / sum w^2 if they sum to 1 (Kong et al. 1994)."""
+    size: Array = np.square(weights.sum(axis=-1)) / np.square(weights).sum(axis=-1)
+    return size
+
+
+def due(weights: Array, share: float) -> bool:
+    """Whether to resample now: the effective size of the weights (n,) is at most ``share`` of n.
+
+    Until then particles may keep their weights, which spares the noise of a draw. With a ``share`` of 1 it is always.
+    """
+    return share >= 1.0 or bool(effective_size(weights) <= share * len(weights))
 
 
 def normalised(log_weights: Array) -> Array:
@@ -30,3 +77,10 @@ def normalised(log_weights: Array) -> Array:
     weights = np.exp(log_weights - log_weights.max(axis=-1, keepdims=True))
     share: Array = weights / weights.sum(axis=-1, keepdims=True)
     return share
+
+
+def _cumulative(weights: Array) -> Array:
+    cumulative = np.cumsum(weights, axis=-1, dtype=np.float64)
+    if not np.all(cumulative[..., -1] > 0.0):
+        raise ValueError("cannot resample: no weight is positive")
+    return cumulative

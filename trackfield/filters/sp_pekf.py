@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import collapse, constant_velocity, predict, symmetric
+from trackfield.filters.gaussian import constant_velocity, moments, predict, symmetric
 from trackfield.filters.resampling import normalised
 from trackfield.filters.types import Array, Gaussian, Reports
 from trackfield.models import doa
-from trackfield.models.sound import wrap
+from trackfield.models.doa import wrap
 
 
 class Fused(NamedTuple):
@@ -46,15 +46,15 @@ def advance(
     expected, R = predict(Gaussian(nominals, carried), constant_velocity(dt, sigma_v))  # eq. 18
     H = doa.jacobian(noisy, reports.positions)  # (N, K, 4), eq. 14
     RH = H @ R
-    S = np.einsum("nki,nki->nk", RH, H) + sigma_w**2
+    S = (RH * H).sum(axis=-1) + sigma_w**2
     innovation = wrap(reports.bearings - doa.measure(expected, reports.positions))  # eq. 20
     gain = RH / S[..., None]  # eq. 17
     estimates = expected[:, None, :] + gain * innovation[..., None]  # eq. 16
     log_evidence = -0.5 * (np.log(S) + np.square(innovation) / S)
     psi = normalised(log_evidence.T).T  # eq. 22, each sensor's filters among themselves
-    updated = R - gain[..., :, None] * RH[..., None, :]  # eq. 19
     # eqs. 21 and 23 per sensor and then the weighted sum over sensors have the moments of one mixture
     weights = (psi * shares).reshape(-1)
-    updated = updated.reshape(-1, 4, 4)
-    proposal = collapse(weights, estimates.reshape(-1, 4), updated)
-    return Fused(proposal, symmetric(np.einsum("m,mij->ij", weights, updated)))
+    gained = (gain.reshape(-1, 4).T * weights) @ RH.reshape(-1, 4)  # of eq. 19, R - gain RH^T
+    updated = symmetric(R - gained)
+    mean, spread = moments(weights, estimates.reshape(-1, 4))
+    return Fused(Gaussian(mean, updated + spread), updated)

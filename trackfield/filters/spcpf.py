@@ -82,7 +82,7 @@ class SpCpf:
             log_weights += log_density(particles, prior) - log_density(particles, fused.proposal)
         weights = normalised(log_weights)
         posterior = _posterior(weights, particles, fused.proposal)
-        particles = particles[systematic(weights, self.particles, rng)]
+        particles = particles.take(systematic(weights, self.particles, rng), axis=0)
         return SpCpfState(model, posterior, fused.carried, particles), Estimate(*posterior, particles[:, :2])
 
     def _coast(

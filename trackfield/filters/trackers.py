@@ -9,12 +9,22 @@ from typing import Any, Final
 
 from trackfield.errors import ScenarioError
 from trackfield.filters.bootstrap import Bootstrap
+from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.fix_imm_ukf import FixImmUkf
+from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
 
 TRACKERS: Final[Mapping[str, Callable[..., Tracker[Any]]]] = MappingProxyType(
-    {"spcpf": SpCpf, "fix-imm-ukf": FixImmUkf, "bootstrap": Bootstrap}
+    {
+        "fix-imm-ukf": FixImmUkf,
+        "spcpf": SpCpf,
+        "bootstrap": Bootstrap,
+        "fix-doa": FixDoa,
+        "ekf": Ekf,
+        "ukf": Ukf,
+        "predict-only": PredictOnly,
+    }
 )
 
 

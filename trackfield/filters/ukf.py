@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import root, symmetric
+from trackfield.filters.gaussian import log_scale, root, symmetric
 from trackfield.filters.types import Array, Gaussian, Update
 
 _KAPPA = 1.0
@@ -51,10 +51,11 @@ def _same(difference: Array) -> Array:
 
 
 def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Update:
-    """Take in measurements ``z`` (K,) of independent noise ``sd`` (scalar or (K,)).
+    """Take in measurements ``z`` (..., K) of independent noise ``sd`` (scalar or (..., K)).
 
-    ``measure`` maps states (..., n) to measurements (..., K); ``residual`` maps their differences into the
-    range where they mean something (for angles, to [-pi, pi)). ``prior`` may have leading batch axes.
+    ``measure`` maps sigma points (..., 2n+1, n) to measurements (..., 2n+1, K); ``residual`` maps their
+    differences into the range where they mean something (for angles, to [-pi, pi)). ``prior`` may have leading
+    batch axes. A measurement of infinite ``sd`` is none, so steps with fewer reports fit into one array.
     """
     ensemble = _ensemble(prior, z, sd, measure, residual)
     A, B, innovation = ensemble
@@ -64,8 +65,8 @@ def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual:
     moved = np.swapaxes(B, -1, -2) @ solved
     posterior = Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:]))
     nis = np.square(innovation).sum(axis=-1) - np.einsum("...p,...p->...", shadow, solved[..., 0])
-    scale = np.broadcast_to(np.log(2.0 * np.pi * np.square(sd)), z.shape).sum()
-    return Update(posterior, -0.5 * (nis + np.linalg.slogdet(precision)[1] + scale))
+    log_evidence = -0.5 * (nis + np.linalg.slogdet(precision)[1] + log_scale(np.broadcast_to(sd, z.shape)))
+    return Update(posterior, log_evidence)
 
 
 def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Array:
@@ -91,6 +92,7 @@ def _ensemble(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residu
     predicted = measure(points)
     around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
     centre = np.einsum("p,...pk->...k", weights, around)
-    A = share * (around - centre[..., None, :]) / sd
+    sd = np.broadcast_to(sd, z.shape)
+    A = share * (around - centre[..., None, :]) / sd[..., None, :]
     B = share * (points - prior.mean[..., None, :])
     return _Ensemble(A, B, residual(z - predicted[..., 0, :] - centre) / sd)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from math import ceil, floor
+from math import ceil, cos, floor, sin
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -12,10 +12,12 @@ import numpy as np
 
 from trackfield.draw import normal, uniform
 from trackfield.errors import ScenarioError
+from trackfield.models.sound import bearing
 from trackfield.scenario.places import Place, Point, read_places
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sections import (
     AlongPath,
+    Beside,
     FromFile,
     Grid,
     Jittered,
@@ -50,6 +52,8 @@ def layout(scenario: Scenario, path: Path) -> tuple[list[Place], Point | None]:
             points = _ring(field)
         case AlongPath():
             points = _along(field, path)
+        case Beside():
+            points = _beside(field, path)
         case _:
             points = _grid(field)
     places = [(id, x, y) for id, (x, y) in zip(_ids(len(points)), points.tolist(), strict=True)]
@@ -134,6 +138,14 @@ def _along(field: AlongPath, path: Path) -> Array:
             expected=f"more than half the spacing of {field.spacing_m:g} m",
         )
     return points[np.lexsort(points.T)]  # by y, then x
+
+
+def _beside(field: Beside, path: Path) -> Array:
+    """(1, 2) the place to the right of the path's middle; of one that ends where it began, as if it led north."""
+    half_s = (path.start_s + path.end_s) / 2
+    middle = path.clip(half_s, half_s)
+    heading = bearing(path.x[-1] - path.x[0], path.y[-1] - path.y[0])
+    return np.array([[middle.x[0] + field.distance_m * cos(heading), middle.y[0] - field.distance_m * sin(heading)]])
 
 
 def _near(path: Path, spacing: float, within: float) -> tuple[Array, Array]:

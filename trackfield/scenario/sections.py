@@ -89,6 +89,20 @@ class AlongPath(_Spaced):
     within_m: Positive = Field(default=150.0, description="how near the path has to come")
 
 
+class Beside(Section):
+    """A single sensor, far beside the target's path: a radar beside a flight."""
+
+    layout: Literal["beside"] = Field(
+        default="beside", description="a single sensor, to the right of the middle of the target's path"
+    )
+    distance_m: float = Field(
+        default=15_000.0,
+        gt=0,
+        le=1e7,
+        description="from where the target is at half time, square to the straight line from begin to end",
+    )
+
+
 class Surveyed(Section):
     """Sensors where a file says."""
 
@@ -313,7 +327,9 @@ class Contents(Section):
     restart: Literal["never", "on-death"] = Field(
         default="never", description="what becomes of a process that dies unplanned: nothing, or it is started again"
     )
-    field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Surveyed, Field(discriminator="layout")] = Grid()
+    field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Beside | Surveyed, Field(discriminator="layout")] = (
+        Grid()
+    )
     sensor: Sensor = Sensor()
     target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
     link: Annotated[Link, Field(discriminator="model")] = Ideal()

@@ -1,0 +1,168 @@
+"""The Python API: what ``import trackfield as tf`` offers beside scenarios and errors (docs/python.md)."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, Literal, get_args
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from launcher.compare import check_runs, side_by_side
+from launcher.measures import RunFigures
+from launcher.prepare import checked, keep, planned
+from launcher.result import METRICS
+from launcher.run import Outcome, prepare_folder, run_processes, run_virtual
+from launcher.show import Quiet
+from launcher.studies import Study, figures_table
+from launcher.studies import study as run_study
+from trackfield.errors import RunFailed, ScenarioError
+from trackfield.scenario import Scenario
+from trackfield.scenario.nearest import suggestion
+
+Driver = Literal["virtual", "processes"]
+Folder = str | Path
+_WIDTH: Final = 160
+"""Columns of text that a comparison may take."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A finished run in its folder, ``path``; its parts are read when they are asked for (docs/metrics.md)."""
+
+    path: Path
+
+    @cached_property
+    def metrics(self) -> RunFigures:
+        """The figures of metrics.json, by its keys. Raises ``ScenarioError`` if there are not all of them."""
+        file = self.path / METRICS
+        return RunFigures.of(json.loads(file.read_text()), str(file))
+
+    @cached_property
+    def tracks(self) -> pa.Table:
+        """tracks.parquet: a row for each tracker, target and step."""
+        return pq.read_table(self.path / "tracks.parquet")
+
+    @cached_property
+    def messages(self) -> pa.Table:
+        """messages.parquet: a row for each frame and hearer."""
+        return pq.read_table(self.path / "messages.parquet")
+
+    def view(self, *, web: bool = False) -> None:
+        """Open the timeline in the viewer, or in a browser, and wait until it is closed."""
+        from launcher.view import open_viewer
+
+        open_viewer(self.path, web)
+
+
+class Comparison:
+    """Runs side by side: printed as text; as ``table``, a row for each run and tracker as in a study's."""
+
+    def __init__(self, runs: Sequence[Result]) -> None:
+        self.runs = tuple(runs)
+
+    @cached_property
+    def table(self) -> pa.Table:
+        """A row for each run and tracker; ``path`` says which run it is."""
+        table = figures_table(run.metrics for run in self.runs)
+        paths = [str(run.path) for run in self.runs for _ in run.metrics.trackers]
+        return table.add_column(0, "path", pa.array(paths, pa.string()))
+
+    def __repr__(self) -> str:
+        from rich.console import Console
+
+        console = Console(width=_WIDTH, markup=False, emoji=False)
+        with console.capture() as text:
+            console.print(side_by_side([run.path for run in self.runs]))
+        return text.get()
+
+
+def run(
+    scenario: Scenario,
+    *,
+    seed: int | None = None,
+    driver: Driver = "virtual",
+    speed: float = 1.0,
+    out: Folder | None = None,
+) -> Result:
+    """Run a scenario and leave a run folder, ``out`` or ``runs/<scenario>-<seed>-<date and time>``.
+
+    ``seed`` decides every random draw (None: the scenario's own); ``speed`` is emulated seconds per second of a run
+    over processes. Needs no ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
+    ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
+    folder all the same. Ctrl-C ends the run early, leaves a whole folder, and is raised afterwards.
+    """
+    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("spcpf")')
+    if driver not in get_args(Driver):
+        what = f"is {driver!r}{suggestion(str(driver), get_args(Driver))}"
+        raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
+    with _arguments():
+        chosen = checked(scenario, seed)
+        plan = planned(chosen, speed)
+        folder = prepare_folder(None if out is None else Path(out), chosen.name, chosen.seed)
+    keep(chosen, folder)
+    again = ["trackfield", "run", str(folder / "scenario.toml")]
+    if driver == "virtual":
+        return _finished(run_virtual(plan, folder, [*again, "--virtual"]))
+    return _finished(run_processes(plan, folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
+
+
+def study(scenario: Scenario, seeds: Iterable[int], *, n_jobs: int = -1, out: Folder | None = None) -> Study:
+    """Run a scenario in virtual time with each of these seeds, on so many cores (-1: all), without run folders.
+
+    The figures are those of single runs. ``out`` is a folder for the tables and the median run.
+    ``joblib.parallel_config`` chooses other machinery, like a Dask cluster. A terminal shows progress. Raises
+    ``ScenarioError``.
+    """
+    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("spcpf")')
+    with _arguments():
+        return run_study(scenario, seeds, n_jobs, None if out is None else Path(out))
+
+
+def open(folder: Folder) -> Result:
+    """The result in a run folder. Raises ``ScenarioError`` if it is not that of a finished run."""
+    check_runs([Path(folder)])
+    return Result(Path(folder))
+
+
+def compare(runs: Iterable[Result | Folder]) -> Comparison:
+    """Runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two or more finished ones."""
+    found = [one if isinstance(one, Result) else open(one) for one in runs]
+    if len(found) < 2:
+        raise ScenarioError(f"there are {len(found)}", key="runs", expected="two runs or more")
+    return Comparison(found)
+
+
+def _finished(outcome: Outcome) -> Result:
+    if outcome.complaints:
+        died = outcome.metrics["processes"]["died"]
+        process = died[0]["id"] if died else ""
+        log = str(outcome.folder / "logs" / f"{process}.log") if process else ""
+        said = "\n".join([*outcome.complaints, f"what there is of the run is in {outcome.folder}"])
+        raise RunFailed(said, process=process, log=log)
+    if outcome.signal is not None:
+        signal.raise_signal(outcome.signal)
+    return Result(outcome.folder)
+
+
+def _check(name: str, value: object, kind: type[Any], expected: str) -> None:
+    if not isinstance(value, kind):
+        raise ScenarioError(f"is {value!r}", key=name, expected=expected)
+
+
+@contextmanager
+def _arguments() -> Iterator[None]:
+    """Errors name what was given here as the arguments that they are, not as the options of the command line."""
+    try:
+        yield
+    except ScenarioError as error:
+        if not error.key.startswith("--"):
+            raise
+        key = error.key.removeprefix("--")
+        raise ScenarioError(error.what, file=error.file, key=key, expected=error.expected) from None

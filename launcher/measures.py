@@ -1,0 +1,250 @@
+"""The figures of a run with types: metrics.json as frozen objects, its keys as attributes (docs/metrics.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from trackfield.errors import ScenarioError
+
+
+class _Figures(BaseModel):
+    """Figures that belong together; what a later version adds is left out."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Rmse(_Figures):
+    """Root mean square errors in m (velocity: m/s)."""
+
+    x: float | None
+    y: float | None
+    position: float | None
+    velocity: float | None
+
+
+class TrackerFigures(_Figures):
+    """How well one tracker did."""
+
+    rmse: Rmse
+    median_error: float | None
+    nees: float | None
+    nees_band: tuple[float, float] | None = None
+    lost: bool
+    steps: int
+
+
+class Bound(_Figures):
+    """The error (m) that no tracker can beat."""
+
+    position: float | None
+    trajectory: float | None = None
+
+
+class Death(_Figures):
+    """A process that died unplanned; ``t`` in emulated s, None before the start."""
+
+    id: str
+    host: str
+    why: str
+    t: float | None
+
+
+class Stop(_Figures):
+    """A process that was stopped from outside at ``t``, for ``s`` (emulated s; None: it never went on)."""
+
+    id: str
+    host: str
+    t: float | None
+    s: float | None
+
+
+class Processes(_Figures):
+    """The processes of the run."""
+
+    started: int
+    ready_s: float | None
+    died: tuple[Death, ...]
+    stopped: tuple[Stop, ...]
+    pss_mb_per_node: float | None
+
+
+class Lost(_Figures):
+    """Frames that did not reach their hearer, by cause."""
+
+    radio: int
+    partition: int
+    in_flight: int
+    asleep: int
+    frozen: int
+    dead: int
+    overflow: int
+
+
+class Kind(_Figures):
+    """The frames of one kind of message."""
+
+    sent: int
+    payload_bytes_max: int
+
+
+class Frames(_Figures):
+    """What became of the frames; ``by_kind`` by the name of the message."""
+
+    sent: int
+    expected: int
+    delivered: int
+    late: int
+    duplicate: int
+    ignored: int
+    lost: Lost
+    host_lost: int
+    by_kind: Mapping[str, Kind]
+
+
+class Bytes(_Figures):
+    """Payloads, and what senders put on the air."""
+
+    payload: int
+    on_air: int | None
+
+
+class Quantiles(_Figures):
+    """Of a time in ms, emulated."""
+
+    p50: float | None
+    p95: float | None
+    p99: float | None
+    max: float | None
+
+
+class Latencies(_Figures):
+    """Emulated times in ms: on the link, from sending to fusion, from an instant to the track of it."""
+
+    link: Quantiles
+    to_filter: Quantiles
+    to_track: Quantiles
+
+
+class HostQuantiles(_Figures):
+    """Of a time in ms, on this machine."""
+
+    p50: float | None
+    p99: float | None
+
+
+class Timing(_Figures):
+    """How this machine kept pace."""
+
+    speed: float | None
+    slip_ms: HostQuantiles
+    inversions: int
+    host_late: int
+
+
+class EnergyByCause(_Figures):
+    """Energy in J."""
+
+    send: float | None
+    receive: float | None
+    listen: float | None
+    sleep: float | None
+    sense: float | None
+
+
+class Energy(_Figures):
+    """Energy of the sensor nodes in J; ``by_accounting`` by the name of the accounting."""
+
+    total: float | None
+    max_node: float | None
+    by: EnergyByCause
+    by_accounting: Mapping[str, float | None]
+
+
+class Lifetime(_Figures):
+    """Until when batteries last, emulated s."""
+
+    first_death: float | None
+    half_dead: float | None
+    coverage_lost: float | None
+    extrapolated: bool | None
+
+
+class ClockError(_Figures):
+    """How far senders' clocks were off, ms."""
+
+    rms: float | None
+    max: float | None
+
+
+class Recorder(_Figures):
+    """What the recorder received, and what never reached it."""
+
+    messages: int
+    dropped: int
+
+
+class RunFigures(_Figures):
+    """All of metrics.json; ``trackers`` by their names."""
+
+    scenario: str
+    seed: int
+    driver: Literal["processes", "virtual", "replay"]
+    wall_s: float
+    cpu_s: float
+    trackers: Mapping[str, TrackerFigures]
+    bound: Bound
+    processes: Processes
+    frames: Frames
+    bytes: Bytes
+    latency_ms: Latencies
+    host_latency_ms: HostQuantiles
+    timing: Timing
+    energy_j: Energy
+    lifetime_s: Lifetime
+    clock_error_ms: ClockError
+    recorder: Recorder
+
+    @classmethod
+    def of(cls, metrics: Mapping[str, Any], file: str = "") -> Self:
+        """From what is in metrics.json. Raises ``ScenarioError`` if figures are missing."""
+        try:
+            return cls.model_validate(metrics)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key, what = ".".join(map(str, first["loc"])), "is missing"
+            if first["type"] != "missing":
+                what = f"is {first['input']!r}"
+            expected = "the figures of a run whose recorder lived to its end, by this version"
+            raise ScenarioError(what, file=file, key=key, expected=expected) from None
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """A row for each tracker: its figures and those of the run that ``OF_RUN`` names, by their keys."""
+        flat = dict(_flat(self.model_dump(exclude={"trackers"})))
+        run = {key: flat[key] for key in OF_RUN}
+        for name, tracker in self.trackers.items():
+            yield {"seed": self.seed, "tracker": name, **dict(_flat(tracker.model_dump())), **run}
+
+
+OF_RUN: Final = (
+    "bound.position",
+    "bound.trajectory",
+    "frames.sent",
+    "frames.expected",
+    "frames.delivered",
+    "frames.late",
+    "bytes.payload",
+    "bytes.on_air",
+    "energy_j.total",
+)
+"""Figures of the whole run that stand in the table of a study, the same for all its trackers."""
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{name}.")
+        else:
+            yield before + name, value

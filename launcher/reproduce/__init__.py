@@ -1,0 +1,1 @@
+"""Published results, done again: ``trackfield reproduce PAPER``."""

@@ -1,0 +1,119 @@
+"""What is run to reproduce Zhai, Yeary, Havlicek & Fan (2009): fields, targets, and trackers side by side.
+
+All trackers of a case get the same reports. The link is ideal, as the paper leaves the radio out; messages pass
+through their encoded bytes all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Final
+
+from trackfield.filters.trackers import TRACKERS
+from trackfield.scenario import Scenario
+
+Options = Mapping[str, Any]
+
+NOMINALS: Final = (1, 2, 5, 10, 15, 20, 30, 40)
+"""The sweep of N, filters in the bank; 15 is SP-CPF's own."""
+PARTICLES: Final = (25, 50, 100, 200, 400, 1000, 2000)
+"""The sweep of Ns; 200 is SP-CPF's own."""
+MAIN: Final = ("spcpf", "bootstrap", "fix-imm-ukf")
+ALL: Final = (*MAIN, "ekf", "ukf", "fix-doa", "predict-only")
+
+
+def nominals(n: int) -> str:
+    """The tracker's name in the sweep of N."""
+    return "spcpf" if n == 15 else f"spcpf-n{n}"
+
+
+def particles(n: int) -> str:
+    """The tracker's name in the sweep of Ns."""
+    return "spcpf" if n == 200 else f"spcpf-ns{n}"
+
+
+SWEEPS: Final[Mapping[str, Options]] = {
+    **{nominals(n): {"tracker": "spcpf", "nominals": n} for n in NOMINALS if n != 15},
+    **{particles(n): {"tracker": "spcpf", "particles": n} for n in PARTICLES if n != 200},
+    "bootstrap-200": {"tracker": "bootstrap", "n": 200},
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One field, one target, and the trackers on it; ``trackers`` maps their names to their options.
+
+    ``settings`` are dotted keys over the packaged scenario ``spcpf``, or over ``base`` where there is one.
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    trackers: Mapping[str, Options]
+    base: str | Mapping[str, Any] = "spcpf"
+    of_paper: bool = field(default=True, kw_only=True)
+    """Whether the paper has this case; the others ask what its figures are due to."""
+
+    def scenario(self, seed: int, only: Collection[str] | None = None) -> Scenario:
+        """The scenario of one run, with all trackers or ``only`` some; each gets the same random draws either way."""
+        chosen = {name: options for name, options in self.trackers.items() if only is None or name in only}
+        overrides = {
+            "seed": seed,
+            **self.settings,
+            "fusion.options": {name: options for name, options in chosen.items() if options},
+            "fusion.trackers": list(chosen),
+        }
+        return Scenario.load(self.base, overrides, known_trackers=TRACKERS)
+
+
+def _plain(*names: str) -> dict[str, Options]:
+    return {name: {} for name in names}
+
+
+def _acoustic(name: str, path: str, threshold: float, trackers: Mapping[str, Options], **more: Any) -> Case:
+    settings = {
+        "link.model": "ideal",
+        "energy.device": "cc2420-20dbm",
+        "fusion.prior": "paper",
+        "target.path": path,
+        "sensor.threshold": threshold,
+        **{f"fusion.{key}": value for key, value in more.items()},
+    }
+    return Case(name, settings, trackers, of_paper=not more)
+
+
+RADAR: Final[Mapping[str, Any]] = {
+    "name": "radar",
+    "field": {"layout": "grid", "extent_m": 0.0},
+    "sensor": {"threshold": 0.0, "doa_sd_deg": 0.2},
+    "target": {"path": "waypoints", "waypoints": [[0, -9000, 12000], [240, 9000, 9600]], "step_s": 4.0},
+    "fusion": {"prior": "paper", "prior_sd": [100.0, 100.0, 2.0, 2.0], "sigma_v": 0.05},
+}
+"""One sensor at (0, 0), a bearing every 4 s, an aircraft at (75, -10) m/s past it in a straight line."""
+
+
+def _cases() -> list[Case]:
+    rival = _plain("spcpf", "bootstrap")
+    return [
+        _acoustic("s1", "s1", 0.75, {**_plain(*ALL), **SWEEPS}),
+        _acoustic("s1-72", "s1", 0.72, _plain(*MAIN)),
+        _acoustic("s1-78", "s1", 0.78, _plain(*MAIN)),
+        _acoustic("s1-79", "s1", 0.79, _plain("spcpf")),
+        *(_acoustic(path, path, 0.75, _plain(*ALL)) for path in ("s2", "s3")),
+        *(_acoustic(f"{path}-78", path, 0.78, _plain("spcpf", "fix-imm-ukf")) for path in ("s2", "s3")),
+        _acoustic("s1-narrow", "s1", 0.75, rival, prior_sd=[2.0, 2.0, 0.4, 0.4]),
+        *(_acoustic(f"{path}-agile", path, 0.75, rival, sigma_v=1.5) for path in ("s2", "s3")),
+        Case(
+            "radar",
+            {},
+            {
+                **_plain("predict-only", "ekf", "ukf", "bootstrap", "spcpf"),
+                # "spcpf-paper": {"tracker": "spcpf", "single": "paper"},
+            },
+            RADAR,
+        ),
+    ]
+
+
+CASES: Final[Mapping[str, Case]] = MappingProxyType({case.name: case for case in _cases()})

@@ -1,0 +1,146 @@
+"""``trackfield reproduce``: the paper's runs, its tables and figures, and what became of its claims."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from launcher.reproduce.cases import CASES, Case
+from launcher.reproduce.claims import claims
+from launcher.reproduce.figures import draw
+from launcher.reproduce.files import write_run, write_tables
+from launcher.reproduce.report import markdown
+from launcher.reproduce.scores import Results, scored
+from launcher.reproduce.store import RESULTS, Store, code_digest
+from launcher.reproduce.timing import cpu_times
+from launcher.reproduce.zhai import tables
+from launcher.result import write_json
+from launcher.show import PLAIN_EVERY_S, console
+from trackfield.errors import ScenarioError
+from trackfield.scenario.nearest import suggestion
+
+PAPERS: Final = ("zhai",)
+TIMED: Final = ("spcpf", "bootstrap", "fix-imm-ukf", "ekf", "ukf", "fix-doa")
+FIGURES: Final = "figures"
+INTERRUPTED: Final = 130
+
+
+@dataclass(frozen=True)
+class Study:
+    """A finished one: its folder, what results.json and report.md hold."""
+
+    folder: Path
+    summary: Mapping[str, Any]
+    report: str
+
+    def shown(self, *, as_json: bool) -> str:
+        """What goes to stdout."""
+        return json.dumps(self.summary, indent=2) + "\n" if as_json else self.report
+
+
+def reproduce(paper: str, runs: int, out: Path | None) -> Study:
+    """Do the study, or what is missing of it, and write tables, figures and one run below ``out``.
+
+    Raises ``ScenarioError`` for an unknown paper, for less than one run, and for a
+    folder with something else in it; ``typer.Exit`` with 130 when it is interrupted.
+    """
+    if paper not in PAPERS:
+        what = f"unknown paper {paper!r}{suggestion(paper, PAPERS)}"
+        raise ScenarioError(what, key="PAPER", expected=f"one of {', '.join(PAPERS)}")
+    if runs < 1:
+        raise ScenarioError(f"is {runs}", key="--runs", expected="1 or more")
+    folder = _folder(out or Path("runs") / f"reproduce-{paper}")
+    cases, seeds = list(CASES.values()), range(1, runs + 1)
+    store = Store(folder, cases)
+    try:
+        _fill(store, seeds)
+        return _conclude(store, cases, seeds)
+    except KeyboardInterrupt:
+        left = len(store.missing(seeds))
+        console.print(f"[yellow]interrupted[/]: {left} of {runs * len(cases)} runs are left; the same command goes on")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _folder(folder: Path) -> Path:
+    """A folder for the study: new, empty, or one of an earlier study."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()) and not (folder / RESULTS).is_dir():
+            expected = "an empty or new one, or that of an earlier study"
+            raise ScenarioError("the folder has something in it", file=str(folder), key="--out", expected=expected)
+        (folder / RESULTS).mkdir(exist_ok=True)
+    except OSError as error:
+        what = f"cannot write there ({error.strerror})"
+        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None
+    return folder
+
+
+def _fill(store: Store, seeds: Sequence[int]) -> None:
+    missing = store.missing(seeds)
+    there = len(seeds) * len(store.cases) - len(missing)
+    if there:
+        console.print(f"{there} of {there + len(missing)} runs are there from before")
+    if missing:
+        with _progress(len(missing)) as advance:
+            for _ in store.fill(missing):
+                advance()
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Any]:
+    """A bar where there is a terminal, a line now and then elsewhere."""
+    if console.is_terminal:
+        columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task("runs", total=total)
+            yield lambda: bar.advance(task)
+        return
+    done, said = 0, time.monotonic()
+
+    def advance() -> None:
+        nonlocal done, said
+        done += 1
+        if time.monotonic() - said >= PLAIN_EVERY_S:
+            said = time.monotonic()
+            console.print(f"{done} of {total} runs")
+
+    console.print(f"{total} runs ...")
+    yield advance
+
+
+def _conclude(store: Store, cases: Sequence[Case], seeds: Sequence[int]) -> Study:
+    records = {case.name: store.records(case.name, seeds) for case in cases}
+    found = {case.name: scored(case, records[case.name]) for case in cases}
+    results = Results(
+        len(seeds),
+        {name: scores for name, (scores, _) in found.items()},
+        {name: field for name, (_, field) in found.items()},
+        cpu_times(CASES["s1"], TIMED),
+    )
+    summary = {
+        "paper": "zhai",
+        "command": sys.argv,
+        "code": code_digest(),
+        **results.plain(),
+        "tables": {name: [asdict(row) for row in rows] for name, rows in tables(results).items()},
+        "claims": [asdict(claim) for claim in claims(results)],
+    }
+    report = markdown(results)
+    write_tables(store.folder, records)
+    seeds_shown = draw(store.folder / FIGURES, records, results)
+    run = write_run(store.folder, seeds_shown["s1"])
+    write_json(summary, store.folder / "results.json")
+    (store.folder / "report.md").write_text(report, encoding="utf-8")
+    folder = str(store.folder)
+    console.print(Text(f"study: {folder} (report.md, results.json, figures)\nnext: trackfield view {run}"))
+    return Study(store.folder, summary, report)

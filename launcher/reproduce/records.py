@@ -1,0 +1,66 @@
+"""One run of a case in figures, as it is stored."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from launcher.bounds import run_bound
+from launcher.metrics import run_metrics
+from launcher.prepare import planned
+from launcher.reproduce.cases import Case
+from launcher.virtually import simulate
+from trackfield.filters.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """A run of T steps with V trackers, and what its network did.
+
+    ``errors`` (V, T, 4) are estimate minus truth (m, m/s; nan where there is no track), ``reports`` (T,) counts the
+    reports fused in each step, ``bound`` (T,) is the least sd of the position (m; nan where unknown).
+    ``network`` is frames sent, bytes of their payloads, and energy of all nodes for sending and in total (J).
+    """
+
+    errors: Array
+    reports: npt.NDArray[np.int64]
+    bound: Array
+    network: Array
+
+    def save(self, file: Path) -> None:
+        """Write it, whole or not at all."""
+        file.parent.mkdir(parents=True, exist_ok=True)
+        part = file.with_suffix(f".{os.getpid()}.part")
+        with part.open("wb") as stream:
+            np.savez(stream, errors=self.errors, reports=self.reports, bound=self.bound, network=self.network)
+        part.replace(file)
+
+    @classmethod
+    def load(cls, file: Path) -> Record:
+        """What ``save`` wrote."""
+        with np.load(file) as stored:
+            return cls(stored["errors"], stored["reports"], stored["bound"], stored["network"])
+
+
+def measure(case: Case, seed: int) -> Record:
+    """Run it in virtual time."""
+    plan = planned(case.scenario(seed))
+    ledger, tracks = simulate(plan)
+    steps = max(row.point.step for row in tracks)
+    places = {name: i for i, name in enumerate(case.trackers)}
+    errors = np.full((len(places), steps, 4), np.nan)
+    reports = np.zeros(steps, np.int64)
+    for row in tracks:
+        reports[row.point.step - 1] = row.point.reports
+        if row.point.mean and row.truth:
+            errors[places[row.point.tracker], row.point.step - 1] = np.subtract(row.point.mean, row.truth)
+    metrics = run_metrics(plan, ledger, tracks)
+    energy = metrics["energy_j"]
+    network = [metrics["frames"]["sent"], metrics["bytes"]["payload"], energy["by"]["send"], energy["total"]]
+    bounds = run_bound(plan, ledger.rows)
+    bound = np.array([bounds.get(step, np.nan) for step in range(1, steps + 1)])
+    return Record(errors, reports, bound, np.array(network, float))

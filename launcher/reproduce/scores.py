@@ -1,0 +1,126 @@
+"""Figures over all runs of a case: the paper's indices, and those that say whether to trust them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from launcher.reproduce.cases import Case
+from launcher.reproduce.records import Record
+from trackfield.filters import metrics
+from trackfield.filters.types import Array
+
+
+@dataclass(frozen=True)
+class Score:
+    """One tracker in one case, over runs and steps 1 to T; metres.
+
+    ``mean_x``, ``var_x``, ``mean_y``, ``var_y``: mean and variance over the steps of RMSE(t), the root mean square over
+    the runs of the error at step t (Table I). ``median_x``, ``median_y``: RMSE over the steps, of the median run.
+    ``position`` pools the distance over runs and steps, ``median_run`` is its RMSE over the steps, of the median run.
+    ``lost`` is the share of the runs that end more than 50 m off, ``largest`` the largest error of any step.
+    """
+
+    mean_x: float
+    var_x: float
+    median_x: float
+    mean_y: float
+    var_y: float
+    median_y: float
+    position: float
+    median_run: float
+    lost: float
+    largest: float
+
+    @classmethod
+    def of(cls, errors: Array) -> Score:
+        """The score of errors (R, T, 4). A step without a track counts in none of the means."""
+        over_time = rmse_over_time(errors)
+        places = errors[..., :2]
+        squared = np.square(places).sum(axis=-1)
+        lost = metrics.lost(places) | np.isnan(places[:, -1]).any(axis=-1)
+        (mean_x, mean_y), (var_x, var_y) = (f(over_time[:, :2], axis=0).tolist() for f in (np.nanmean, np.nanvar))
+        median_x, median_y = np.median(np.sqrt(np.nanmean(np.square(places), axis=1)), axis=0).tolist()
+        return cls(
+            mean_x,
+            var_x,
+            median_x,
+            mean_y,
+            var_y,
+            median_y,
+            float(np.sqrt(np.nanmean(squared))),
+            float(np.median(np.sqrt(np.nanmean(squared, axis=1)))),
+            float(lost.mean()),
+            float(np.sqrt(np.nanmax(squared))),
+        )
+
+
+def rmse_over_time(errors: Array) -> Array:
+    """RMSE(t) (T, d) over the runs of errors (R, T, d)."""
+    rmse: Array = np.sqrt(np.nanmean(np.square(errors), axis=0))
+    return rmse
+
+
+@dataclass(frozen=True)
+class Field:
+    """What the network of a case did in a run, on average.
+
+    ``active`` sensors report in a step, in a share ``silent`` of the steps none does, in a share ``few`` one or two.
+    ``frames`` and ``payload_bytes`` were sent for ``send_j`` of radio energy, out of ``total_j`` that all nodes spent.
+    ``bound`` is the least position error that the bearings allow (m), pooled like ``Score.position``.
+    """
+
+    active: float
+    silent: float
+    few: float
+    frames: float
+    payload_bytes: float
+    send_j: float
+    total_j: float
+    bound: float | None
+
+
+@dataclass(frozen=True)
+class Results:
+    """All figures of a study: by case and tracker, by case; ``times`` is CPU time of a run of s1 by tracker (s)."""
+
+    runs: int
+    scores: Mapping[str, Mapping[str, Score]]
+    fields: Mapping[str, Field]
+    times: Mapping[str, float]
+
+    def plain(self) -> dict[str, Any]:
+        """Dicts and numbers, for a file."""
+        return asdict(self)
+
+    @classmethod
+    def of_plain(cls, plain: Mapping[str, Any]) -> Self:
+        """The inverse of ``plain``."""
+        scores = {case: {name: Score(**one) for name, one in some.items()} for case, some in plain["scores"].items()}
+        fields = {case: Field(**one) for case, one in plain["fields"].items()}
+        return cls(plain["runs"], scores, fields, plain["times"])
+
+
+def scored(case: Case, records: Sequence[Record]) -> tuple[dict[str, Score], Field]:
+    """The scores of a case's trackers, and what its network did."""
+    errors = np.stack([record.errors for record in records], axis=1)  # tracker, run, step, state
+    return {name: Score.of(errors[i]) for i, name in enumerate(case.trackers)}, _field(records)
+
+
+def _field(records: Sequence[Record]) -> Field:
+    reports = np.stack([record.reports for record in records])
+    bounds = np.stack([record.bound for record in records])
+    frames, payload, send, total = np.mean([record.network for record in records], axis=0).tolist()
+    return Field(
+        float(reports.mean()),
+        float((reports == 0).mean()),
+        float(((reports == 1) | (reports == 2)).mean()),
+        frames,
+        payload,
+        send,
+        total,
+        None if np.isnan(bounds).all() else float(np.sqrt(np.nanmean(np.square(bounds)))),
+    )

@@ -1,0 +1,126 @@
+"""The bound of a run: whose reports count, from when on, with how much motion, and that it is drawn and written."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+from pathlib import Path as FilePath
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from launcher.bounds import bound_metrics, came, run_bound, scenario_bound
+from launcher.ledger import Ledger
+from launcher.metrics import run_metrics, tracker_metrics
+from launcher.records import MessageRow, Plan
+from launcher.run import run_virtual
+from tests import kalman
+from tests.rrd import read
+from tests.simulated import simulated, spcpf
+from trackfield.filters.types import Gaussian
+from trackfield.models import doa
+from trackfield.role import NS
+
+STRAIGHT = ["target.path=waypoints", "target.waypoints=[[0, 60, 60], [20, 160, 160]]", "target.steps=20"]
+
+
+def report(src: str, step: int, outcome: str = "delivered", *, after_ms: int = 10) -> MessageRow:
+    due = step * NS + after_ms * 1_000_000
+    return MessageRow("doa", src, "fusion", "field", step * NS, due, outcome, 16, bearing_deg=1.0, step=step)
+
+
+def test_reports_count_that_came_in_time_or_young_enough_to_be_taken_in() -> None:
+    rows = [
+        report("n000", 1),
+        report("n001", 1, "late", after_ms=1400),
+        report("n002", 1, "late", after_ms=1600),
+        report("n003", 1, "radio"),
+        report("n004", 1, "ignored"),
+        replace(report("n005", 1), step=None),
+        report("n006", 2),
+    ]
+    assert came(spcpf(1), rows) == {1: {"n000"}, 2: {"n006"}}
+    assert came(spcpf(1, ["fusion.max_age_s=1.5"]), rows) == {1: {"n000", "n001"}, 2: {"n006"}}
+
+
+def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_truth() -> None:
+    """Reports of two sensors in the first five steps; the target does not accelerate, and tells so."""
+    plan = spcpf(1, STRAIGHT)
+    rows = [report(src, step) for step in range(1, 6) for src in ("n012", "n013")]
+    places = np.array([[50.0, 50.0], [100.0, 50.0]])
+    belief, sd = Gaussian(np.zeros(4), np.diag([20.0, 20.0, 4.0, 4.0]) ** 2), np.radians(3.0)
+    expected = []
+    for step in range(1, 21):
+        belief = kalman.predict(belief, 1.0, 0.0)
+        if step < 6:
+            H = doa.jacobian(np.array([60.0 + 5 * step, 60.0 + 5 * step, 5.0, 5.0]), places)
+            belief = Gaussian(belief.mean, kalman.update(belief, np.zeros(2), H, sd**2 * np.eye(2)).covariance)
+        expected.append(np.sqrt(np.trace(belief.covariance[:2, :2])))
+    assert run_bound(plan, rows) == pytest.approx(dict(enumerate(expected, start=1)))
+    steps = range(3, 8)
+    found = bound_metrics(plan, rows, steps)
+    assert found["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(expected[2:7]))))
+    assert found["position"] is not None and found["position"] < found["trajectory"]
+
+
+def test_without_a_prior_it_begins_with_two_bearings() -> None:
+    """A bearing before them counts, although it does not say where the target is."""
+    plan = spcpf(1, [*STRAIGHT, "fusion.prior=none"])
+    later = [report(src, step) for step in (4, 5) for src in ("n012", "n013")]
+    without, with_one = run_bound(plan, later), run_bound(plan, [report("n024", 2), *later])
+    assert list(without) == list(with_one) == list(range(4, 21))
+    assert all(with_one[step] < without[step] for step in without)
+    assert without[4] < 5.0
+    assert run_bound(plan, []) == run_bound(plan, [report("n012", 2)]) == {}
+
+
+def test_a_turn_costs_what_it_costs_a_tracker_that_sees_it_coming() -> None:
+    """The corner at 10 s is the only acceleration, of sd |dv| / sqrt(2) per axis; before it all is as if straight."""
+    corner = "target.waypoints=[[0, 60, 60], [10, 110, 110], [20, 160, 60]]"
+    turning, straight = spcpf(1, [STRAIGHT[0], corner, STRAIGHT[2]]), spcpf(1, STRAIGHT)
+    rows = [report(src, step) for step in range(1, 21) for src in ("n012", "n013", "n024")]
+    with_turn, without = run_bound(turning, rows), run_bound(straight, rows)
+    assert all(with_turn[step] == pytest.approx(without[step]) for step in range(1, 10))
+    assert with_turn[10] > 1.5 * without[10]
+
+
+@pytest.mark.parametrize("settings", [["link.model=ideal"], ["link.model=fixed", "link.loss=0.3"]])
+def test_what_the_network_loses_is_between_the_two_bounds(settings: list[str]) -> None:
+    plan = spcpf(2, settings)
+    ledger, tracks = simulated(plan)
+    bound = run_metrics(plan, ledger, tracks)["bound"]
+    assert 0.9 < bound["position"] < 1.2
+    if settings == ["link.model=ideal"]:
+        assert bound["trajectory"] == bound["position"]
+    else:
+        assert bound["trajectory"] > 1.1 * bound["position"]
+    best = min(one["rmse"]["position"] for one in tracker_metrics(tracks, plan.info.trackers).values())
+    assert best > 0.9 * bound["trajectory"]
+
+
+def test_where_there_is_no_bound_there_is_nothing_to_say() -> None:
+    """Bearings without error, no centre, nobody who reports without a prior."""
+    exact = spcpf(1, [*STRAIGHT, "sensor.doa_sd_deg=0"])
+    assert run_bound(exact, [report("n012", 1)]) == {}
+    nobody = replace(spcpf(1, STRAIGHT), processes=())
+    assert bound_metrics(nobody, [report("n012", 1), report("n013", 1)], range(20)) == dict.fromkeys(
+        ("position", "trajectory")
+    )
+    empty = run_metrics(exact, Ledger(exact.run, exact.processes), [])
+    assert empty["bound"] == {"position": None, "trajectory": None}
+
+
+def test_the_bound_is_in_the_tracks_and_on_the_timeline(tmp_path: FilePath) -> None:
+    (tmp_path / "logs").mkdir()
+    plan: Plan = spcpf(1, ["target.steps=8"])
+    metrics = run_virtual(plan, tmp_path).metrics
+    rows = pq.read_table(tmp_path / "tracks.parquet").to_pylist()
+    by_step = {row["step"]: row["bound_m"] for row in rows if row["true_x"] is not None}
+    assert list(by_step) == list(range(1, 9))
+    assert metrics["bound"]["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(list(by_step.values())))))
+    assert all(row["bound_m"] == by_step[row["step"]] for row in rows if row["step"] in by_step)
+    drawn = read(tmp_path / "run.rrd", "/plots/error/bound", "Scalars:scalars")
+    assert {t: value[0] for t, value in drawn if t is not None} == by_step
+    assert max(by_step.values()) < inf
+    assert scenario_bound(plan, []).keys() == set(range(1, 9))

@@ -1,0 +1,55 @@
+"""Fix + joint-DOA proposal: a particle filter that draws where all bearings of the step say.
+
+The belief between steps is a Gaussian (a Gaussian particle filter; Kotecha & Djuric 2003). Its prediction and all
+bearings together give the MAP point and Laplace's covariance there, in the first step that is the fix; the
+particles drawn from that weigh p(y | x) N(x; F m, F P F^T + Q) / q(x). As they lie where the weight is, few do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trackfield.filters.fix import map_fix
+from trackfield.filters.gaussian import constant_velocity, log_density, moments, predict
+from trackfield.filters.particles import draw, log_likelihood
+from trackfield.filters.resampling import normalised, systematic
+from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+
+
+class FixDoaState(NamedTuple):
+    """The ``belief`` over (x, y, vx, vy) after the last step."""
+
+    model: Model
+    belief: Gaussian
+
+
+@dataclass(frozen=True)
+class FixDoa:
+    """The tracker: ``particles`` in each step, and its own ``sigma_v`` (m/s^2), wide enough for manoeuvres."""
+
+    particles: int = 200
+    sigma_v: float = 1.0
+
+    def init(self, prior: Gaussian, model: Model) -> FixDoaState:
+        """The state of belief ``prior``."""
+        return FixDoaState(model, prior)
+
+    def step(
+        self, state: FixDoaState, reports: Reports, dt: float, rng: np.random.Generator
+    ) -> tuple[FixDoaState, Estimate]:
+        """Predict, propose from the joint bearings, weigh; without reports predict only."""
+        sigma_w = state.model.sigma_w
+        belief = predict(state.belief, constant_velocity(dt, self.sigma_v))
+        if len(reports) == 0:
+            shown = draw(belief, self.particles, rng)
+            return FixDoaState(state.model, belief), Estimate(*belief, shown[:, :2])
+        proposal = map_fix(belief, reports, sigma_w).posterior
+        particles = draw(proposal, self.particles, rng)
+        log_weights = log_likelihood(particles, reports, sigma_w)
+        weights = normalised(log_weights + log_density(particles, belief) - log_density(particles, proposal))
+        belief = moments(weights, particles)
+        particles = particles.take(systematic(weights, self.particles, rng), axis=0)
+        return FixDoaState(state.model, belief), Estimate(*belief, particles[:, :2])

@@ -1,0 +1,65 @@
+"""Trackers of one Gaussian belief and one motion model, nearly constant velocity: EKF, UKF, and none at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trackfield.filters import ekf, ukf
+from trackfield.filters.gaussian import constant_velocity, predict
+from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+from trackfield.models import doa
+from trackfield.models.doa import wrap
+
+
+class SingleState(NamedTuple):
+    """The ``belief`` over (x, y, vx, vy) after the last step."""
+
+    model: Model
+    belief: Gaussian
+
+
+@dataclass(frozen=True)
+class PredictOnly:
+    """Goes on as the prior says and uses no report: the yardstick of what reports are worth."""
+
+    def init(self, prior: Gaussian, model: Model) -> SingleState:
+        """The state of belief ``prior``."""
+        return SingleState(model, prior)
+
+    def step(
+        self, state: SingleState, reports: Reports, dt: float, rng: np.random.Generator
+    ) -> tuple[SingleState, Estimate]:
+        """Predict with ``Model.sigma_v``, then take in the bearings, if there are any; nothing is drawn."""
+        belief = predict(state.belief, constant_velocity(dt, state.model.sigma_v))
+        if len(reports):
+            belief = self._take(belief, reports, state.model.sigma_w)
+        return SingleState(state.model, belief), Estimate(*belief)
+
+    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
+        return belief
+
+
+class Ekf(PredictOnly):
+    """Extended Kalman filter; all bearings of a step in one update, with slopes at the predicted place."""
+
+    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
+        places = reports.positions
+        return ekf.update(
+            belief,
+            reports.bearings,
+            sigma_w,
+            lambda x: doa.measure(x, places),
+            lambda x: doa.jacobian(x, places),
+            wrap,
+        ).posterior
+
+
+class Ukf(PredictOnly):
+    """Unscented Kalman filter; all bearings of a step in one update."""
+
+    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
+        places = reports.positions
+        return ukf.update(belief, reports.bearings, sigma_w, lambda x: doa.measure(x, places), wrap).posterior
