@@ -21,8 +21,8 @@ from fusion.points import track_point
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
-from trackfield.filters.metrics import LOST_M
 from trackfield.filters.measurement import OfSensor
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
