@@ -22,6 +22,7 @@ from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
 from trackfield.filters.measurement import OfSensor
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
@@ -56,11 +57,12 @@ class Fusion:
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
     from the first reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where those
-    are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model. All randomness is keyed by
-    ``seed``, the tracker and the step. Reports that are up to ``max_age_ns`` old count after their deadline too. With
-    ``threshold`` (the fields of ``Controller``) the centre commands the sensors' threshold. Its clock is the reference
-    for sensors that ask for the time. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's
-    ``sensor`` (the arguments of ``make_sensor``).
+    are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model; a track less certain than
+    ``lost_m`` is given up if it began without a prior. All randomness is keyed by ``seed``, the tracker and the step.
+    Reports that are up to ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of
+    ``Controller``) the centre commands the sensors' threshold. Its clock is the reference for sensors that ask for the
+    time. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
+    ``make_sensor``).
     """
 
     def __init__(
@@ -77,6 +79,7 @@ class Fusion:
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
+        lost_m: float = LOST_M,
         options: Mapping[str, Mapping[str, Any]] | None = None,
         places: Mapping[str, str] | None = None,
         sensor: Mapping[str, Any] | None = None,
@@ -88,7 +91,9 @@ class Fusion:
         own = None if self.sensor is None else OfSensor(self.sensor)
         self.kinds = frozenset({"doa" if own is None else "measurement", "sync-request"})
         model, options = Model(radians(doa_sd_deg), sigma_v, own), options or {}
-        self.trackers = {name: Following(make_tracker(name, options.get(name), places), model) for name in trackers}
+        self.trackers = {
+            name: Following(make_tracker(name, options.get(name), places), model, lost_m) for name in trackers
+        }
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None

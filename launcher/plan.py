@@ -54,7 +54,8 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     processes = (*_lives(replace(centre, peers=places_of(nodes)), faults), *nodes)
     info = _info(site, spec, processes, faults.marks)
     _, report_m = reach_m(scenario)
-    return Plan(spec, processes, site.path, info, site.step_ns, report_m, scenario.restart == "on-death")
+    again, lost_m = scenario.restart == "on-death", scenario.fusion.lost_m
+    return Plan(spec, processes, site.path, info, site.step_ns, report_m, again, lost_m)
 
 
 def _check_link(spec: RunSpec) -> None:
@@ -122,6 +123,7 @@ def _centre(site: Site) -> ProcessSpec:
         "seed": scenario.seed,
         "prior": _prior(site),
         "sigma_v": scenario.fusion.sigma_v,
+        "lost_m": scenario.fusion.lost_m,
         **_if_used(
             options=tables(scenario.fusion.options),
             places=tracker_places(scenario.fusion),
