@@ -20,6 +20,7 @@ from launcher.records import Plan
 from tests.simulated import simulated
 from trackfield.filters.following import ANYWHERE
 from trackfield.filters.measurement import OfSensor
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.own_fix import own_fix
 from trackfield.filters.types import Model, Reports
 from trackfield.role import NS, Ignored, Received, Started
@@ -299,7 +300,7 @@ SQUARE = [(0.0, 0.0), (50.0, 0.0), (0.0, 50.0), (50.0, 50.0)]
 def test_the_fix_is_where_the_readings_say() -> None:
     model = Model(np.nan, 0.1, OfSensor(Distance()))
     for target in ((20.0, 30.0), (70.0, -40.0), (25.0, 25.0), (50.0, 49.0)):
-        fix = own_fix(ANYWHERE, model, ranges(target, SQUARE, Distance()))
+        fix = own_fix(ANYWHERE, model, ranges(target, SQUARE, Distance()), LOST_M)
         assert fix is not None
         assert fix.mean[:2] == pytest.approx(target, abs=0.01)
         H = Distance().jacobian(fix.mean, np.array(SQUARE))[:, 0] / 0.5
@@ -308,12 +309,15 @@ def test_the_fix_is_where_the_readings_say() -> None:
 
 def test_readings_that_fit_several_places_are_no_fix() -> None:
     model = Model(np.nan, 0.1, OfSensor(Distance()))
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), [], Distance())) is None
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:1], Distance())) is None  # a circle
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:2], Distance())) is None  # mirrored at y = 0
-    assert own_fix(ANYWHERE, model, ranges((20.0, 0.0), SQUARE[:2], Distance())) is None  # y is open
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:3], Distance())) is not None
-    assert own_fix(ANYWHERE, Model(np.nan, 0.1, OfSensor(Ranger())), ranges((9.0, 30.0), SQUARE[:1], Ranger())) is None
+    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), [], Distance()), LOST_M) is None
+    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:1], Distance()), LOST_M) is None  # a circle
+    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:2], Distance()), LOST_M) is None  # mirrored at y = 0
+    assert own_fix(ANYWHERE, model, ranges((20.0, 0.0), SQUARE[:2], Distance()), LOST_M) is None  # y is open
+    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:3], Distance()), LOST_M) is not None
+    assert (
+        own_fix(ANYWHERE, Model(np.nan, 0.1, OfSensor(Ranger())), ranges((9.0, 30.0), SQUARE[:1], Ranger()), LOST_M)
+        is None
+    )
 
 
 def test_a_node_reports_all_that_it_measured() -> None:

@@ -76,7 +76,7 @@ class Following(Generic[S]):
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
         model = self.model
-        fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports)
+        fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports, self.lost_m)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
         return Followed(self.tracker.init(fix, self.model), 0.0, alone=True), Estimate(*fix)
