@@ -1,0 +1,80 @@
+"""How far off the trackers are on the paper's three targets, and whether their covariances say so.
+
+    python -m tests.consistency [--runs 400]
+
+prints the tables of docs/tracking.md. Lossless links, the paper's prior; seeds 0, 1, ...
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from tests.zhai_field import SCENARIOS, errors
+from trackfield.filters.fix import map_fix
+from trackfield.filters.metrics import effective_count, lost, nees, nees_band, rmse
+from trackfield.filters.single_model import SingleState, Ukf
+from trackfield.filters.trackers import TRACKERS
+from trackfield.filters.types import Array, Estimate, Gaussian, Reports, Tracker
+
+
+class FixUkf(Ukf):
+    """The default tracker with the motion model of s1 alone: a fix from the first bearings, then a UKF."""
+
+    def step(
+        self, state: SingleState, reports: Reports, dt: float, rng: np.random.Generator
+    ) -> tuple[SingleState, Estimate]:
+        first = reports.step == 1  # there are reports in the first step of each target
+        return (_Fix() if first else super()).step(state, reports, dt, rng)
+
+
+class _Fix(Ukf):
+    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
+        return map_fix(belief, reports, sigma_w).posterior
+
+
+def table_of_errors(runs: int) -> None:
+    print("| tracker | s1 | s2 | s3 |\n| --- | --- | --- | --- |")
+    for name, make in TRACKERS.items():
+        cells = [_errors(*errors(make(), scenario, range(runs))) for scenario in SCENARIOS]
+        print(f"| `{name}` | {' | '.join(cells)} |")
+
+
+def _errors(e: Array, _: Array) -> str:
+    per_run = np.sqrt(np.square(e[..., :2]).sum(axis=-1).mean(axis=-1))
+    return f"{rmse(e[..., :2]):.2f} ({np.median(per_run):.2f}), {lost(e[..., :2]).mean():.0%}"
+
+
+def table_of_consistency(runs: int) -> None:
+    low, high = nees_band(4, runs)
+    print(f"95 % band of the mean of {runs} runs at one step: {low:.2f} to {high:.2f}\n")
+    print("| tracker | target | NEES | position | velocity | steps in band | runs in their band |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    rows: list[tuple[str, Callable[[], Tracker[Any]]]] = [(name, make) for name, make in TRACKERS.items()]
+    rows.append(("one model", FixUkf))
+    for name, make in rows:
+        for scenario in SCENARIOS:
+            if name not in ("fix-imm-ukf", "spcpf", "fix-doa", "one model") or (name == "one model") > (
+                scenario == "s1"
+            ):
+                continue
+            e, P = errors(make(), scenario, range(runs))
+            values = nees(e, P)
+            at_steps = values.mean(axis=0)
+            bands = np.array([nees_band(4, effective_count(run)) for run in values])
+            inside = (bands[:, 0] < values.mean(axis=1)) & (values.mean(axis=1) < bands[:, 1])
+            shares = f"{((low < at_steps) & (at_steps < high)).mean():.0%} | {inside.mean():.0%}"
+            parts = [nees(e[..., part], P[..., part, part]).mean() for part in (slice(0, 2), slice(2, 4))]
+            print(f"| `{name}` | {scenario} | {values.mean():.2f} | {parts[0]:.2f} | {parts[1]:.2f} | {shares} |")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=400)
+    arguments = parser.parse_args()
+    table_of_errors(arguments.runs)
+    print()
+    table_of_consistency(arguments.runs)
