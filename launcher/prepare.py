@@ -12,6 +12,7 @@ from typing import Any, Final
 from launcher.plan import make_plan
 from launcher.reception import receptions
 from launcher.records import Plan
+from launcher.view import program
 from trackfield.drivers.session import PROTOCOLS, is_endpoint
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
@@ -70,7 +71,8 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
     if len(plan.info.places) > MAX_LINKS:
         return plan
-    links = tuple((*link, share) for link, share in receptions(plan)["doa"].items())
+    reports = next(iter(receptions(plan).values()))
+    links = tuple((*link, share) for link, share in reports.items())
     return replace(plan, info=replace(plan.info, receptions=links))
 
 
@@ -92,10 +94,15 @@ def check_endpoint(endpoint: str, option: str) -> None:
         raise ScenarioError(f"is {endpoint!r}", key=option, expected=expected)
 
 
-def check_driver(*, virtual: bool, external: bool, connect: str) -> None:
-    """Raise ``ScenarioError`` if these options contradict each other."""
+def check_driver(*, virtual: bool, external: bool, live: bool, connect: str) -> None:
+    """Raise ``ScenarioError`` if these options contradict each other, ``RunFailed`` if what they need is missing."""
     if external and virtual:
         raise ScenarioError("there are no processes in virtual time", key="--external", expected="it without --virtual")
+    if live and virtual:
+        expected = "it without --virtual, or the timeline afterwards: trackfield view RUN"
+        raise ScenarioError("a run in virtual time is over at once", key="--live", expected=expected)
+    if live:
+        program()
     if external and not connect:
         raise ScenarioError("nobody can find a router of our own", key="--external", expected="--connect beside it")
 

@@ -44,6 +44,8 @@ class FieldInfo:
 
 RECORDER: Final = "recorder"
 """The id of the process that writes a run down."""
+LIVE: Final = "live"
+"""The id of the one that shows it while it goes on."""
 Payload = bytes
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""

@@ -22,13 +22,15 @@ from trackfield.role import NS, Note, Publish, State
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
 
+Unplanned = tuple[str, float | None, str]
+"""A death that nobody planned: whose, when (s; None: nobody knows), and why."""
 
-class Journal:
-    """Hands on what the ledger has settled to the timeline, and closes the books."""
 
-    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
-        self.plan, self.ledger, self.folder = plan, ledger, folder
-        self.timeline = Timeline(folder / TIMELINE, plan.info)
+class Telling:
+    """Hands on what the ledger has settled to a timeline."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, timeline: Timeline) -> None:
+        self.plan, self.ledger, self.timeline = plan, ledger, timeline
         self.states: dict[str, str] = {}
         self.errors: dict[str, float | None] = {}
         self.outcomes: dict[str, int] = {}
@@ -44,30 +46,12 @@ class Journal:
         self.ledger.rows += rows
         self._write(rows, [])
 
-    def close(self, deaths: Sequence[tuple[str, float | None, str]], *, messages: int) -> Metrics:
-        """Write the rest, and the tables; the metrics that are known here.
-
-        ``deaths`` are those that nobody planned: whose, when (s; None: nobody knows), and why.
-        """
+    def end(self, deaths: Sequence[Unplanned] = ()) -> None:
+        """Write the rest of it; the timeline is still to be closed."""
         self._write(*self.ledger.close(name for name, *_ in deaths))
         for name, t_s, why in deaths:
             if t_s is not None:
                 self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
-        tracks = track_rows(
-            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
-            self.plan.path,
-            self.plan.step_ns,
-        )
-        bound = run_bound(self.plan, self.ledger.rows)
-        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
-            if step in bound:
-                self.timeline.bound(t_ns, bound[step])
-        self.timeline.close()
-        write_messages(self.ledger.rows, self.folder / "messages.parquet")
-        write_tracks(tracks, bound, self.folder / "tracks.parquet")
-        metrics = run_metrics(self.plan, self.ledger, tracks)
-        metrics["recorder"]["messages"] = messages
-        return metrics
 
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
@@ -100,6 +84,33 @@ class Journal:
                 self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
+
+
+class Journal(Telling):
+    """Writes the timeline of a run into its folder, and closes the books."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
+        super().__init__(plan, ledger, Timeline(folder / TIMELINE, plan.info))
+        self.folder = folder
+
+    def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
+        """Write the rest, and the tables; the metrics that are known here."""
+        self.end(deaths)
+        tracks = track_rows(
+            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
+            self.plan.path,
+            self.plan.step_ns,
+        )
+        bound = run_bound(self.plan, self.ledger.rows)
+        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
+            if step in bound:
+                self.timeline.bound(t_ns, bound[step])
+        self.timeline.close()
+        write_messages(self.ledger.rows, self.folder / "messages.parquet")
+        write_tracks(tracks, bound, self.folder / "tracks.parquet")
+        metrics = run_metrics(self.plan, self.ledger, tracks)
+        metrics["recorder"]["messages"] = messages
+        return metrics
 
 
 def summary(journal: Journal) -> dict[str, Any]:

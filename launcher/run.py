@@ -7,8 +7,8 @@ import platform
 import signal
 import statistics
 import time
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -18,8 +18,10 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.deployment import ROUTER, Deployment
+from launcher.extensions import check_importable
 from launcher.gathering import Gathering
 from launcher.ledger import Ledger
+from launcher.live import LiveView
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import Plan
 from launcher.result import METRICS, Journal, write_json
@@ -134,14 +136,26 @@ def run_processes(
     endpoint: str = "",
     *,
     external: bool = False,
+    live: Callable[[str], None] | None = None,
 ) -> Outcome:
-    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up."""
+    """Run as processes over Zenoh, our own or ``external`` ones.
+
+    ``live``, if given, is told the address of a live view, and what becomes of that. Raises ``RunFailed`` if they do
+    not come up, and ``ScenarioError`` for a tracker that they could not import.
+    """
+    check_importable(plan)
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
-    with _until_signal() as ended, deploy(plan, folder, endpoint=endpoint) as field:
+    with (
+        _until_signal() as ended,
+        deploy(plan, folder, endpoint=endpoint) as field,
+        LiveView(plan, folder, field.endpoint, live) if live else nullcontext() as view,
+    ):
         write_manifest(folder, plan, command, field.endpoint)
         field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
         ready_s = time.monotonic() - begun
+        if view:
+            view.wait_ready(field.registry.live, lambda: bool(ended))
         pss: float | None = None
         if not ended:
             field.begin()
@@ -149,6 +163,8 @@ def run_processes(
 
             def tick() -> bool:
                 observer.running(field.status)
+                if view:
+                    view.look()
                 return bool(ended)
 
             field.watch(tick)

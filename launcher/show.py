@@ -124,6 +124,11 @@ def note(remark: str) -> None:
     console.print(f"[yellow]note:[/] {remark}")
 
 
+def tell(what: str) -> None:
+    """A sentence on the way."""
+    console.print(Text(what))
+
+
 def foresee(plan: Plan) -> None:
     """How well each link in use carries what goes over it."""
     for kind, shares in receptions(plan).items():
