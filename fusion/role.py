@@ -18,6 +18,7 @@ from immutables import Map
 
 from fusion.memory import TRANSITIONS, Heard, Memory, Past, Phase
 from fusion.points import track_point
+from fusion.smoothing import Smoothing, lagged_name
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
@@ -56,7 +57,8 @@ class Fusion:
     from the first reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one
     motion model. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
     ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
-    commands the sensors' threshold. Its clock is the reference for sensors that ask for the time.
+    commands the sensors' threshold. Each track is smoothed over ``smooth_lag`` steps, too, unless that is 0. Its clock
+    is the reference for sensors that ask for the time.
     """
 
     kinds = frozenset({"doa", "sync-request"})
@@ -75,13 +77,15 @@ class Fusion:
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
+        smooth_lag: int = 0,
         options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
         model, options = Model(radians(doa_sd_deg), sigma_v), options or {}
-        self.trackers = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
+        following = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
+        self.trackers = {name: Smoothing(one, smooth_lag) for name, one in following.items()}
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None
@@ -149,7 +153,7 @@ class Fusion:
                 if track.track is None:
                     break
                 nothing, rng = self._reports(step, Map()), generator(self.seed, name, step)
-                track, estimate = tracker.step(track, nothing, self.step_ns / NS, rng)
+                track, estimate, _ = tracker.step(track, nothing, self.step_ns / NS, rng)
             tracks.append(track)
             if estimate is not None:
                 points.append(track_point(name, self.target, self._reports(fused, Map()), estimate))
@@ -191,7 +195,7 @@ class Fusion:
         memory, published = self._replay(memory)
         heard = memory.heard.get(step, Map())
         past = self._recent(memory.past.set(step, Past(memory.tracks, heard)), now)
-        tracks, points = self._advance(memory.tracks, step, heard)
+        tracks, points, earlier = self._advance(memory.tracks, step, heard)
         first = next(iter(points.values()))
         level, command = self._command(memory.threshold_db, first)
         after = replace(
@@ -203,7 +207,7 @@ class Fusion:
             past=past,
             threshold_db=level,
         )
-        publish = map(Publish, (*published, *points.values()))
+        publish = map(Publish, (*published, *points.values(), *earlier))
         return after, (*publish, *command, Store(pack(step, level, points)), self._deadline(step + 1))
 
     def _replay(self, memory: Memory) -> tuple[Memory, list[TrackPoint]]:
@@ -215,8 +219,8 @@ class Fusion:
         for step in range(memory.stale, memory.fused + 1):
             heard = past[step].heard
             past = past.set(step, Past(tracks, heard))
-            tracks, points = self._advance(tracks, step, heard)
-            published += points.values()
+            tracks, points, earlier = self._advance(tracks, step, heard)
+            published += (*points.values(), *earlier)
         return replace(memory, tracks=tracks, past=past, stale=None), published
 
     def _recent(self, past: Map[int, Past], now: int) -> Map[int, Past]:
@@ -228,14 +232,18 @@ class Fusion:
 
     def _advance(
         self, tracks: tuple[Any, ...], step: int, heard: Heard
-    ) -> tuple[tuple[Any, ...], dict[str, TrackPoint]]:
-        """The trackers' states after a step, and its points by tracker: the same whenever it is computed."""
-        reports, advanced, points = self._reports(step, heard), [], {}
+    ) -> tuple[tuple[Any, ...], dict[str, TrackPoint], list[TrackPoint]]:
+        """The trackers' states after a step, its points by tracker, and what is now smoothed of an earlier step: the
+        same whenever it is computed."""
+        reports, advanced, points, smoothed = self._reports(step, heard), [], {}, []
         for (name, tracker), track in zip(self.trackers.items(), tracks, strict=True):
-            after, estimate = tracker.step(track, reports, self.step_ns / NS, generator(self.seed, name, step))
+            after, estimate, earlier = tracker.step(track, reports, self.step_ns / NS, generator(self.seed, name, step))
             advanced.append(after)
             points[name] = track_point(name, self.target, reports, estimate)
-        return tuple(advanced), points
+            if earlier is not None:
+                lag = tracker.lag
+                smoothed.append(track_point(lagged_name(name, lag), self.target, *earlier, lag))
+        return tuple(advanced), points, smoothed
 
     def _reports(self, step: int, heard: Heard) -> Reports:
         ids = tuple(sorted(heard))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters import ekf, ukf
-from trackfield.filters.gaussian import constant_velocity, predict
+from trackfield.filters.gaussian import Motion, constant_velocity, predict
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 from trackfield.models import doa
 from trackfield.models.doa import wrap
@@ -37,6 +37,10 @@ class PredictOnly:
         if len(reports):
             belief = self._take(belief, reports, state.model.sigma_w)
         return SingleState(state.model, belief), Estimate(*belief)
+
+    def motion(self, before: SingleState, after: SingleState, dt: float) -> Motion:
+        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        return constant_velocity(dt, after.model.sigma_v)
 
     def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
         return belief
