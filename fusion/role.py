@@ -22,6 +22,7 @@ from fusion.smoothing import Smoothing, lagged_name
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
@@ -55,10 +56,11 @@ class Fusion:
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
     from the first reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one
-    motion model. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
-    ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
-    commands the sensors' threshold. Each track is smoothed over ``smooth_lag`` steps, too, unless that is 0. Its clock
-    is the reference for sensors that ask for the time.
+    motion model; a track less certain than ``lost_m`` is given up if it began without a prior. All randomness is keyed
+    by ``seed``, the tracker and the step. Reports that are up to ``max_age_ns`` old count after their deadline too.
+    Each track is smoothed over ``smooth_lag`` steps, too, unless that is 0. With ``threshold`` (the fields of
+    ``Controller``) the centre commands the sensors' threshold. Its clock is the reference for sensors that ask for
+    the time.
     """
 
     kinds = frozenset({"doa", "sync-request"})
@@ -78,14 +80,15 @@ class Fusion:
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
         smooth_lag: int = 0,
+        lost_m: float = LOST_M,
         options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
         model, options = Model(radians(doa_sd_deg), sigma_v), options or {}
-        following = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
-        self.trackers = {name: Smoothing(one, smooth_lag) for name, one in following.items()}
+        made = {name: make_tracker(name, options.get(name)) for name in trackers}
+        self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None
