@@ -71,7 +71,6 @@ def test_there_is_a_field_for_every_key() -> None:
     assert set(keys_of(RunFigures)) - documented <= {
         "energy_j.by_accounting",
         "bound.trajectory",
-        "trackers.<>.nees_band",
     }
 
 
