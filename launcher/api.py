@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from launcher.compare import check_runs, side_by_side
+from launcher.extensions import check_importable
 from launcher.measures import RunFigures
 from launcher.prepare import checked, keep, planned
 from launcher.result import METRICS
@@ -105,6 +106,8 @@ def run(
     with _arguments():
         chosen = checked(scenario, seed)
         plan = planned(chosen, speed)
+        if driver == "processes":
+            check_importable(plan)
         folder = prepare_folder(None if out is None else Path(out), chosen.name, chosen.seed)
     keep(chosen, folder)
     again = ["trackfield", "run", str(folder / "scenario.toml")]
