@@ -90,7 +90,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     steps = f"all {of} steps" if m["steps"] == of else f"{m['steps']} of {of} steps"
     blind = sum(int(track.coasting.sum()) for track in run.tracks if track.tracker == name)
     steps += f", {blind} of them without a report" if blind else ""
-    rmse, bound = m["rmse"]["position"], run.bound_m
+    rmse, bound = m["rmse"]["position"], _bound(run, name)
     error = f"RMSE {number(rmse, 'm')}, median error {number(m['median_error'], 'm')}, over {steps}"
     if bound:
         error += f"; {rmse / bound:.2f} times the bound of {number(bound, 'm')}"
@@ -108,6 +108,11 @@ def _consistency(m: dict[str, Any]) -> str:
     low, high = band
     fit = "too sure of itself" if nees > high else "more cautious than it need be" if nees < low else "consistent"
     return f"NEES {number(nees)}, 95 % band {number(low)} to {number(high)}: {fit}."
+
+
+def _bound(run: Run, name: str) -> float | None:
+    """What this tracker's error is measured by, m; a smoothed track knows of later reports, so it has none."""
+    return run.bound_m if any(np.isfinite(t.bound).any() for t in run.tracks if t.tracker == name) else None
 
 
 def trackers(run: Run) -> Table:
@@ -130,7 +135,8 @@ def trackers(run: Run) -> Table:
         figures = (rmse["position"], rmse["x"], rmse["y"], m["median_error"], rmse["velocity"], m["nees"], m["steps"])
         rows.append([name, *map(number, figures), "yes" if m["lost"] else "no"])
         if bound:
-            rows[-1].insert(2, number(rmse["position"] and rmse["position"] / bound))
+            share = rmse["position"] / bound if _bound(run, name) and rmse["position"] is not None else None
+            rows[-1].insert(2, number(share))
     return Table([*head[:2], *(["/ bound"] if bound else []), *head[2:]], rows)
 
 
