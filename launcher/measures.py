@@ -163,6 +163,13 @@ class Energy(_Figures):
     by_accounting: Mapping[str, float | None]
 
 
+class Empty(_Figures):
+    """A battery that was empty at ``t`` (emulated s)."""
+
+    id: str
+    t: float
+
+
 class Lifetime(_Figures):
     """Until when batteries last, emulated s."""
 
@@ -170,6 +177,7 @@ class Lifetime(_Figures):
     half_dead: float | None
     coverage_lost: float | None
     extrapolated: bool | None
+    empty: tuple[Empty, ...] | None = None
 
 
 class ClockError(_Figures):
