@@ -44,6 +44,9 @@ class FieldInfo:
 
 RECORDER: Final = "recorder"
 """The id of the process that writes a run down."""
+LIVE: Final = "live"
+"""The id of the one that shows it while it goes on."""
+Payload = bytes
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""
 
@@ -55,7 +58,8 @@ class MessageRow:
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known.
+    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known. ``payload`` is the
+    message as it was sent.
     """
 
     kind: str
@@ -72,6 +76,7 @@ class MessageRow:
     bearing_deg: float | None = None
     step: int | None = None
     local_ns: int | None = None
+    payload: Payload = b""
 
     @property
     def delivered(self) -> bool:

@@ -27,8 +27,8 @@ def jacobian(state: Array, sensors: Array) -> Array:
     dx, dy = _apart(state, sensors)
     square = np.maximum(dx * dx + dy * dy, _AT_SENSOR)
     slopes = np.zeros((*dx.shape, 4))
-    slopes[..., 0] = dy / square
-    slopes[..., 1] = -dx / square
+    np.divide(dy, square, out=slopes[..., 0])
+    np.divide(dx, -square, out=slopes[..., 1])
     return slopes
 
 
