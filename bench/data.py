@@ -14,6 +14,8 @@ STEPS: Final = 60
 BEARINGS: Final = 4
 """Of the sensors nearest to the target, as many as report on average at the scenario's own threshold."""
 DT: Final = 1.0
+SD_DEG: Final = 3.0
+"""Of a bearing."""
 
 
 class Track(NamedTuple):
@@ -35,7 +37,9 @@ class Track(NamedTuple):
 
 def track(seed: int = 1) -> Track:
     """The track and its bearings, as the sensors of ``spcpf`` hear them."""
-    scenario = Scenario.load("spcpf", {"seed": seed, "target.path": "s1", "sensor.threshold": 0.5})
+    scenario = Scenario.load(
+        "spcpf", {"seed": seed, "target.path": "s1", "sensor.threshold": 0.5, "sensor.doa_sd_deg": SD_DEG}
+    )
     site = plan(scenario)
     places = np.array([place[1:] for place in site.sensors])
     truth, sensors, bearings = [], [], []
@@ -50,5 +54,5 @@ def track(seed: int = 1) -> Track:
         bearings.append([radians(one.bearing_deg) for one in heard if one is not None])
     begin, sd = site.path.at(0.0), np.array(scenario.fusion.prior_sd)
     prior = Gaussian(np.array(begin), np.diag(np.square(sd)))
-    model = Model(radians(scenario.sensor.doa_sd_deg), scenario.fusion.sigma_v)
+    model = Model(radians(SD_DEG), scenario.fusion.sigma_v)
     return Track(np.array(truth), np.array(sensors), np.array(bearings), prior, model)
