@@ -21,6 +21,7 @@ from fusion.points import track_point
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
@@ -54,9 +55,10 @@ class Fusion:
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
     from the first reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one
-    motion model. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
-    ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
-    commands the sensors' threshold. Its clock is the reference for sensors that ask for the time.
+    motion model; a track less certain than ``lost_m`` is given up if it began without a prior. All randomness is keyed
+    by ``seed``, the tracker and the step. Reports that are up to ``max_age_ns`` old count after their deadline too.
+    With ``threshold`` (the fields of ``Controller``) the centre commands the sensors' threshold. Its clock is the
+    reference for sensors that ask for the time.
     """
 
     kinds = frozenset({"doa", "sync-request"})
@@ -75,13 +77,14 @@ class Fusion:
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
+        lost_m: float = LOST_M,
         options: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
         model, options = Model(radians(doa_sd_deg), sigma_v), options or {}
-        self.trackers = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
+        self.trackers = {name: Following(make_tracker(name, options.get(name)), model, lost_m) for name in trackers}
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None

@@ -150,8 +150,11 @@ def legend_places(info: FieldInfo, count: int) -> list[tuple[float, float]]:
     return [(middle + (index - (count - 1) / 2) * step, min(ys) - step / 2) for index in range(count)]
 
 
-def layout(info: FieldInfo) -> rrb.Blueprint:
-    """The views of a run: field and states on the left, network and messages in the middle, plots right."""
+def layout(info: FieldInfo, *, live: bool = False) -> rrb.Blueprint:
+    """The views of a run: field and states on the left, network and messages in the middle, plots right.
+
+    A ``live`` one stays at the latest time.
+    """
     right, left = rrb.Corner2D.RightTop, rrb.Corner2D.LeftTop
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -174,7 +177,7 @@ def layout(info: FieldInfo) -> rrb.Blueprint:
             ),
             column_shares=[5, 4, 3],
         ),
-        rrb.TimePanel(state="collapsed", timeline=EMU, play_state="playing"),
+        rrb.TimePanel(state="collapsed", timeline=EMU, play_state="following" if live else "playing"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,

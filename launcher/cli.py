@@ -48,6 +48,7 @@ def run(
     link: LinkModel = None,
     tracker: Trackers = None,
     out: Annotated[Path | None, typer.Option(help="The run folder; new or empty.")] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the run in the browser while it goes on.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")] = False,
     connect: Annotated[str, typer.Option(help="Use the Zenoh router at this endpoint.")] = "",
     external: Annotated[
@@ -58,7 +59,7 @@ def run(
     """Run a scenario and leave a run folder with its timeline, tables and metrics."""
     from launcher.prepare import check_driver, check_endpoint, keep, load, planned
     from launcher.run import prepare_folder, run_processes, run_virtual
-    from launcher.show import announce, conclude, observing
+    from launcher.show import announce, conclude, observing, tell
 
     resolved = load(
         scenario,
@@ -75,7 +76,7 @@ def run(
     plan = planned(resolved, speed)
     if connect:
         check_endpoint(connect, "--connect")
-    check_driver(virtual=virtual, external=external, connect=connect)
+    check_driver(virtual=virtual, external=external, live=live, connect=connect)
     folder = prepare_folder(out, resolved.name, resolved.seed)
     keep(resolved, folder)
     if not quiet:
@@ -84,11 +85,34 @@ def run(
         outcome = run_virtual(plan, folder, sys.argv)
     else:
         with observing(plan, quiet=quiet) as observer:
-            outcome = run_processes(plan, folder, observer, sys.argv, connect, external=external)
+            live_to = tell if live else None
+            outcome = run_processes(plan, folder, observer, sys.argv, connect, external=external, live=live_to)
     if as_json:
         print(json.dumps(outcome.metrics, indent=2))
     if not quiet or outcome.complaints or outcome.unreported:
         conclude(outcome)
+    raise typer.Exit(outcome.exit_code)
+
+
+@app.command()
+def replay(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a finished run.")],
+    tracker: Trackers = None,
+    drop_late: Annotated[bool, typer.Option("--drop-late", help="Without the reports that came late.")] = False,
+    out: Annotated[Path | None, typer.Option(help="The replay's own folder; new or empty.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")] = False,
+) -> None:
+    """Fuse the reports of a run again, by other trackers (or its own), into a folder of their own."""
+    from launcher.replay import caveats
+    from launcher.replay import replay as fuse
+    from launcher.show import conclude, note
+
+    outcome = fuse(run, tracker or (), drop_late=drop_late, out=out, command=sys.argv)
+    if as_json:
+        print(json.dumps(outcome.metrics, indent=2))
+    for caveat in caveats(outcome.metrics):
+        note(caveat)
+    conclude(outcome)
     raise typer.Exit(outcome.exit_code)
 
 

@@ -173,7 +173,7 @@ class Ledger:
                 hearer,
                 MessageRow(
                     frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, None, "", size, frame.copy,
-                    frame.incarnation, *said,
+                    frame.incarnation, *said, payload=frame.payload,
                 ),
             )  # fmt: skip
 

@@ -31,7 +31,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
         "driver": None,
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
-        "trackers": tracker_metrics(tracks, plan.info.trackers),
+        "trackers": tracker_metrics(tracks, plan.info.trackers, plan.lost_m),
         "bound": bound_metrics(plan, ledger.rows, {r.point.step for r in tracks if _has_track(r) and r.truth}),
         "processes": {
             "started": len(plan.processes),
@@ -57,9 +57,9 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
     }
 
 
-def tracker_metrics(tracks: Sequence[TrackRow], names: Iterable[str]) -> Metrics:
-    """Errors of each tracker over the steps after the start in which it had a track."""
-    return {name: _tracker([r for r in tracks if r.point.tracker == name]) for name in names}
+def tracker_metrics(tracks: Sequence[TrackRow], names: Iterable[str], lost_m: float = score.LOST_M) -> Metrics:
+    """Errors of each tracker over the steps after the start in which it had a track; lost if it ends ``lost_m`` off."""
+    return {name: _tracker([r for r in tracks if r.point.tracker == name], lost_m) for name in names}
 
 
 def _has_track(row: TrackRow) -> bool:
@@ -67,7 +67,7 @@ def _has_track(row: TrackRow) -> bool:
     return bool(row.point.mean) and all(map(isfinite, (*row.point.mean, *row.point.covariance)))
 
 
-def _tracker(rows: Sequence[TrackRow]) -> Metrics:
+def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
     known = [r for r in rows if _has_track(r) and r.truth is not None]
     if not known:
         nothing = dict.fromkeys(("x", "y", "position", "velocity"))
@@ -85,7 +85,7 @@ def _tracker(rows: Sequence[TrackRow]) -> Metrics:
         },
         "median_error": score.median_error(errors[:, :2]),
         "nees": nees if isfinite(nees) else None,
-        "lost": ended_without or bool(score.lost(errors[:, :2])),
+        "lost": ended_without or bool(score.lost(errors[:, :2], lost_m)),
         "steps": len(known),
     }
 

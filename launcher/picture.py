@@ -132,7 +132,7 @@ class Picture:
         return sorted(self._others.union(ends, self._working, self.shown.now["lost"]))
 
     def _draw_edges(self, t_ns: int) -> int:
-        edges = np.reshape(sorted(self.shown.now["edge"]), (-1, 2))
+        edges = np.reshape(np.array(sorted(self.shown.now["edge"]), np.str_), (-1, 2))
         self._add("/network", rows.edges, t_ns, edges)
         return len(edges)
 

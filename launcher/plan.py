@@ -53,7 +53,8 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     info = _info(site, spec, processes, faults.marks)
     sensor = scenario.sensor
     reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
-    return Plan(spec, processes, site.path, info, site.step_ns, reach_m, scenario.restart == "on-death")
+    again, lost_m = scenario.restart == "on-death", scenario.fusion.lost_m
+    return Plan(spec, processes, site.path, info, site.step_ns, reach_m, again, lost_m)
 
 
 def _check_link(spec: RunSpec) -> None:
@@ -121,6 +122,7 @@ def _centre(site: Site) -> ProcessSpec:
         "seed": scenario.seed,
         "prior": _prior(site),
         "sigma_v": scenario.fusion.sigma_v,
+        "lost_m": scenario.fusion.lost_m,
         **_if_used(
             options=tables(scenario.fusion.options),
             max_age_ns=round(scenario.fusion.max_age_s * NS),

@@ -12,6 +12,7 @@ from typing import Any, Final
 from launcher.plan import make_plan
 from launcher.reception import receptions
 from launcher.records import Plan
+from launcher.view import program
 from trackfield.drivers.session import PROTOCOLS, is_endpoint
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
@@ -92,10 +93,15 @@ def check_endpoint(endpoint: str, option: str) -> None:
         raise ScenarioError(f"is {endpoint!r}", key=option, expected=expected)
 
 
-def check_driver(*, virtual: bool, external: bool, connect: str) -> None:
-    """Raise ``ScenarioError`` if these options contradict each other."""
+def check_driver(*, virtual: bool, external: bool, live: bool, connect: str) -> None:
+    """Raise ``ScenarioError`` if these options contradict each other, ``RunFailed`` if what they need is missing."""
     if external and virtual:
         raise ScenarioError("there are no processes in virtual time", key="--external", expected="it without --virtual")
+    if live and virtual:
+        expected = "it without --virtual, or the timeline afterwards: trackfield view RUN"
+        raise ScenarioError("a run in virtual time is over at once", key="--live", expected=expected)
+    if live:
+        program()
     if external and not connect:
         raise ScenarioError("nobody can find a router of our own", key="--external", expected="--connect beside it")
 

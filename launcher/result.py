@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
@@ -14,7 +14,7 @@ from launcher.diary import Event
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import MessageRow, Plan
-from launcher.tables import track_rows, write_messages, write_tracks
+from launcher.tables import TrackRow, track_rows, write_messages, write_tracks
 from launcher.timeline import Timeline
 from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.role import NS, Note, Publish, State
@@ -22,13 +22,15 @@ from trackfield.role import NS, Note, Publish, State
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
 
+Unplanned = tuple[str, float | None, str]
+"""A death that nobody planned: whose, when (s; None: nobody knows), and why."""
 
-class Journal:
-    """Hands on what the ledger has settled to the timeline, and closes the books."""
 
-    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
-        self.plan, self.ledger, self.folder = plan, ledger, folder
-        self.timeline = Timeline(folder / TIMELINE, plan.info)
+class Telling:
+    """Hands on what the ledger has settled to a timeline."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, timeline: Timeline) -> None:
+        self.plan, self.ledger, self.timeline = plan, ledger, timeline
         self.states: dict[str, str] = {}
         self.errors: dict[str, float | None] = {}
         self.outcomes: dict[str, int] = {}
@@ -39,11 +41,13 @@ class Journal:
         self._write(*self.ledger.settle(until_ns))
         self.timeline.flush()
 
-    def close(self, deaths: Sequence[tuple[str, float | None, str]], *, messages: int) -> Metrics:
-        """Write the rest, and the tables; the metrics that are known here.
+    def take_over(self, rows: Sequence[MessageRow]) -> None:
+        """What became of each frame in a run before this one."""
+        self.ledger.rows += rows
+        self._write(rows, [])
 
-        ``deaths`` are those that nobody planned: whose, when (s; None: nobody knows), and why.
-        """
+    def end(self, deaths: Sequence[Unplanned] = ()) -> tuple[list[TrackRow], Mapping[int, float]]:
+        """Write the rest, and end the timeline; the tracks, and the bound (m) by step."""
         self._write(*self.ledger.close(name for name, *_ in deaths))
         for name, t_s, why in deaths:
             if t_s is not None:
@@ -58,13 +62,9 @@ class Journal:
             if step in bound:
                 self.timeline.bound(t_ns, bound[step])
         self.timeline.close()
-        write_messages(self.ledger.rows, self.folder / "messages.parquet")
-        write_tracks(tracks, bound, self.folder / "tracks.parquet")
-        metrics = run_metrics(self.plan, self.ledger, tracks)
-        metrics["recorder"]["messages"] = messages
-        return metrics
+        return tracks, bound
 
-    def _write(self, rows: list[MessageRow], events: list[Event]) -> None:
+    def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
             if row.sent_ns < self.plan.run.end_ns:  # a stranger may date its frames at will
@@ -95,6 +95,23 @@ class Journal:
                 self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
+
+
+class Journal(Telling):
+    """Writes the timeline of a run into its folder, and closes the books."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
+        super().__init__(plan, ledger, Timeline(folder / TIMELINE, plan.info))
+        self.folder = folder
+
+    def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
+        """Write the rest, and the tables; the metrics that are known here."""
+        tracks, bound = self.end(deaths)
+        write_messages(self.ledger.rows, self.folder / "messages.parquet")
+        write_tracks(tracks, bound, self.folder / "tracks.parquet")
+        metrics = run_metrics(self.plan, self.ledger, tracks)
+        metrics["recorder"]["messages"] = messages
+        return metrics
 
 
 def summary(journal: Journal) -> dict[str, Any]:

@@ -7,8 +7,8 @@ import platform
 import signal
 import statistics
 import time
-from collections.abc import Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -20,6 +20,7 @@ import psutil
 from launcher.deployment import ROUTER, Deployment
 from launcher.gathering import Gathering
 from launcher.ledger import Ledger
+from launcher.live import LiveView
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import Plan
 from launcher.result import METRICS, Journal, write_json
@@ -123,7 +124,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
-    return _close(folder, metrics, [], ended)
+    return close_folder(folder, metrics, [], ended)
 
 
 def run_processes(
@@ -134,14 +135,24 @@ def run_processes(
     endpoint: str = "",
     *,
     external: bool = False,
+    live: Callable[[str], None] | None = None,
 ) -> Outcome:
-    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up."""
+    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up.
+
+    ``live``, if given, is told the address of a live view, and what becomes of that.
+    """
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
-    with _until_signal() as ended, deploy(plan, folder, endpoint=endpoint) as field:
+    with (
+        _until_signal() as ended,
+        deploy(plan, folder, endpoint=endpoint) as field,
+        LiveView(plan, folder, field.endpoint, live) if live else nullcontext() as view,
+    ):
         write_manifest(folder, plan, command, field.endpoint)
         field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
         ready_s = time.monotonic() - begun
+        if view:
+            view.wait_ready(field.registry.live, lambda: bool(ended))
         pss: float | None = None
         if not ended:
             field.begin()
@@ -149,6 +160,8 @@ def run_processes(
 
             def tick() -> bool:
                 observer.running(field.status)
+                if view:
+                    view.look()
                 return bool(ended)
 
             field.watch(tick)
@@ -163,7 +176,7 @@ def run_processes(
         "pss_mb_per_node": pss,
     }
     complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
-    return _close(folder, metrics, complaints, ended)
+    return close_folder(folder, metrics, complaints, ended)
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
@@ -181,7 +194,8 @@ def _blank(value: object) -> Any:
     return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
 
 
-def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+def close_folder(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+    """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early."""
     frames = metrics["frames"]
     if frames["host_lost"]:
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])

@@ -1,4 +1,4 @@
-"""Writes a run to a Rerun file: the field, its tracks, the network, every message and the plots.
+"""Writes a run to a Rerun file, or to viewers as it goes on: the field, its tracks, the network, messages, plots.
 
 Rows are kept per entity and sent together (``send_columns``): one at a time, each costs seven times as long
 and 1.1 kB. What is shown for a while (a sensor's state, the bearings and frames of a step) is one array per
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import pathlib
+import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -38,6 +39,12 @@ BATTERY_STEPS: Final = 20
 """Levels of a battery that are told apart."""
 MOVES_NS: Final = NS // 4
 """How often a process that moves is drawn."""
+LINES: Final = 100
+"""Live, as many messages are listed at a flush; nobody reads more."""
+LIVE_MEMORY: Final = "256MiB"
+"""What is kept for viewers that come late; the oldest goes first."""
+LINGER_S: Final = 1.0
+"""For viewers to fetch the last of it."""
 MARKS: Final = 100
 """A mark is as long as the run divided by this."""
 
@@ -46,14 +53,15 @@ Rows = list[tuple[int, Any]]
 
 
 class Timeline:
-    """The timeline of one run, as a file.
+    """The timeline of one run: as a file, or live, at a port of this machine to which viewers connect.
 
-    Times are emulated ns since the start of the run, lengths metres. Calls may come up to a second out of
-    order; whatever comes later than that is shown a moment late, never dropped. Not safe for several threads.
+    Live, all is sent at every flush, and of many messages only some are listed. Times are emulated ns since the start
+    of the run, lengths metres. Calls may come up to a second out of order; whatever comes later than that is shown a
+    moment late, never dropped. Not safe for several threads.
     """
 
-    def __init__(self, path: pathlib.Path, info: FieldInfo) -> None:
-        self._info = info
+    def __init__(self, to: pathlib.Path | int, info: FieldInfo) -> None:
+        self._info, self._live = info, isinstance(to, int)
         self._places = {place.id for place in info.places}
         self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if place.role == "node"}
         self._begun: set[str] = set()
@@ -70,7 +78,8 @@ class Timeline:
         self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
-        self._rec.save(path, default_blueprint=look.layout(info))
+        sink = rr.FileSink(to) if isinstance(to, pathlib.Path) else _server(to)
+        self._rec.set_sinks(sink, default_blueprint=look.layout(info, live=self._live))
         self._rec.send_recording_name(info.run)
         for static in scenery.parts(info):
             self._static(*static)
@@ -154,7 +163,7 @@ class Timeline:
         """Sends what is due; to be called every quarter of a second."""
         self._flushes += 1
         self._settle(self._newest - LAG_NS)
-        self._send(everything=self._flushes % HOLD == 0)
+        self._send(everything=self._live or self._flushes % HOLD == 0)
 
     def close(self) -> None:
         """Sends all that is left and ends the file; without it the file has no footer."""
@@ -166,6 +175,8 @@ class Timeline:
             self._static("/faults", rr.StateConfiguration(values=list(words), colors=colours))
         self._send(everything=True)
         self._rec.flush(timeout_sec=5)
+        if self._live:
+            time.sleep(LINGER_S)
         self._rec.disconnect()
 
     # --- what happens -------------------------------------------------------------------------------------
@@ -207,8 +218,12 @@ class Timeline:
 
     def _settle(self, until_ns: float) -> None:
         """Turns all messages, and all else that happened up to this time, into rows."""
-        for row in self._messages:
+        for number, row in enumerate(self._messages):
+            if not self._live or number < LINES:
+                self._list(row)
             self._message(row)
+        if self._live and (more := len(self._messages) - LINES) > 0:
+            self._note(self._newest, "messages", f"{more} more, not listed while the run goes on", "INFO")
         self._messages.clear()
         self._foreseen(self._newest / NS)
         self._picture.settle(until_ns)
@@ -232,10 +247,13 @@ class Timeline:
             self._add("/field/moving", rows.points, t_ns, at)
             self._moves += 1
 
-    def _message(self, row: MessageRow) -> None:
-        t_ns, show = rows.instant(row), self._picture.shown.show
+    def _list(self, row: MessageRow) -> None:
+        t_ns = rows.instant(row)
         self._add(entity("messages", row.kind), rows.texts, t_ns, rows.sentence(row))
         self._add("/times", rows.times, t_ns, row)
+
+    def _message(self, row: MessageRow) -> None:
+        t_ns, show = rows.instant(row), self._picture.shown.show
         self._seconds.message(t_ns, row)
         if row.src not in self._places or row.dst not in self._places:
             return
@@ -271,6 +289,11 @@ class Timeline:
                 index = rr.TimeColumn(look.EMU, duration=times.astype("timedelta64[ns]"))
                 self._rec.send_columns(path, [index], columns([value for _, value in found]))
                 del self._pending[key]
+
+
+def _server(port: int) -> rr.GrpcServerSink:
+    """On this machine only; viewers that come late get what there was first."""
+    return rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=LIVE_MEMORY)
 
 
 @dataclass(slots=True)

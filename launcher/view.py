@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import importlib.util
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -13,6 +15,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
+from urllib.parse import quote
 
 from launcher.blueprint import EMU
 from trackfield.errors import RunFailed, ScenarioError
@@ -21,6 +24,8 @@ from trackfield.role import NS
 if TYPE_CHECKING:
     from rerun.experimental import Recording, ViewerClient
 
+MAGIC: Final = b"RRF2"
+"""How a Rerun file begins."""
 START_S: Final = 30.0
 LOAD_S: Final = 60.0
 PAINT_S: Final = 30.0
@@ -28,6 +33,8 @@ NO_DRIVER: Final = (
     "the viewer found no Vulkan driver; a picture needs no screen, but Vulkan, which Mesa offers in software "
     "(Debian, Ubuntu: apt install mesa-vulkan-drivers)"
 )
+_LIBC: Final = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG: Final = 1
 _SIGNS_OF_NO_DRIVER: Final = ("Failed to get render context", "No graphics adapter was found")
 
 
@@ -37,13 +44,13 @@ def open_viewer(run: Path, web: bool = False) -> None:
     With ``web`` the viewer is served to browsers on this machine only; its address goes to stderr.
     Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not come up.
     """
-    file, port = str(_timeline(run)), _free_port()
-    command = _rerun(file, "--port", str(port))
+    file, port = str(_timeline(run)), free_port()
     if web:
-        page = _free_port()
-        command += ["--serve-web", "--web-viewer-port", str(page)]
-        address = f"http://127.0.0.1:{page}/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{port}%2Fproxy"
-        print(f"The viewer is at {address} (Ctrl-C ends it)", file=sys.stderr)
+        page = free_port()
+        command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), file)
+        print(f"The viewer is at {page_address(page, port)} (Ctrl-C ends it)", file=sys.stderr)
+    else:
+        command = _rerun("--port", str(port), file)
     with _viewer(command) as process:
         try:
             code = process.wait()
@@ -54,6 +61,28 @@ def open_viewer(run: Path, web: bool = False) -> None:
             f"the viewer ended with exit code {code}; without a screen try --web or --png FILE",
             process="viewer",
         )
+
+
+def page_address(page: int, port: int) -> str:
+    """Where a browser finds the viewer, served at port ``page``, with what is served at ``port`` in it."""
+    return f"http://127.0.0.1:{page}/?url={quote(_source(port), safe='')}&theme=dark&hide_welcome_screen"
+
+
+def web_server(page: int, port: int) -> list[str]:
+    """The command that serves the viewer at port ``page``, for a recorder that serves a timeline at ``port``."""
+    return _rerun("--serve-web", "--web-viewer-port", str(page), _source(port))
+
+
+def free_port() -> int:
+    """A port of this machine at which nobody listens."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def environment() -> dict[str, str]:
+    """What Rerun's program is to see; CI keeps its analytics off."""
+    return {"RUST_LOG": "warn", **os.environ, "CI": "1"}
 
 
 def picture(run: Path, png: Path, at_s: float | None = None) -> None:
@@ -79,11 +108,11 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
 
     Raises ``RunFailed`` if there is no Vulkan driver or the viewer fails otherwise.
     """
-    port = _free_port()
+    port = free_port()
     command = _rerun("--headless", "--port", str(port), "--window-size", "1600x900")
     with tempfile.TemporaryFile() as log, _viewer(command, log) as process:
         try:
-            client = _connect(f"rerun+http://127.0.0.1:{port}/proxy", process)
+            client = _connect(_source(port), process)
             yield client, _load(client, timeline)
         except (RuntimeError, OSError) as error:
             log.seek(0)
@@ -96,6 +125,13 @@ def _timeline(run: Path) -> Path:
     file = run / "run.rrd"
     if not file.is_file():
         raise ScenarioError("no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it")
+    try:
+        with file.open("rb") as begun:
+            magic = begun.read(len(MAGIC))
+    except OSError as error:
+        raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
+    if magic != MAGIC:
+        raise ScenarioError("is no timeline", file=str(file), expected="the file that a run left")
     return file.resolve()
 
 
@@ -110,30 +146,49 @@ def _check_writable(png: Path) -> None:
         png.unlink()
 
 
-def _free_port() -> int:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
+def _source(port: int) -> str:
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def program() -> Path:
+    """Rerun's program. Raises ``RunFailed`` if it is not installed."""
+    package = importlib.util.find_spec("rerun_cli")
+    # The program itself, not the script of that name: its parent reaps it, and sees its exit code.
+    found = package and package.origin and Path(package.origin).with_name("rerun")
+    if not found or not found.is_file():
+        raise RunFailed(
+            "Rerun's viewer is not installed; its program comes with the package rerun-sdk "
+            "(pip install --force-reinstall rerun-sdk)",
+            process="viewer",
+        )
+    return found
 
 
 def _rerun(*options: str) -> list[str]:
-    package = importlib.util.find_spec("rerun_cli")
-    assert package is not None and package.origin is not None
-    # The program itself, not the script of that name: its parent reaps it, and sees its exit code.
-    program = str(Path(package.origin).with_name("rerun"))
     # The welcome screen would fetch its examples from the network.
-    return [program, "--bind", "127.0.0.1", "--hide-welcome-screen", *options]
+    return [str(program()), "--bind", "127.0.0.1", "--hide-welcome-screen", *options]
 
 
 @contextlib.contextmanager
 def _viewer(command: list[str], log: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
-    environment = {"RUST_LOG": "warn", **os.environ, "CI": "1"}  # CI keeps its analytics off
-    process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+    process = subprocess.Popen(
+        command,
+        stdout=log,
+        stderr=log,
+        env=environment(),
+        preexec_fn=_end_with_parent,  # noqa: PLW1509  one system call, which threads do not mind
+    )
     try:
         yield process
     finally:
         process.kill()
         process.wait()
+
+
+def _end_with_parent() -> None:
+    """Let Linux end this process when its parent dies, of a signal, say."""
+    if sys.platform == "linux":
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _connect(url: str, process: subprocess.Popen[bytes]) -> ViewerClient:

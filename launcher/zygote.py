@@ -12,6 +12,7 @@ import logging
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from threading import Event
 from typing import Any, Final
@@ -25,6 +26,8 @@ from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router
 
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_TIMERSLACK: Final = 29
+VIEW_NICENESS: Final = 10
+"""Of what a run can do without."""
 _ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -53,6 +56,22 @@ def run_recorder(endpoint: str, log: Path, arguments: Any) -> None:
     from launcher.recorder import record
 
     record(endpoint, *arguments)
+
+
+def run_live(endpoint: str, log: Path, arguments: Any) -> None:
+    """What shows a run as it goes on; whatever the run needs itself comes first."""
+    _enter("live", log)
+    os.nice(VIEW_NICENESS)
+    from launcher.live import show
+
+    show(endpoint, *arguments)
+
+
+def run_viewer(log: Path, command: list[str], environment: Mapping[str, str]) -> None:
+    """The program that serves the viewer to browsers, in the place of this process."""
+    _enter("viewer", log)
+    os.nice(VIEW_NICENESS)
+    os.execve(command[0], command, environment)
 
 
 def _enter(title: str, log: Path, death: int = signal.SIGKILL) -> None:

@@ -42,7 +42,7 @@ timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late}
 energy_j.{total,max_node} energy_j.by.{send,receive,listen,sleep,sense}
 energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
-lifetime_s.{first_death,half_dead,coverage_lost,extrapolated}
+lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped}
 """

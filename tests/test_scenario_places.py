@@ -12,6 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from launcher.deployment import RECORDER, ROUTER
+from launcher.records import LIVE
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, plan
 from trackfield.scenario.places import RESERVED, _id, read_places
@@ -102,10 +103,10 @@ def test_an_id_is_one_if_and_only_if_it_is_one_on_the_wire(id: str) -> None:
 
 
 def test_the_names_of_other_processes_are_reserved(tmp_path: Path) -> None:
-    assert set(RESERVED) == {ROUTER, RECORDER}
+    assert set(RESERVED) == {ROUTER, RECORDER, LIVE}
     for name in (*RESERVED, "fusion"):
         file = text(tmp_path / "a.csv", "id,x,y", "a,0,0", f"{name},1,2")
-        expected = "an id other than fusion, router, recorder"
+        expected = "an id other than fusion, router, recorder, live"
         assert failure(file) == f"{file}:3: a node is called {name!r}; expected {expected}"
 
 

@@ -43,6 +43,8 @@ class Following(Generic[S]):
 
     tracker: Tracker[S]
     model: Model
+    lost_m: float = LOST_M
+    """A track that started alone is given up when the sd of its position exceeds this."""
 
     def begin(self, prior: Gaussian | None) -> Followed[S]:
         """The state before the first step; without a prior the track starts from the first reports."""
@@ -62,7 +64,7 @@ class Following(Generic[S]):
             return self._start(reports)
         track, estimate = self.tracker.step(state.track, reports, dt, rng)
         doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
-        if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > LOST_M):
+        if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m):
             return self._start(reports)
         return Followed(track, doubt, state.alone), estimate
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from trackfield.filters.types import Array
 
 LOST_M: Final = 50.0
-"""A target is lost when the position error at the last step exceeds this (m)."""
+"""A target is lost when the position error at the last step exceeds this (m), unless the field says otherwise."""
 
 
 def rmse(errors: Array) -> float:
@@ -37,7 +37,7 @@ def nees(errors: Array, covariances: Array) -> Array:
     return total
 
 
-def lost(position_errors: Array) -> npt.NDArray[np.bool_]:
-    """Whether the target was lost in each run: position errors (..., T, 2) in metres."""
-    gone: npt.NDArray[np.bool_] = np.linalg.norm(position_errors[..., -1, :], axis=-1) > LOST_M
+def lost(position_errors: Array, lost_m: float = LOST_M) -> npt.NDArray[np.bool_]:
+    """Whether the target was lost in each run: position errors (..., T, 2) in metres, at the end above ``lost_m``."""
+    gone: npt.NDArray[np.bool_] = np.linalg.norm(position_errors[..., -1, :], axis=-1) > lost_m
     return gone

@@ -21,7 +21,7 @@ Place = tuple[str, float, float]
 CENTRE: Final = "fusion"
 """The role of the fusion centre, and its id."""
 ROLES: Final = ("node", CENTRE)
-RESERVED: Final = ("router", "recorder")
+RESERVED: Final = ("router", "recorder", "live")
 """Other processes of a run that go by these names."""
 
 _ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}")

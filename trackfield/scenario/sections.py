@@ -90,16 +90,11 @@ class AlongPath(_Spaced):
 
 
 class Beside(Section):
-    """A single sensor, far beside the target's path: a radar beside a flight."""
+    """A single sensor beside the target's path."""
 
-    layout: Literal["beside"] = Field(
-        default="beside", description="a single sensor, to the right of the middle of the target's path"
-    )
+    layout: Literal["beside"] = Field(default="beside", description="one sensor, to the right of the target's path")
     distance_m: float = Field(
-        default=15_000.0,
-        gt=0,
-        le=1e7,
-        description="from where the target is at half time, square to the straight line from begin to end",
+        default=15_000.0, gt=0, le=1e7, description="from the target at half time, square to its way from begin to end"
     )
 
 
@@ -280,6 +275,10 @@ class Fusion(Section):
     )
     sigma_v: NotNegative = Field(
         default=0.1, description="standard deviation of the acceleration, m/s^2, for trackers with one motion model"
+    )
+    lost_m: Positive = Field(
+        default=50.0,
+        description="a track that ends further off counts as lost; one without a prior is begun anew when less certain",
     )
     prior: Literal["paper", "none"] = Field(
         default="none",
