@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from launcher.reproduce.cases import CASES, Case
-from launcher.reproduce.claims import JUDGES, claims, verdicts
+from launcher.reproduce.claims import JUDGES, claims
 from launcher.reproduce.realisation import realise, typical
 from launcher.reproduce.records import Record, measure
 from launcher.reproduce.report import FIGURES, claims_table, markdown
@@ -249,6 +249,10 @@ def with_score(results: Results, case: str, tracker: str, **figures: float) -> R
 
 def with_field(results: Results, case: str, **figures: float) -> Results:
     return replace(results, fields={**results.fields, case: replace(results.fields[case], **figures)})
+
+
+def verdicts(results: Results) -> dict[str, str]:
+    return {claim.name: claim.verdict for claim in claims(results)}
 
 
 def test_a_paper_that_is_right_is_said_to_be() -> None:

@@ -7,7 +7,7 @@ through their encoded bytes all the same.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -55,8 +55,6 @@ class Case:
     settings: Mapping[str, Any]
     trackers: Mapping[str, Options]
     base: str | Mapping[str, Any] = "spcpf"
-    of_paper: bool = field(default=True, kw_only=True)
-    """Whether the paper has this case; the others ask what its figures are due to."""
 
     def scenario(self, seed: int, only: Collection[str] | None = None) -> Scenario:
         """The scenario of one run, with all trackers or ``only`` some; each gets the same random draws either way."""
@@ -83,7 +81,7 @@ def _acoustic(name: str, path: str, threshold: float, trackers: Mapping[str, Opt
         "sensor.threshold": threshold,
         **{f"fusion.{key}": value for key, value in more.items()},
     }
-    return Case(name, settings, trackers, of_paper=not more)
+    return Case(name, settings, trackers)
 
 
 RADAR: Final[Mapping[str, Any]] = {

@@ -77,7 +77,7 @@ def tables(results: Results) -> dict[str, list[Row]]:
     """Everything that the paper measures, by table."""
     paths = ("s1", "s2", "s3")
     filters = (*map(particles, PARTICLES), "bootstrap-200", "bootstrap")
-    compared = (*MAIN, *SINGLE)
+    compared = ("spcpf", *SINGLE, *MAIN[1:])
     causes = ("s1", "s1-narrow", "s2", "s2-agile", "s3", "s3-agile")
     return {
         "table I": list(_table_1(results)),
