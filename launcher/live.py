@@ -52,6 +52,7 @@ class LiveRecorder(Listener):
             self.pulse(self.telling)
         self.drain()
         self.telling.end()
+        self.telling.timeline.close()
 
 
 def show(endpoint: str, plan: Plan, port: int) -> None:

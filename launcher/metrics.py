@@ -71,10 +71,11 @@ def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
     known = [r for r in rows if _has_track(r) and r.truth is not None]
     if not known:
         nothing = dict.fromkeys(("x", "y", "position", "velocity"))
-        return {"rmse": nothing, "median_error": None, "nees": None, "lost": True, "steps": 0}
+        return {"rmse": nothing, "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0}
     errors = np.array([r.point.mean for r in known]) - np.array([r.truth for r in known])
     covariances = np.array([r.point.covariance for r in known]).reshape(-1, 4, 4)
-    nees = float(score.nees(errors, covariances).mean())
+    nees = score.nees(errors, covariances)
+    sound = bool(np.isfinite(nees).all())
     ended_without = not _has_track(rows[-1])
     return {
         "rmse": {
@@ -84,7 +85,8 @@ def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
             "velocity": score.rmse(errors[:, 2:]),
         },
         "median_error": score.median_error(errors[:, :2]),
-        "nees": nees if isfinite(nees) else None,
+        "nees": float(nees.mean()) if sound else None,
+        "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
         "lost": ended_without or bool(score.lost(errors[:, :2], lost_m)),
         "steps": len(known),
     }

@@ -10,7 +10,6 @@ import json
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -57,11 +56,12 @@ def replay(
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / "scenario.toml"), settings=settings, trackers=trackers)
     rows = _rows(run / "messages.parquet")
-    plan = _until(planned(scenario), run / "tracks.parquet")
+    plan = planned(scenario)
+    end_ns = _end_ns(plan, rows, run / "tracks.parquet")
     folder = prepare_folder(out, scenario.name, scenario.seed)
     keep(scenario, folder)
     write_manifest(folder, plan, command, None)
-    anew = _fuse(plan, rows, metrics, folder)
+    anew = _fuse(plan, rows, end_ns, metrics, folder)
     shutil.copyfile(run / "messages.parquet", folder / "messages.parquet")
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
@@ -81,27 +81,28 @@ def caveats(metrics: Metrics) -> list[str]:
     return said
 
 
-def fused(plan: Plan, rows: Iterable[MessageRow]) -> Iterator[tuple[str, Output]]:
-    """What each life of the fusion centre says to the frames that reached it, with the life's name."""
+def fused(plan: Plan, rows: Iterable[MessageRow], end_ns: int) -> Iterator[tuple[str, Output]]:
+    """What each life of the fusion centre says up to a time to the frames that reached it, with the life's name."""
     link = link_of(plan.run, places_of(plan.processes))
     arrivals = [_arrival(row, link) for row in rows if row.dst == CENTRE and row.delivered]
     before: Core | None = None
     for life in (process for process in plan.processes if process.id == CENTRE):
         core = build_core(plan.run, life, link)
         if before is not None:
-            core.inherit(before.life.stored, spent(before.record(plan.run.end_ns)))
+            core.inherit(before.life.stored, spent(before.record(end_ns)))
         for arrival in arrivals:
             if core.owns(arrival.due_ns):
                 core.offer(arrival)
-        while (key := core.next_key()) is not None and key < (plan.run.end_ns,):
+        while (key := core.next_key()) is not None and key < (end_ns,):
             yield from ((life.name, output) for output in core.handle_next())
         before = core
 
 
-def _fuse(plan: Plan, rows: Sequence[MessageRow], before: Metrics, folder: Path) -> Metrics:
+def _fuse(plan: Plan, rows: Sequence[MessageRow], end_ns: int, before: Metrics, folder: Path) -> Metrics:
     """Write the tracks and the timeline; the metrics of a run in which nobody but the centre said anything."""
     ledger = Ledger(plan.run, plan.processes)
-    for name, output in fused(plan, rows):
+    ledger.end(end_ns)
+    for name, output in fused(plan, rows, end_ns):
         if isinstance(output, Told | Refused | Undone):
             ledger.told(name, output)
     journal = Journal(plan, ledger, folder)
@@ -126,10 +127,11 @@ def _arrival(row: MessageRow, link: Link) -> Arrival:
     return Arrival(row.due_ns, frame, frame.fate(link, row.dst))
 
 
-def _until(plan: Plan, tracks: Path) -> Plan:
-    """The plan of a run that ended after its last point, if it was ended before all its steps were over."""
+def _end_ns(plan: Plan, rows: Iterable[MessageRow], tracks: Path) -> int:
+    """When the run was over: as planned, or after the last it left if that is not about its last step."""
     table = pq.read_table(tracks, columns=["step", "told_s"])
     if max(table["step"].to_pylist(), default=0) >= plan.run.end_ns // plan.step_ns - 1:
-        return plan
-    told_ns = round(max(table["told_s"].to_pylist(), default=0.0) * NS)
-    return replace(plan, run=replace(plan.run, end_ns=told_ns + 1))
+        return plan.run.end_ns
+    told_ns = (round(told_s * NS) for told_s in table["told_s"].to_pylist())
+    sent_ns = (row.sent_ns for row in rows)
+    return min(max((*told_ns, *sent_ns), default=0) + 1, plan.run.end_ns)

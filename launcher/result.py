@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
@@ -14,7 +14,7 @@ from launcher.diary import Event
 from launcher.ledger import Ledger
 from launcher.metrics import Metrics, run_metrics
 from launcher.records import MessageRow, Plan
-from launcher.tables import TrackRow, track_rows, write_messages, write_tracks
+from launcher.tables import track_rows, write_messages, write_tracks
 from launcher.timeline import Timeline
 from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.role import NS, Note, Publish, State
@@ -46,23 +46,12 @@ class Telling:
         self.ledger.rows += rows
         self._write(rows, [])
 
-    def end(self, deaths: Sequence[Unplanned] = ()) -> tuple[list[TrackRow], Mapping[int, float]]:
-        """Write the rest, and end the timeline; the tracks, and the bound (m) by step."""
+    def end(self, deaths: Sequence[Unplanned] = ()) -> None:
+        """Write the rest of it; the timeline is still to be closed."""
         self._write(*self.ledger.close(name for name, *_ in deaths))
         for name, t_s, why in deaths:
             if t_s is not None:
                 self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
-        tracks = track_rows(
-            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
-            self.plan.path,
-            self.plan.step_ns,
-        )
-        bound = run_bound(self.plan, self.ledger.rows)
-        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
-            if step in bound:
-                self.timeline.bound(t_ns, bound[step])
-        self.timeline.close()
-        return tracks, bound
 
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
@@ -106,7 +95,17 @@ class Journal(Telling):
 
     def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
         """Write the rest, and the tables; the metrics that are known here."""
-        tracks, bound = self.end(deaths)
+        self.end(deaths)
+        tracks = track_rows(
+            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
+            self.plan.path,
+            self.plan.step_ns,
+        )
+        bound = run_bound(self.plan, self.ledger.rows)
+        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
+            if step in bound:
+                self.timeline.bound(t_ns, bound[step])
+        self.timeline.close()
         write_messages(self.ledger.rows, self.folder / "messages.parquet")
         write_tracks(tracks, bound, self.folder / "tracks.parquet")
         metrics = run_metrics(self.plan, self.ledger, tracks)

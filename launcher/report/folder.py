@@ -27,7 +27,7 @@ from trackfield.scenario import plan as survey
 from trackfield.scenario.places import CENTRE
 
 Array = npt.NDArray[np.float64]
-REPORT: Final = "doa"
+REPORTS: Final = ("doa", "measurement")
 """The kind of message that carries what a sensor heard."""
 _COLUMNS: Final = ("kind", "src", "dst", "outcome", "sent_ns", "due_ns", "bytes", "copy", "incarnation", "step")
 _TEXT: Final = ("kind", "src", "dst", "outcome")
@@ -98,7 +98,7 @@ class Frames:
 
     def senders(self, *outcomes: str) -> set[str]:
         """Who sent a report that had one of these outcomes, or any."""
-        chosen = self.where("kind", REPORT)
+        chosen = self.where("kind", *REPORTS)
         if outcomes:
             chosen &= self.where("outcome", *outcomes)
         return set(self.table["src"].filter(pa.array(chosen)).unique().to_pylist())
