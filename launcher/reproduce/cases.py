@@ -37,8 +37,9 @@ def particles(n: int) -> str:
 SWEEPS: Final[Mapping[str, Options]] = {
     **{nominals(n): {"tracker": "spcpf", "nominals": n} for n in NOMINALS if n != 15},
     **{particles(n): {"tracker": "spcpf", "particles": n} for n in PARTICLES if n != 200},
-    "bootstrap-200": {"tracker": "bootstrap", "n": 200},
 }
+TENTH: Final[Mapping[str, Options]] = {"bootstrap-200": {"tracker": "bootstrap", "n": 200}}
+"""A bootstrap filter with as few particles as SP-CPF."""
 
 SINGLE: Final[Mapping[str, Options]] = {"spcpf-paper": {"tracker": "spcpf", "single": "paper"}}
 """SP-CPF that weighs its particles by p(y | x) alone even when a single sensor reports, as the paper reads."""
@@ -95,9 +96,9 @@ RADAR: Final[Mapping[str, Any]] = {
 
 
 def _cases() -> list[Case]:
-    rival = _plain("spcpf", "bootstrap")
+    rival = {**_plain("spcpf", "bootstrap"), **TENTH}
     return [
-        _acoustic("s1", "s1", 0.75, {**_plain(*ALL), **SWEEPS}),
+        _acoustic("s1", "s1", 0.75, {**_plain(*ALL), **SWEEPS, **TENTH}),
         _acoustic("s1-72", "s1", 0.72, _plain(*MAIN)),
         _acoustic("s1-78", "s1", 0.78, {**_plain(*MAIN), **SINGLE}),
         _acoustic("s1-79", "s1", 0.79, _plain("spcpf")),
