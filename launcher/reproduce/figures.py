@@ -180,11 +180,11 @@ def sweeps(results: Results) -> Figure:
         found = [scores[name(size)] for size in sizes]
         axes.plot(sizes, [one.position for one in found], "o-", color=RED, label="all runs pooled")
         axes.plot(sizes, [one.median_run for one in found], "s:", color=GREY, mfc="none", label="median run")
-        axes.set(xlabel=label, ylim=(0, None))
+        axes.set_xlabel(label)
     left.axvspan(10, 20, color="#f3e3c8", zorder=0, label="the paper's range")
     right.set(xscale="log", xticks=PARTICLES[::2], xticklabels=map(str, PARTICLES[::2]))
     right.minorticks_off()
-    left.set_ylabel("RMSE of the position, m")
+    left.set(ylabel="RMSE of the position, m", ylim=(0, None))
     left.legend(loc="lower right")
     figure.suptitle(f"SP-CPF in scenario 1, 75 %, {results.runs} runs")
     return figure
