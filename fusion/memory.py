@@ -9,7 +9,6 @@ from typing import Any, Final
 from immutables import Map
 
 from trackfield.role import Received, Started, Timer, Transitions
-from trackfield.wire.messages import Doa
 
 
 class Phase(Enum):
@@ -29,8 +28,8 @@ TRANSITIONS: Final[Transitions] = {
     **{(phase, Received): frozenset({phase}) for phase in _RUNNING},
 }
 
-Heard = Map[str, Doa]
-"""The reports of one step, by sensor."""
+Heard = Map[str, Any]
+"""The reports of one step (``Doa`` or ``Measurement``), by sensor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import dist, radians
+from math import dist, nan, radians
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +21,8 @@ from fusion.points import track_point
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
+from trackfield.filters.measurement import OfSensor
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
@@ -43,7 +45,8 @@ from trackfield.role import (
     TrackPoint,
     check_transition,
 )
-from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
+from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
+from trackfield.world.sensors import make_sensor
 
 _LAST_STEP: Final = 65535
 """As far as a message counts."""
@@ -53,13 +56,14 @@ class Fusion:
     """Fuses the reports of ``sensors`` (id, x m, y m) each ``step_ns``, ``deadline_ns`` after the step's instant.
 
     ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
-    from the first reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one
-    motion model. All randomness is keyed by ``seed``, the tracker and the step. Reports that are up to
-    ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of ``Controller``) the centre
-    commands the sensors' threshold. Its clock is the reference for sensors that ask for the time.
+    from the first reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where those
+    are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model; a track less certain than
+    ``lost_m`` is given up if it began without a prior. All randomness is keyed by ``seed``, the tracker and the step.
+    Reports that are up to ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of
+    ``Controller``) the centre commands the sensors' threshold. Its clock is the reference for sensors that ask for the
+    time. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
+    ``make_sensor``).
     """
-
-    kinds = frozenset({"doa", "sync-request"})
 
     def __init__(
         self,
@@ -68,20 +72,28 @@ class Fusion:
         sensors: Sequence[tuple[str, float, float]],
         step_ns: int,
         deadline_ns: int,
-        doa_sd_deg: float,
         seed: int,
+        doa_sd_deg: float = nan,
         prior: Mapping[str, Sequence[float]] | None = None,
         target: str = "target",
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
+        lost_m: float = LOST_M,
         options: Mapping[str, Mapping[str, Any]] | None = None,
+        places: Mapping[str, str] | None = None,
+        sensor: Mapping[str, Any] | None = None,
     ) -> None:
         self.step_ns, self.deadline_ns, self.seed, self.target = step_ns, deadline_ns, seed, target
         self.max_age_ns = max_age_ns
         self.positions = {id: (x, y) for id, x, y in sensors}
-        model, options = Model(radians(doa_sd_deg), sigma_v), options or {}
-        self.trackers = {name: Following(make_tracker(name, options.get(name)), model) for name in trackers}
+        self.sensor = None if sensor is None else make_sensor(**sensor)
+        own = None if self.sensor is None else OfSensor(self.sensor)
+        self.kinds = frozenset({"doa" if own is None else "measurement", "sync-request"})
+        model, options = Model(radians(doa_sd_deg), sigma_v, own), options or {}
+        self.trackers = {
+            name: Following(make_tracker(name, options.get(name), places), model, lost_m) for name in trackers
+        }
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None
@@ -105,7 +117,7 @@ class Fusion:
         match event:
             case Started(now, stored):
                 return self._start(memory, now, stored)
-            case Received(now, Doa() as report, sender):
+            case Received(now, Doa() | Measurement() as report, sender) if self._takes(report):
                 return self._collect(memory, now, report, sender)
             case Received(now, SyncRequest(exchange, sent_us), sender):
                 return memory, (Send(SyncReply(exchange, sent_us, now // 1000, now // 1000), sender),)
@@ -165,7 +177,15 @@ class Fusion:
 
     # --- reports ---
 
-    def _collect(self, memory: Memory, now: int, report: Doa, sender: str) -> tuple[Memory, tuple[Effect, ...]]:
+    def _takes(self, report: Doa | Measurement) -> bool:
+        """Whether it is one of this field's sensors' kind."""
+        if self.sensor is None:
+            return isinstance(report, Doa)
+        return isinstance(report, Measurement) and len(report.values) == len(self.sensor.resolution)
+
+    def _collect(
+        self, memory: Memory, now: int, report: Doa | Measurement, sender: str
+    ) -> tuple[Memory, tuple[Effect, ...]]:
         step = report.step
         past = memory.past.get(step)
         late = step <= memory.fused
@@ -239,13 +259,13 @@ class Fusion:
 
     def _reports(self, step: int, heard: Heard) -> Reports:
         ids = tuple(sorted(heard))
-        return Reports(
-            step,
-            ids,
-            np.array([self.positions[id] for id in ids], float).reshape(-1, 2),
-            np.radians([heard[id].bearing_deg for id in ids]),
-            np.array([heard[id].level_db for id in ids], float),
-        )
+        positions = np.array([self.positions[id] for id in ids], float).reshape(-1, 2)
+        if self.sensor is None:
+            bearings = np.radians([heard[id].bearing_deg for id in ids])
+            return Reports(step, ids, positions, bearings, np.array([heard[id].level_db for id in ids], float))
+        steps = np.array([heard[id].values for id in ids], float).reshape(-1, len(self.sensor.resolution))
+        nothing = np.full(len(ids), nan)
+        return Reports(step, ids, positions, nothing, nothing, steps * np.array(self.sensor.resolution))
 
     def _command(self, level_db: float | None, point: TrackPoint) -> tuple[float | None, tuple[Send, ...]]:
         """The threshold for the step after ``point``, and the message to those who are about to hear the target."""

@@ -100,13 +100,14 @@ def lifetime_metrics(plan: Plan, nodes: Sequence[Node], reach_m: float) -> dict[
     """
     ends = {node.spec.id: t for node in nodes if (t := node.lifetime_s) is not None}
     if not ends:
-        return dict.fromkeys(("first_death", "half_dead", "coverage_lost", "extrapolated"))
+        return dict.fromkeys(("first_death", "half_dead", "coverage_lost", "extrapolated", "empty"))
     order = sorted(ends.values())
     figures = [order[0], order[ceil(len(order) / 2) - 1], _coverage_lost(plan, nodes, ends, reach_m)]
     names = ("first_death", "half_dead", "coverage_lost")
     return {
         **dict(zip(names, figures, strict=True)),
         "extrapolated": any(t is not None and t > plan.run.end_ns / NS for t in figures),
+        "empty": [{"id": node.spec.id, "t": node.died_ns / NS} for node in nodes if node.died_ns is not None],
     }
 
 

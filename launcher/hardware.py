@@ -11,6 +11,7 @@ from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 from trackfield.scenario import Scenario
 from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
+from trackfield.scenario.sections import Acoustic
 
 FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12
@@ -56,7 +57,7 @@ def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
 
 def duty_of(scenario: Scenario, end_ns: int) -> dict[str, int] | None:
     """When a sensor node that is awake listens for its threshold in a run until ``end_ns``; None if nobody tells it."""
-    if not scenario.sensor.adaptive:
+    if not (isinstance(scenario.sensor, Acoustic) and scenario.sensor.adaptive):
         return None
     step_ns, guard_ns = round(scenario.target.step_s * NS), _guard_ns(scenario, end_ns)
     match scenario.link:

@@ -19,7 +19,7 @@ from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, To
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish
 from trackfield.wire.codec import WireError, decode
-from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
+from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 
 SYNCHRONISING: Final = ("sync-request", "sync-reply")
 """Kinds of messages by which clocks are set; they leave while the clock is still wrong."""
@@ -219,7 +219,7 @@ class Ledger:
 
 
 class Said(NamedTuple):
-    """What is in a payload: in words, and if it is a DOA report its bearing (degrees) and step."""
+    """What is in a payload: in words, and if it is a report its step and, of a DOA report, its bearing (degrees)."""
 
     text: str
     bearing_deg: float | None = None
@@ -229,7 +229,7 @@ class Said(NamedTuple):
 def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
     return MessageRow(
         frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
-        frame.incarnation, said.text, said.bearing_deg, said.step, local_ns,
+        frame.incarnation, said.text, said.bearing_deg, said.step, local_ns, frame.payload,
     )  # fmt: skip
 
 
@@ -239,13 +239,17 @@ def describe(payload: bytes) -> Said:
         message = decode(payload)
     except WireError as error:
         return Said(f"malformed ({error.reason})")
-    if isinstance(message, Doa):
-        text = f"DOA {message.bearing_deg:.1f} deg {message.level_db:.1f} dB"
-        return Said(text, message.bearing_deg, message.step)
-    if isinstance(message, Threshold):
-        return Said(f"report from {message.level_db:.2f} dB on")
-    if isinstance(message, SyncRequest):
-        return Said(f"what time is it? (exchange {message.exchange}, here {message.sent_us / 1e6:.6f} s)")
-    if isinstance(message, SyncReply):
-        return Said(f"it is {message.left_us / 1e6:.6f} s (exchange {message.exchange})")
-    return Said(repr(message))
+    match message:
+        case Doa(step, bearing_deg, level_db):
+            said = Said(f"DOA {bearing_deg:.1f} deg {level_db:.1f} dB", bearing_deg, step)
+        case Measurement(step, values):
+            said = Said(f"measured {', '.join(map(str, values))}", step=step)
+        case Threshold(_, level_db):
+            said = Said(f"report from {level_db:.2f} dB on")
+        case SyncRequest(exchange, sent_us):
+            said = Said(f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)")
+        case SyncReply(exchange, left_us=left_us):
+            said = Said(f"it is {left_us / 1e6:.6f} s (exchange {exchange})")
+        case _:
+            said = Said(repr(message))
+    return said

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.extensions import own_sensor, tracker_places
 from launcher.faults import Faults, Mark, resolve
 from launcher.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
 from launcher.records import FieldInfo, Place, Plan
@@ -18,7 +19,6 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.errors import ScenarioError
 from trackfield.link.models import make_link
 from trackfield.link.places import Places
-from trackfield.models.sound import audible_radius
 from trackfield.role import NS
 from trackfield.scenario import Plan as Site
 from trackfield.scenario import Scenario
@@ -26,6 +26,8 @@ from trackfield.scenario import plan as survey
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
+from trackfield.scenario.plan import reach_m
+from trackfield.scenario.sections import Acoustic
 from trackfield.wire.registry import product_kinds
 
 TRUTH_SAMPLES: Final = 4
@@ -51,9 +53,9 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     nodes = [life for node in _nodes(site, places_of([centre]), end_ns) for life in _lives(node, faults)]
     processes = (*_lives(replace(centre, peers=places_of(nodes)), faults), *nodes)
     info = _info(site, spec, processes, faults.marks)
-    sensor = scenario.sensor
-    reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
-    return Plan(spec, processes, site.path, info, site.step_ns, reach_m, scenario.restart == "on-death")
+    _, report_m = reach_m(scenario)
+    again, lost_m = scenario.restart == "on-death", scenario.fusion.lost_m
+    return Plan(spec, processes, site.path, info, site.step_ns, report_m, again, lost_m)
 
 
 def _check_link(spec: RunSpec) -> None:
@@ -102,11 +104,11 @@ def _nodes(site: Site, peers: Places, end_ns: int) -> Iterator[ProcessSpec]:
     for index, (id, x, y) in enumerate(site.sensors):
         config: dict[str, Any] = {
             "step_ns": site.step_ns,
-            "threshold_db": scenario.sensor.threshold_db,
+            **_threshold_db(scenario),
             "centre": CENTRE,
             **_if_used(sync=sync_of(scenario, id), adaptive=duty_of(scenario, end_ns)),
         }
-        sound, clock = site.acoustic(index).to_plain(), clock_of(scenario, id)
+        sound, clock = site.sound(index), clock_of(scenario, id)
         yield ProcessSpec(id, "node", role, config, x, y, sound, peers=peers, clock=clock, power=power)
 
 
@@ -117,12 +119,14 @@ def _centre(site: Site) -> ProcessSpec:
         "sensors": [list(place) for place in site.believed],
         "step_ns": site.step_ns,
         "deadline_ns": round(scenario.fusion.deadline_s * NS),
-        "doa_sd_deg": scenario.sensor.doa_sd_deg,
+        **_noise(scenario),
         "seed": scenario.seed,
         "prior": _prior(site),
         "sigma_v": scenario.fusion.sigma_v,
+        "lost_m": scenario.fusion.lost_m,
         **_if_used(
             options=tables(scenario.fusion.options),
+            places=tracker_places(scenario.fusion),
             max_age_ns=round(scenario.fusion.max_age_s * NS),
             threshold=_threshold(scenario),
         ),
@@ -144,19 +148,32 @@ def _if_used(**more: Any) -> dict[str, Any]:
     return {name: value for name, value in more.items() if value}
 
 
+def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
+    """The level from which sensors report, if they measure one."""
+    return {"threshold_db": scenario.sensor.threshold_db} if isinstance(scenario.sensor, Acoustic) else {}
+
+
+def _noise(scenario: Scenario) -> Mapping[str, Any]:
+    """What the fusion centre must know of its reports: how they are off, or of what kind of sensor they are."""
+    sensor = scenario.sensor
+    return (
+        {"doa_sd_deg": sensor.doa_sd_deg} if isinstance(sensor, Acoustic) else {"sensor": own_sensor(scenario, sensor)}
+    )
+
+
 def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
     """Within which bounds the centre sets the sensors' threshold, beginning where, and whom it tells; None: never."""
     sensor = scenario.sensor
-    if not sensor.adaptive:
+    if not isinstance(sensor, Acoustic) or not sensor.adaptive:
         return None
     low, high = sensor.thresholds_db
-    reach_m = audible_radius(sensor.level_db, sensor.alpha, sensor.audible_db)
+    awake_m, _ = reach_m(scenario)
     return {
         "low_db": low,
         "high_db": high,
         "start_db": sensor.threshold_db,
         "target_sd_m": scenario.fusion.target_sd_m,
-        "reach_m": reach_m,
+        "reach_m": awake_m,
     }
 
 

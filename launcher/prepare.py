@@ -71,7 +71,8 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
     if len(plan.info.places) > MAX_LINKS:
         return plan
-    links = tuple((*link, share) for link, share in receptions(plan)["doa"].items())
+    reports = next(iter(receptions(plan).values()))
+    links = tuple((*link, share) for link, share in reports.items())
     return replace(plan, info=replace(plan.info, receptions=links))
 
 

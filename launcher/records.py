@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.filters.metrics import LOST_M
 from trackfield.link.places import Path as Legs
 from trackfield.world.path import Path
 
@@ -45,6 +46,7 @@ RECORDER: Final = "recorder"
 """The id of the process that writes a run down."""
 LIVE: Final = "live"
 """The id of the one that shows it while it goes on."""
+Payload = bytes
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""
 
@@ -56,7 +58,8 @@ class MessageRow:
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
     ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known.
+    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known. ``payload`` is the
+    message as it was sent.
     """
 
     kind: str
@@ -73,6 +76,7 @@ class MessageRow:
     bearing_deg: float | None = None
     step: int | None = None
     local_ns: int | None = None
+    payload: Payload = b""
 
     @property
     def delivered(self) -> bool:
@@ -85,7 +89,8 @@ class Plan:
     """A run, ready to be driven: the same for both drivers.
 
     ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
-    a sensor reports the target; ``restart`` says that processes which die unplanned are started again.
+    a sensor reports the target; ``restart`` says that processes which die unplanned are started again; ``lost_m`` is
+    how far off a track may end without being lost.
     """
 
     run: RunSpec
@@ -95,3 +100,4 @@ class Plan:
     step_ns: int
     reach_m: float = 0.0
     restart: bool = False
+    lost_m: float = LOST_M

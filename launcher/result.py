@@ -41,6 +41,11 @@ class Telling:
         self._write(*self.ledger.settle(until_ns))
         self.timeline.flush()
 
+    def take_over(self, rows: Sequence[MessageRow]) -> None:
+        """What became of each frame in a run before this one."""
+        self.ledger.rows += rows
+        self._write(rows, [])
+
     def end(self, deaths: Sequence[Unplanned] = ()) -> None:
         """Write the rest of it; the timeline is still to be closed."""
         self._write(*self.ledger.close(name for name, *_ in deaths))
@@ -48,7 +53,7 @@ class Telling:
             if t_s is not None:
                 self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
 
-    def _write(self, rows: list[MessageRow], events: list[Event]) -> None:
+    def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
             if row.sent_ns < self.plan.run.end_ns:  # a stranger may date its frames at will

@@ -18,6 +18,7 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.deployment import ROUTER, Deployment
+from launcher.extensions import check_importable
 from launcher.gathering import Gathering
 from launcher.ledger import Ledger
 from launcher.live import LiveView
@@ -124,7 +125,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
-    return _close(folder, metrics, [], ended)
+    return close_folder(folder, metrics, [], ended)
 
 
 def run_processes(
@@ -137,10 +138,12 @@ def run_processes(
     external: bool = False,
     live: Callable[[str], None] | None = None,
 ) -> Outcome:
-    """Run as processes over Zenoh, our own or ``external`` ones. Raises ``RunFailed`` if they do not come up.
+    """Run as processes over Zenoh, our own or ``external`` ones.
 
-    ``live``, if given, is told the address of a live view, and what becomes of that.
+    ``live``, if given, is told the address of a live view, and what becomes of that. Raises ``RunFailed`` if they do
+    not come up, and ``ScenarioError`` for a tracker that they could not import.
     """
+    check_importable(plan)
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
     with (
@@ -176,7 +179,7 @@ def run_processes(
         "pss_mb_per_node": pss,
     }
     complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
-    return _close(folder, metrics, complaints, ended)
+    return close_folder(folder, metrics, complaints, ended)
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
@@ -194,7 +197,8 @@ def _blank(value: object) -> Any:
     return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
 
 
-def _close(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+def close_folder(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+    """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early."""
     frames = metrics["frames"]
     if frames["host_lost"]:
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])

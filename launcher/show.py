@@ -116,7 +116,12 @@ def announce(plan: Plan) -> None:
         f"trackers {', '.join(plan.info.trackers)}"
     )
     for remark in remarks(plan):
-        console.print(f"[yellow]note:[/] {remark}")
+        note(remark)
+
+
+def note(remark: str) -> None:
+    """What somebody should know before they believe a figure."""
+    console.print(f"[yellow]note:[/] {remark}")
 
 
 def tell(what: str) -> None:

@@ -42,6 +42,7 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
         "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
+        "payload": pa.binary(),
     }  # fmt: skip
     names = [f.name for f in fields(MessageRow)]
     ordered = sorted(rows, key=lambda r: (r.sent_ns, r.src, r.kind, r.copy, r.dst))

@@ -16,7 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, Final
+from math import inf
+from typing import TYPE_CHECKING, Any, Final
 
 from node.duty import Duty
 from node.spans import Spans, first_absent, insert
@@ -39,8 +40,11 @@ from trackfield.role import (
     Transitions,
     check_transition,
 )
-from trackfield.wire.messages import Doa, SyncReply, Threshold
+from trackfield.wire.messages import Doa, Measurement, SyncReply, Threshold
 from trackfield.world.acoustic import Heard
+
+if TYPE_CHECKING:
+    from trackfield.world.own import Reading
 
 LAST_STEP: Final = 65535
 """As far as a report counts."""
@@ -85,6 +89,8 @@ Step = tuple[Memory, tuple[Effect, ...]]
 class Node:
     """Reports to ``centre`` in each step of ``step_ns`` in which it hears at least ``threshold_db``.
 
+    A sensor of a user's own has no level: all that it measures is reported.
+
     A step is numbered by the time it begins at. ``sync`` holds the arguments of its ``Synchronisation`` but ``centre``;
     None: its own clock is right. ``adaptive`` holds those of its ``Duty`` but ``step_ns``, for a node that reports from
     the level on that the centre last told it; None: its threshold stays.
@@ -94,8 +100,8 @@ class Node:
         self,
         *,
         step_ns: int,
-        threshold_db: float,
         centre: str,
+        threshold_db: float = -inf,
         sync: Mapping[str, Any] | None = None,
         adaptive: Mapping[str, int] | None = None,
     ) -> None:
@@ -171,15 +177,15 @@ class Node:
             return (Sample("sound"),)
         return self._listen_from(memory, now)
 
-    def _hear(self, memory: Memory, now: int, heard: Heard | None) -> Step:
+    def _hear(self, memory: Memory, now: int, heard: Heard | Reading | None) -> Step:
         if heard is None:
             deaf = (CancelTimer("command"),) if self.duty else ()
             return replace(memory, phase=Phase.ASLEEP, listening=False), (*deaf, Sample("wake-up"))
         again = self._listen_from(memory, now)
-        if heard.level_db < memory.threshold_db:
+        if isinstance(heard, Heard) and heard.level_db < memory.threshold_db:
             after, attend = self._attend(replace(memory, phase=Phase.AWAKE), now)
             return after, (*again, *attend)
-        report = Doa(self._step(memory, now), heard.bearing_deg, heard.level_db)
+        report = _report(self._step(memory, now), heard)
         after, attend = self._attend(replace(memory, phase=Phase.REPORTING), now)
         return after, (Send(report, self.centre), *again, *attend)
 
@@ -224,3 +230,9 @@ class Node:
         if threshold.step <= memory.threshold_step:
             return memory, (Ignored("outdated"),)
         return self._attend(replace(memory, threshold_db=threshold.level_db, threshold_step=threshold.step), now)
+
+
+def _report(step: int, heard: Heard | Reading) -> Doa | Measurement:
+    if isinstance(heard, Heard):
+        return Doa(step, heard.bearing_deg, heard.level_db)
+    return Measurement(step, heard.values)

@@ -225,7 +225,8 @@ def lifetimes(*died_s: float | None, reach_m: float = 120.0, **spent_ms: int) ->
 def test_measured_lifetimes() -> None:
     """Died at 2, 4, 6 and 8 s; at x = 0 n0 and n1 hear the target, and the later of them died at 4 s."""
     assert lifetimes(2, 4, 6, 8) == {
-        "first_death": 2.0, "half_dead": 4.0, "coverage_lost": 4.0, "extrapolated": False
+        "first_death": 2.0, "half_dead": 4.0, "coverage_lost": 4.0, "extrapolated": False,
+        "empty": [{"id": f"n{i}", "t": 2.0 * i + 2.0} for i in range(4)],
     }  # fmt: skip
 
 
@@ -234,7 +235,7 @@ def test_extrapolated_lifetimes() -> None:
     found = lifetimes(2, None, None, None, n1=4000, n2=2000, n3=1000)
     assert found == {
         "first_death": 2.0, "half_dead": pytest.approx(62.5), "coverage_lost": pytest.approx(62.5),
-        "extrapolated": True,
+        "extrapolated": True, "empty": [{"id": "n0", "t": 2.0}],
     }  # fmt: skip
 
 
@@ -254,7 +255,7 @@ def test_on_mains_nobody_dies_and_no_place_is_lost_that_one_of_them_covers() -> 
     final(book, "n1", 0, 0, 1000, 0, 0)
     assert lifetime_metrics(plan, nodes_of(plan, book), 50.0) == {
         "first_death": pytest.approx(250.0), "half_dead": pytest.approx(250.0), "coverage_lost": None,
-        "extrapolated": True,
+        "extrapolated": True, "empty": [],
     }  # fmt: skip
     book = Ledger(plan.run, (CENTRE, node("n1", 10.0, 0.0, mains)))
     assert set(lifetime_metrics(plan, nodes_of(plan, book), 50.0).values()) == {None}

@@ -205,4 +205,4 @@ def test_a_step_is_a_function_of_its_arguments():
     state, _ = one.step(one.begin(None), reports, 1.0, np.random.default_rng(1))
     later = [one.step(state, reports, 1.0, np.random.default_rng(2)) for _ in range(2)]
     assert np.array_equal(later[0][1].mean, later[1][1].mean)
-    assert np.array_equal(later[0][0].track.particles, later[1][0].track.particles)
+    assert np.array_equal(later[0][0].track.cloud.particles, later[1][0].track.cloud.particles)

@@ -2,9 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
 
-from trackfield.filters.metrics import lost, median_error, nees, rmse
+from tests import kalman
+from trackfield.filters.metrics import effective_count, lost, median_error, nees, nees_band, rmse
 from trackfield.filters.rng import generator
+from trackfield.filters.types import Gaussian
+from trackfield.models import motion
 
 
 def test_rmse_is_pooled_over_runs_and_time():
@@ -33,6 +38,47 @@ def test_nees_of_errors_as_large_as_they_claim_is_their_dimension():
 def test_nees_of_a_certain_estimate_is_infinite_unless_it_is_right():
     flat = np.diag([1.0, 0.0])
     assert nees(np.array([[2.0, 0.1], [2.0, 0.0], [0.0, 0.0]]), flat).tolist() == [np.inf, 4.0, 0.0]
+
+
+@pytest.mark.parametrize(("dof", "n", "level"), [(4, 60, 0.95), (1, 1, 0.95), (2, 12.5, 0.5), (4, 10_000, 0.99)])
+def test_bands_are_chi_squares_quantiles(dof, n, level):
+    tails = [(1.0 - level) / 2.0, (1.0 + level) / 2.0]
+    assert nees_band(dof, n, level) == pytest.approx(chi2.ppf(tails, dof * n) / n)
+
+
+def test_a_kalman_filters_nees_and_nis_are_in_their_bands():
+    """Means of 400 runs at each of 40 steps: of 95 in 100 steps; fewer than 30 of 40 has a chance below 1e-5."""
+    runs, rng = 400, np.random.default_rng(2)
+    F, gain, H = np.array(motion.transition(1.0)), np.array(motion.noise_gain(1.0)), np.eye(2, 4)
+    prior = Gaussian(np.zeros(4), np.diag([9.0, 9.0, 1.0, 1.0]))
+    truth = 1.0 * rng.multivariate_normal(*prior, size=runs)
+    beliefs, inside = [prior] * runs, {"nees": 0, "nis": 0}
+    for _ in range(40):
+        truth = truth @ F.T + 0.4 * rng.normal(size=(runs, 2)) @ gain.T
+        z = truth @ H.T + 2.0 * rng.normal(size=(runs, 2))
+        ahead = [kalman.predict(belief, 1.0, 0.4) for belief in beliefs]
+        innovations = z - np.array([a.mean for a in ahead]) @ H.T
+        S = np.array([H @ a.covariance @ H.T for a in ahead]) + 4.0 * np.eye(2)
+        beliefs = [Gaussian(*kalman.update(a, z[i], H, 4.0 * np.eye(2))[:2]) for i, a in enumerate(ahead)]
+        errors = np.array([b.mean for b in beliefs]) - truth
+        found = {"nees": nees(errors, np.array([b.covariance for b in beliefs])), "nis": nees(innovations, S)}
+        for name, dof in (("nees", 4), ("nis", 2)):
+            low, high = nees_band(dof, runs)
+            inside[name] += low < found[name].mean() < high
+    assert min(inside.values()) >= 30
+
+
+def test_values_that_are_alike_count_less():
+    """Of an autoregression of coefficient a, n values are worth n (1 - a) / (1 + a)."""
+    noise = np.random.default_rng(0).normal(size=40_000)
+    for a in (0.0, 0.5, 0.9):
+        values = lfilter([1.0], [1.0, -a], noise)
+        assert effective_count(values) == pytest.approx(40_000 * (1.0 - a) / (1.0 + a), rel=0.1)
+
+
+@pytest.mark.parametrize("values", [[3.0], [3.0, 3.0, 3.0], [1.0, 3.0, 1.0, 3.0, 1.0]])
+def test_no_values_count_more_than_there_are(values):
+    assert effective_count(np.array(values)) == len(values)
 
 
 def test_lost_is_more_than_50_m_at_the_last_step():

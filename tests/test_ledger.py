@@ -63,7 +63,7 @@ def test_a_frame_that_arrives_is_delivered_after_its_delay() -> None:
     assert rows == book.rows
     assert rows == [
         MessageRow("doa", "a", "b", "field", 100 * MS, 101 * MS, "delivered", len(frame(0).payload), 0, 0,
-                   "DOA 90.0 deg 60.0 dB", 90.0, 1, 100 * MS),
+                   "DOA 90.0 deg 60.0 dB", 90.0, 1, 100 * MS, frame(0).payload),
     ]  # fmt: skip
     assert (book.sent_kinds, book.payload_bytes) == ({"doa": 1}, len(frame(0).payload))
 

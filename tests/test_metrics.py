@@ -29,7 +29,7 @@ MS = 1_000_000
 
 KEYS = """
 scenario seed driver wall_s cpu_s
-trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,lost,steps}
+trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,lost,steps}
 bound.{position,trajectory}
 processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
@@ -42,7 +42,7 @@ timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late}
 energy_j.{total,max_node} energy_j.by.{send,receive,listen,sleep,sense}
 energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
-lifetime_s.{first_death,half_dead,coverage_lost,extrapolated}
+lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped}
 """
@@ -84,7 +84,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
     assert metrics["trackers"]["t"] == {
         "rmse": {"x": None, "y": None, "position": None, "velocity": None},
-        "median_error": None, "nees": None, "lost": True, "steps": 0,
+        "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0,
     }  # fmt: skip
 
 
@@ -168,6 +168,7 @@ def test_errors_are_those_of_the_formulas() -> None:
         "rmse": {"x": (9 / 2) ** 0.5, "y": (16 / 2) ** 0.5, "position": (25 / 2) ** 0.5, "velocity": (1 / 2) ** 0.5},
         "median_error": 2.5,  # of 5 and 0
         "nees": pytest.approx((1 + 1 + 1) / 2),  # 3^2/9 + 4^2/16 in the first step, 1^2/1 in the second
+        "nees_band": pytest.approx([1.0899, 8.7673], abs=1e-4),  # chi-square of 8 at 2.5 and 97.5 %, over 2
         "lost": False,
         "steps": 2,
     }
@@ -269,7 +270,7 @@ def test_expected_is_delivered_and_lost(settings: list[str]) -> None:
 def test_an_infinite_nees_is_nothing_to_say() -> None:
     """A covariance without any extent, and an error all the same."""
     found = errors_of(point(1, (3, 4, 0, 0), covariance=(0.0,) * 16))
-    assert found["nees"] is None
+    assert found["nees"] is found["nees_band"] is None
     assert found["rmse"]["position"] == 5.0
     assert errors_of(point(1, (0, 0, 0, 0), covariance=(0.0,) * 16))["nees"] == 0.0
 

@@ -141,7 +141,7 @@ def test_editors_get_a_schema() -> None:
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
     layouts = {"grid", "jittered", "random", "ring", "along-path", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
-    sensor = schema()["$defs"]["Sensor"]
+    sensor = schema()["$defs"]["Acoustic"]
     assert sensor["properties"]["alpha"]["maximum"] == 20
     kinds = {"kill", "freeze", "partition", "restart", "stuck", "bias", "deaf", "babble", "clock_jump"}
     assert set(properties["faults"]["items"]["discriminator"]["mapping"]) == kinds
@@ -248,8 +248,12 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         ("field", {"layout": "rnadom"}, "field.layout: unknown layout 'rnadom'; did you mean random?; expected one of"),
         ("sensor", {"position_error": 5}, "sensor.position_error: unknown; did you mean position_error_m?"),
         ("lnik", {}, "lnik: unknown; did you mean link?; expected one of name, seed, restart, field"),
-        ("sensor", {"alhpa": 2.0}, "sensor.alhpa: unknown; did you mean alpha?; expected one of level_db,"),
-        ("sensor", {"zzz": 2.0}, "sensor.zzz: unknown; expected one of level_db, alpha,"),
+        (
+            "sensor",
+            {"alhpa": 2.0},
+            "sensor.alhpa: unknown; did you mean alpha?; expected one of kind, position_error_m, level_db,",
+        ),
+        ("sensor", {"zzz": 2.0}, "sensor.zzz: unknown; expected one of kind, position_error_m, level_db, alpha,"),
         ("sensor", 3, "sensor: is 3; expected a section [sensor]"),
         (
             "link",

@@ -165,7 +165,7 @@ def test_the_tables_have_every_key_with_unit_default_and_range() -> None:
         assert f"### `{section.header(name)}`" in text
         for keys in section.kinds.values():
             assert all(f"| `{key}` |" in text for key in keys)
-    assert '| `threshold` |  | `0.75` | a number from 0 to 1, or "adaptive" |' in text
+    assert '| `threshold` | acoustic |  | `0.75` | a number from 0 to 1, or "adaptive" |' in text
     assert "### `[[faults]]`" in text
     assert "| `jump_ms` | clock_jump | ms | required | a number from -1e9 to 1e9, but not 0 |" in text
     assert "| `delay_ms` | fixed | ms | `5.0` | a number of at least 1 |" in text

@@ -49,8 +49,12 @@ def any_of(field: registry.Field) -> st.SearchStrategy[float]:
     return st.integers(int(low), int(high)) if field.integral else st.floats(low, high)
 
 
+def any_value(field: registry.Field) -> st.SearchStrategy[Any]:
+    return st.lists(any_of(field), min_size=1, max_size=26).map(tuple) if field.many else any_of(field)
+
+
 messages = st.sampled_from(registry.product_kinds()).flatmap(
-    lambda known: st.builds(known.cls, *map(any_of, known.fields))
+    lambda known: st.builds(known.cls, *map(any_value, known.fields))
 )
 
 
@@ -75,7 +79,8 @@ def reason_of(data: Any) -> str:
 
 @pytest.mark.parametrize("vector", VECTORS["messages"], ids=lambda v: v["hex"])
 def test_golden_messages(vector: dict[str, Any]) -> None:
-    message = CLASSES[vector["kind"]](**vector["fields"])
+    fields = {name: tuple(value) if isinstance(value, list) else value for name, value in vector["fields"].items()}
+    message = CLASSES[vector["kind"]](**fields)
     assert kind_name(message) == vector["kind"]
     assert encode(message).hex() == vector["hex"]
     assert decode(bytes.fromhex(vector["hex"])) == message
@@ -314,7 +319,29 @@ def test_a_kind_of_ones_own() -> None:
     assert kind_name(gust) == "wind"
     assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
     assert decode(encode(gust)) == Wind(12.5, -(2**63))
-    assert [known.name for known in registry.product_kinds()] == ["doa", "sync-request", "sync-reply", "threshold"]
+    own = ["doa", "sync-request", "sync-reply", "threshold", "measurement"]
+    assert [known.name for known in registry.product_kinds()] == own
+
+
+@pytest.mark.usefixtures("own_kinds")
+def test_a_kind_that_ends_in_any_number_of_numbers() -> None:
+    @kind(201, "spectrum")
+    @dataclass(frozen=True, slots=True)
+    class Spectrum:
+        levels: tuple[Annotated[float, Scaled(-10, 10, 0.5)], ...]
+
+    assert encode(Spectrum((1.0, -2.26))) == b"\x94\x01\xcc\xc9\x02\xfb"
+    assert decode(encode(Spectrum((1.0, -2.26)))) == Spectrum((1.0, -2.5))
+    for levels in ((), (0.0,) * 28):
+        with pytest.raises(WireError, match="spectrum has 1 to 27"):
+            encode(Spectrum(levels))
+    with pytest.raises(TypeError, match="only the last field may be a tuple"):
+
+        @kind(202, "two")
+        @dataclass(frozen=True, slots=True)
+        class Two:
+            levels: tuple[Annotated[float, Scaled(-10, 10, 0.5)], ...]
+            step: Annotated[int, Scaled(0, 1)]
 
 
 @pytest.mark.usefixtures("own_kinds")

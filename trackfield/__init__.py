@@ -12,10 +12,17 @@ if TYPE_CHECKING:
     from launcher.api import Comparison, Result, compare, open, run, study
     from launcher.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
+    from trackfield.filters.trackers import register_tracker
+    from trackfield.filters.types import Estimate, Gaussian, Model, Reports
     from trackfield.scenario import Scenario
+    from trackfield.world.sensors import register_sensor
 
 _HOMES: Final = {
     "Comparison": "launcher.api",
+    "Estimate": "trackfield.filters.types",
+    "Gaussian": "trackfield.filters.types",
+    "Model": "trackfield.filters.types",
+    "Reports": "trackfield.filters.types",
     "Result": "launcher.api",
     "RunFailed": "trackfield.errors",
     "Scenario": "trackfield.scenario",
@@ -24,12 +31,18 @@ _HOMES: Final = {
     "TrackfieldError": "trackfield.errors",
     "compare": "launcher.api",
     "open": "launcher.api",
+    "register_sensor": "trackfield.world.sensors",
+    "register_tracker": "trackfield.filters.trackers",
     "run": "launcher.api",
     "study": "launcher.api",
 }
 
 __all__ = [
     "Comparison",
+    "Estimate",
+    "Gaussian",
+    "Model",
+    "Reports",
     "Result",
     "RunFailed",
     "Scenario",
@@ -38,6 +51,8 @@ __all__ = [
     "TrackfieldError",
     "compare",
     "open",
+    "register_sensor",
+    "register_tracker",
     "run",
     "study",
 ]

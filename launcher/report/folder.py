@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +27,7 @@ from trackfield.scenario import plan as survey
 from trackfield.scenario.places import CENTRE
 
 Array = npt.NDArray[np.float64]
-REPORT: Final = "doa"
+REPORTS: Final = ("doa", "measurement")
 """The kind of message that carries what a sensor heard."""
 _COLUMNS: Final = ("kind", "src", "dst", "outcome", "sent_ns", "due_ns", "bytes", "copy", "incarnation", "step")
 _TEXT: Final = ("kind", "src", "dst", "outcome")
@@ -97,7 +98,7 @@ class Frames:
 
     def senders(self, *outcomes: str) -> set[str]:
         """Who sent a report that had one of these outcomes, or any."""
-        chosen = self.where("kind", REPORT)
+        chosen = self.where("kind", *REPORTS)
         if outcomes:
             chosen &= self.where("outcome", *outcomes)
         return set(self.table["src"].filter(pa.array(chosen)).unique().to_pylist())
@@ -147,6 +148,12 @@ class Run:
         return round(max(times, default=0.0) * NS / self.site.step_ns)
 
     @property
+    def bound_m(self) -> float | None:
+        """What errors are measured by, m: the bound for the reports that the trackers were given."""
+        found: float | None = self.metrics["bound"].get("trajectory")
+        return found
+
+    @property
     def bounded(self) -> bool:
         """Whether the tracks have a bound beside them."""
         return any(bool(np.isfinite(track.bound).any()) for track in self.tracks)
@@ -166,7 +173,8 @@ def read_run(folder: Path) -> Run:
     end_ns = (site.steps + 1) * site.step_ns
     faults = resolve(scenario.faults, scenario.seed, [id for id, *_ in site.sensors], [CENTRE], end_ns)
     toml = (folder / "scenario.toml").read_text(encoding="utf-8")
-    return Run(folder, metrics, manifest, toml, site, faults.marks, _tracks(tracks), Frames(frames.select(_COLUMNS)))
+    read = _tracks(tracks, scenario.fusion.trackers)
+    return Run(folder, metrics, manifest, toml, site, faults.marks, read, Frames(frames.select(_COLUMNS)))
 
 
 def _json(folder: Path, name: str) -> dict[str, Any]:
@@ -189,13 +197,15 @@ def _unusable(folder: Path, name: str, error: OSError | ValueError) -> ScenarioE
     return ScenarioError(what, file=str(folder), expected="the folder of a finished run")
 
 
-def _tracks(table: pa.Table) -> tuple[Track, ...]:
-    """The tracks in the order of the table, which is by tracker and target."""
+def _tracks(table: pa.Table, order: Sequence[str]) -> tuple[Track, ...]:
+    """The tracks in the order of their trackers in the scenario; what it does not name comes last."""
     keys = list(zip(table["tracker"].to_pylist(), table["target"].to_pylist(), strict=True))
     rows: dict[tuple[str, str], list[int]] = {}
     for index, key in enumerate(keys):
         rows.setdefault(key, []).append(index)
-    return tuple(_track(*key, table.take(pa.array(own))) for key, own in rows.items())
+    names = [*order, *(tracker for tracker, _ in rows)]
+    ordered = sorted(rows.items(), key=lambda item: names.index(item[0][0]))
+    return tuple(_track(*key, table.take(pa.array(own))) for key, own in ordered)
 
 
 def _track(tracker: str, target: str, table: pa.Table) -> Track:

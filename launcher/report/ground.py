@@ -102,13 +102,12 @@ def _truth(axes: Axes, run: Run, path: Array) -> None:
 
 
 def _track(axes: Axes, run: Run, track: Track) -> None:
-    colour = style.colour(run, track.tracker)
-    line = style.width(len(track.t_s))
-    first = run.tracks.index(track) == next(i for i, t in enumerate(run.tracks) if t.tracker == track.tracker)
-    axes.plot(*track.mean[:, :2].T, "-", color=colour, lw=line, label=track.tracker if first else None, zorder=4)
-    blind = track.mean[track.coasting]
-    if len(blind):
-        axes.plot(*blind[:, :2].T, "o", color="white", mec=colour, mew=0.9, ms=3.2, zorder=5)
+    """A line, thin where there were no reports."""
+    colour, line = style.colour(run, track.tracker), style.width(len(track.t_s))
+    first = next(one for one in run.tracks if one.tracker == track.tracker) is track
+    axes.plot(*track.mean[:, :2].T, "-", color=colour, lw=max(line / 2, 0.5), zorder=4)
+    informed = np.where(track.coasting[:, None], np.nan, track.mean[:, :2])
+    axes.plot(*informed.T, "-", color=colour, lw=line, label=track.tracker if first else None, zorder=4)
 
 
 def _centre(axes: Axes, run: Run) -> None:
@@ -118,11 +117,11 @@ def _centre(axes: Axes, run: Run) -> None:
 
 
 def _map(axes: Axes, sensors: Array, whole: Array, box: Array) -> None:
-    """The whole field beside the legend, with what the large picture shows of it."""
-    small = axes.inset_axes((1.03, 0.0, 0.3, 0.3))
+    """The whole field below the legend, with what the large picture shows of it."""
+    small = axes.inset_axes((1.03, 0.0, 0.25, 0.25))
     small.plot(*sensors.T, ",", color="#8d97a5")
     small.plot(box[[0, 1, 1, 0, 0], 0], box[[0, 0, 1, 1, 0], 1], color=style.DEAD, lw=1.2)
-    small.set(xlim=whole[:, 0], ylim=whole[:, 1], aspect="equal", xticks=[], yticks=[])
+    small.set(xlim=whole[:, 0], ylim=whole[:, 1], aspect="equal", anchor="SW", xticks=[], yticks=[])
     small.grid(visible=False)
-    size = np.ptp(whole, axis=0)
-    small.set_title(f"whole field, {size[0]:.0f} x {size[1]:.0f} m", fontsize=7.5)
+    east, north = np.ptp(whole, axis=0)
+    small.set_title(f"whole field\n{east:,.0f} x {north:,.0f} m", fontsize=7.5, loc="left")

@@ -14,6 +14,7 @@ from launcher.report.folder import Run, read_run
 from launcher.words import alarms
 
 PAGE: Final = "report.html"
+_HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}
 _FILES: Final = {
     "scenario.toml": "the scenario as it ran, every default written out",
     "metrics.json": "all figures of this page, and more",
@@ -74,7 +75,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
 def _facts(run: Run) -> list[tuple[str, str]]:
     """What the run was, at a glance."""
     metrics, scenario = run.metrics, run.scenario
-    how = "as processes" if metrics["driver"] == "processes" else "in virtual time"
+    how = _HOW[metrics["driver"]]
     speed = metrics["timing"]["speed"]
     return [
         ("driver", how if speed in (None, 1) else f"{how}, {speed:g} times as fast"),
@@ -107,10 +108,14 @@ def commands(run: Run) -> list[tuple[str, str]]:
     speed = run.metrics["timing"]["speed"]
     pace = "" if speed in (None, 1) else f" --speed {speed:g}"
     given = run.manifest["command"][1:]
-    return [
-        *([(" ".join(["trackfield", *map(_quoted, given)]), "as it was called")] if given else []),
+    replayed = run.metrics["driver"] == "replay"
+    again = [
         (f"trackfield run {name}/scenario.toml{virtual}{pace} --out again", "the same run from its folder"),
         (f"trackfield compare {name} again --exact 0", "whether it is the same, bit for bit"),
+    ]
+    return [
+        *([(" ".join(["trackfield", *map(_quoted, given)]), "as it was called")] if given else []),
+        *([] if replayed else again),
         (f"trackfield view {name}", "its timeline"),
         (f"trackfield report {name}", "this page, anew"),
     ]

@@ -16,6 +16,8 @@ DIMENSIONS: Final = 4
 """Of the state (x, y, vx, vy)."""
 BAND: Final = (float(chdtri(DIMENSIONS, 0.975)), float(chdtri(DIMENSIONS, 0.025)))
 """Where the NEES of one step lies with 95 % if the covariance is right: chi-square of 4 degrees of freedom."""
+NEES_SHOWN: Final = (1e-2, 1e4)
+"""A filter that diverged may have any."""
 WIDE: Final = 30.0
 """Errors whose largest is so many times their median are shown on a logarithmic scale."""
 _DASHES: Final = ("-", "--", "-.", ":")
@@ -32,7 +34,7 @@ def error(run: Run) -> Figure | None:
         _line(above, run, track, track.error_m)
     for track in {track.target: track for track in run.tracks}.values():
         if np.isfinite(track.bound).any():
-            above.plot(track.t_s, track.bound, "--", color=style.INK, lw=1.3, label="bound (standard deviation)")
+            above.plot(track.t_s, track.bound, "--", color=style.INK, lw=1.3, label="bound for these reports (rms)")
     errors = np.concatenate([track.error_m[np.isfinite(track.error_m)] for track in known] or [np.ones(1)])
     if errors.max() > WIDE * max(float(np.median(errors)), 1e-9):
         above.set_yscale("log")
@@ -57,6 +59,8 @@ def nees(run: Run) -> Figure | None:
     for track in known:
         _line(axes, run, track, np.where(track.nees > 0, track.nees, np.nan))
     axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, NEES_SHOWN[0]), min(high, NEES_SHOWN[1]))
     axes.set_ylabel("NEES of (x, y, vx, vy)")
     style.over_time(axes, run)
     style.legend(axes)

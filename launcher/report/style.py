@@ -94,7 +94,7 @@ def legend(axes: Axes, columns: int = 4) -> None:
     """Above the plot, where it hides nothing."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        axes.legend(
+        drawn = axes.legend(
             handles,
             labels,
             loc="lower left",
@@ -104,3 +104,5 @@ def legend(axes: Axes, columns: int = 4) -> None:
             handlelength=1.6,
             columnspacing=1.4,
         )
+        for line in drawn.get_lines():
+            line.set_linewidth(1.8)  # whatever the plot needs

@@ -88,7 +88,9 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
         return Verdict(name, colour, "no track", False, "It never had a track of the target.")
     of = sum(int(np.isfinite(track.truth[:, 0]).sum()) for track in run.tracks if track.tracker == name)
     steps = f"all {of} steps" if m["steps"] == of else f"{m['steps']} of {of} steps"
-    rmse, bound = m["rmse"]["position"], run.metrics["bound"]["position"]
+    blind = sum(int(track.coasting.sum()) for track in run.tracks if track.tracker == name)
+    steps += f", {blind} of them without a report" if blind else ""
+    rmse, bound = m["rmse"]["position"], run.bound_m
     error = f"RMSE {number(rmse, 'm')}, median error {number(m['median_error'], 'm')}, over {steps}"
     if bound:
         error += f"; {rmse / bound:.2f} times the bound of {number(bound, 'm')}"
@@ -110,14 +112,14 @@ def _consistency(m: dict[str, Any]) -> str:
 
 def trackers(run: Run) -> Table:
     """Every figure of every tracker."""
-    bound = run.metrics["bound"]["position"]
+    bound = run.bound_m
     head = [
         "tracker",
         "RMSE [m]",
         "east [m]",
         "north [m]",
         "median [m]",
-        "velocity RMSE [m/s]",
+        "velocity [m/s]",
         "NEES",
         "steps",
         "lost",
@@ -129,7 +131,7 @@ def trackers(run: Run) -> Table:
         rows.append([name, *map(number, figures), "yes" if m["lost"] else "no"])
         if bound:
             rows[-1].insert(2, number(rmse["position"] and rmse["position"] / bound))
-    return Table([*head[:2], *(["RMSE / bound"] if bound else []), *head[2:]], rows)
+    return Table([*head[:2], *(["/ bound"] if bound else []), *head[2:]], rows)
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------
@@ -172,7 +174,7 @@ def kinds(run: Run) -> Table:
 
 
 def latencies(run: Run) -> Table:
-    """Emulated times, and those of the machine where there were processes."""
+    """How long frames, reports and tracks took, emulated."""
     names = {"link": "on the link", "to_filter": "sending of a report to its fusion", "to_track": "step to its track"}
     rows = [
         [text, *(number(run.metrics["latency_ms"][key][q]) for q in ("p50", "p95", "p99", "max"))]
@@ -218,11 +220,8 @@ def lifetimes(run: Run) -> list[tuple[str, str]]:
 
 
 def troubles(run: Run) -> Table:
-    """Planned faults, empty batteries, and what nobody planned, in the order of time; alike ones in a line."""
+    """Planned faults and what nobody planned, in the order of time, alike ones in a line; then empty batteries."""
     events = [(t_s, "planned", text, id) for t_s, id, text in run.marks]
-    events += [
-        (one["t"], "battery", "battery empty", one["id"]) for one in run.metrics["lifetime_s"].get("empty") or []
-    ]
     processes = run.metrics["processes"]
     events += [(one["t"], "not planned", f"died: {one['why']}", one["id"]) for one in processes["died"] or []]
     for one in processes["stopped"] or []:
@@ -237,7 +236,17 @@ def troubles(run: Run) -> Table:
     ]
     if len(rows) > MOST_EVENTS:
         rows = [*rows[:MOST_EVENTS], [NOTHING, f"and {len(rows) - MOST_EVENTS} more", "", ""]]
-    return Table(["when", "what", "whom", ""], rows)
+    return Table(["when", "what", "whom", ""], [*rows, *_batteries(run)])
+
+
+def _batteries(run: Run) -> list[list[str]]:
+    """Those that were empty before the end, in one line, as they may be all."""
+    empty = sorted((one["t"], one["id"]) for one in run.metrics["lifetime_s"].get("empty") or [])
+    if not empty:
+        return []
+    first, last = empty[0][0], empty[-1][0]
+    when = f"{first:.1f} s" if len(empty) == 1 else f"{first:.1f} to {last:.1f} s"
+    return [[when, "battery empty", ids(id for _, id in empty), "drained"]]
 
 
 def ids(names: Iterable[str]) -> str:

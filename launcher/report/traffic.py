@@ -40,7 +40,7 @@ def losses(run: Run) -> Figure | None:
 
 def latency(run: Run) -> Figure | None:
     """The share of frames, reports and track points that took no longer than so long."""
-    curves = {name: 1e3 * values for name, values in _latencies(run).items() if len(values)}
+    curves = {name: 1e3 * values for name, values in latencies(run).items() if len(values)}
     if not curves:
         return None
     figure, (axes,) = style.blank(2.7)
@@ -56,7 +56,7 @@ def latency(run: Run) -> Figure | None:
     return figure
 
 
-def _latencies(run: Run) -> dict[str, Array]:
+def latencies(run: Run) -> dict[str, Array]:
     """In s, as metrics.json counts them: on the link, from sending to fusion, and from a step to its track."""
     frames = run.frames
     told: dict[int, float] = {}

@@ -40,6 +40,9 @@ SWEEPS: Final[Mapping[str, Options]] = {
     "bootstrap-200": {"tracker": "bootstrap", "n": 200},
 }
 
+SINGLE: Final[Mapping[str, Options]] = {"spcpf-paper": {"tracker": "spcpf", "single": "paper"}}
+"""SP-CPF that weighs its particles by p(y | x) alone even when a single sensor reports, as the paper reads."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -98,10 +101,10 @@ def _cases() -> list[Case]:
     return [
         _acoustic("s1", "s1", 0.75, {**_plain(*ALL), **SWEEPS}),
         _acoustic("s1-72", "s1", 0.72, _plain(*MAIN)),
-        _acoustic("s1-78", "s1", 0.78, _plain(*MAIN)),
+        _acoustic("s1-78", "s1", 0.78, {**_plain(*MAIN), **SINGLE}),
         _acoustic("s1-79", "s1", 0.79, _plain("spcpf")),
         *(_acoustic(path, path, 0.75, _plain(*ALL)) for path in ("s2", "s3")),
-        *(_acoustic(f"{path}-78", path, 0.78, _plain("spcpf", "fix-imm-ukf")) for path in ("s2", "s3")),
+        *(_acoustic(f"{path}-78", path, 0.78, {**_plain("spcpf", "fix-imm-ukf"), **SINGLE}) for path in ("s2", "s3")),
         _acoustic("s1-narrow", "s1", 0.75, rival, prior_sd=[2.0, 2.0, 0.4, 0.4]),
         *(_acoustic(f"{path}-agile", path, 0.75, rival, sigma_v=1.5) for path in ("s2", "s3")),
         Case(
@@ -109,7 +112,7 @@ def _cases() -> list[Case]:
             {},
             {
                 **_plain("predict-only", "ekf", "ukf", "bootstrap", "spcpf"),
-                # "spcpf-paper": {"tracker": "spcpf", "single": "paper"},
+                **SINGLE,
             },
             RADAR,
         ),

@@ -5,19 +5,16 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from launcher.reproduce.cases import CASES, Case
 from launcher.reproduce.claims import claims
-from launcher.reproduce.figures import draw
 from launcher.reproduce.files import write_run, write_tables
 from launcher.reproduce.report import markdown
 from launcher.reproduce.scores import Results, scored
@@ -90,35 +87,16 @@ def _fill(store: Store, seeds: Sequence[int]) -> None:
     there = len(seeds) * len(store.cases) - len(missing)
     if there:
         console.print(f"{there} of {there + len(missing)} runs are there from before")
-    if missing:
-        with _progress(len(missing)) as advance:
-            for _ in store.fill(missing):
-                advance()
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Any]:
-    """A bar where there is a terminal, a line now and then elsewhere."""
-    if console.is_terminal:
-        columns = (TextColumn("runs"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=console, transient=True) as bar:
-            task = bar.add_task("runs", total=total)
-            yield lambda: bar.advance(task)
-        return
-    done, said = 0, time.monotonic()
-
-    def advance() -> None:
-        nonlocal done, said
-        done += 1
-        if time.monotonic() - said >= PLAIN_EVERY_S:
+    said = time.monotonic()
+    for done, _ in enumerate(store.fill(missing) if missing else (), 1):
+        if not console.is_terminal and time.monotonic() - said >= PLAIN_EVERY_S:
             said = time.monotonic()
-            console.print(f"{done} of {total} runs")
-
-    console.print(f"{total} runs ...")
-    yield advance
+            console.print(f"{done} of {len(missing)} runs")
 
 
 def _conclude(store: Store, cases: Sequence[Case], seeds: Sequence[int]) -> Study:
+    from launcher.reproduce.figures import draw  # matplotlib with it
+
     records = {case.name: store.records(case.name, seeds) for case in cases}
     found = {case.name: scored(case, records[case.name]) for case in cases}
     results = Results(

@@ -5,20 +5,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from launcher.report.style import STYLE
 from launcher.reproduce.cases import CASES, NOMINALS, PARTICLES, nominals, particles
 from launcher.reproduce.realisation import Realisation, realise, typical
 from launcher.reproduce.records import Record
 from launcher.reproduce.scores import Results, rmse_over_time
 from launcher.reproduce.zhai import TABLE_1
 from trackfield.filters.types import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 BLUE, RED, GREEN, GREY = "#2459a9", "#cf3f4b", "#2d9058", "#8a8f98"
 LOOK: Final[Mapping[str, dict[str, Any]]] = {
@@ -27,17 +27,7 @@ LOOK: Final[Mapping[str, dict[str, Any]]] = {
     "bootstrap": {"color": GREEN, "label": "bootstrap, 2000 particles", "lw": 1.3, "ls": (0, (5, 1.5)), "zorder": 3},
     "ekf": {"color": "#8a5fbf", "label": "EKF", "lw": 1.2, "ls": (0, (1, 1)), "zorder": 3},
 }
-STYLE: Final[dict[Any, Any]] = {
-    "font.size": 9.0,
-    "axes.grid": True,
-    "grid.color": "#e4e6ea",
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 9.5,
-    "legend.frameon": False,
-    "savefig.dpi": 150,
-}
+LOOKS: Final[dict[Any, Any]] = {**STYLE, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8}
 BOTH: Final = ("spcpf", "bootstrap")
 
 Records = Mapping[str, Sequence[Record]]
@@ -45,8 +35,6 @@ Records = Mapping[str, Sequence[Record]]
 
 def draw(folder: Path, records: Records, results: Results) -> dict[str, int]:
     """Write figNN.png and sweeps.png into ``folder``; the seed of the typical run shown of each case."""
-    import matplotlib as mpl
-
     folder.mkdir(exist_ok=True)
     shown = {"s1": BOTH, "s2": ("spcpf",), "s3": BOTH, "radar": ("spcpf", "bootstrap", "ekf")}
     seeds = {case: 1 + typical(CASES[case], records[case], names) for case, names in shown.items()}
@@ -65,15 +53,13 @@ def draw(folder: Path, records: Records, results: Results) -> dict[str, int]:
         "fig13": lambda: rmses(records, results, "s3", BOTH),
         "sweeps": lambda: sweeps(results),
     }
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(LOOKS):
         for name, figure in figures.items():
             figure().savefig(folder / f"{name}.png")
     return seeds
 
 
 def _figure(width: float, height: float) -> Figure:
-    from matplotlib.figure import Figure
-
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -146,7 +132,7 @@ def motion(run: Realisation, title: str) -> Figure:
             panels[1, column].plot(run.times[2:], np.diff(velocity) / run.step_s, **LOOK[name])
         panels[0, column].set(ylabel=f"velocity {axis}, m/s")
         panels[1, column].set(ylabel=f"acceleration {axis}, m/s²", xlabel="time, s")
-    figure.suptitle(f"{title}, 75 %, a typical run (seed {run.seed})", fontsize=9.5)
+    figure.suptitle(f"{title}, 75 %, a typical run (seed {run.seed})")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
@@ -174,7 +160,7 @@ def rmses(records: Records, results: Results, case: str, trackers: Sequence[str]
             axes.yaxis.set_major_formatter("{x:g}")
         else:
             axes.set_ylim(0, None)
-    figure.suptitle(f"Scenario {case[1]}, 75 %, {results.runs} runs", fontsize=9.5)
+    figure.suptitle(f"Scenario {case[1]}, 75 %, {results.runs} runs")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
@@ -197,5 +183,5 @@ def sweeps(results: Results) -> Figure:
     right.minorticks_off()
     left.set_ylabel("RMSE of the position, m")
     left.legend(loc="lower right")
-    figure.suptitle(f"SP-CPF in scenario 1, 75 %, {results.runs} runs", fontsize=9.5)
+    figure.suptitle(f"SP-CPF in scenario 1, 75 %, {results.runs} runs")
     return figure

@@ -23,12 +23,29 @@ _NUMBERS: Final = {
     "bound": "bound", "to_bound": "to bound",
 }  # fmt: skip
 
+FIGURES: Final = (
+    ("fig03", "one radar: places and errors of a typical run", "SP-CPF closest; EKF and bootstrap astray"),
+    ("fig04", "sensors that report at 72, 75 and 78 %, in s1", "one or two at a time at 78 %"),
+    ("fig05", "RMSE(t) over all runs of s1", "means: SP-CPF 1.91, 4.00 m; bootstrap 23.2, 30.1 m (dotted)"),
+    ("fig06", "a typical run of s1", "SP-CPF on the path; the bootstrap in its direction, far off"),
+    ("fig07", "its velocity and acceleration", "no figures"),
+    ("fig08", "RMSE(t) over all runs of s2", "SP-CPF only, as the bootstrap loses more than 80 % of the runs"),
+    ("fig09", "a typical run of s2", "SP-CPF on the path"),
+    ("fig10", "its velocity and acceleration", "no figures"),
+    ("fig11", "a typical run of s3", "SP-CPF on the path; the bootstrap loses it"),
+    ("fig12", "its velocity and acceleration", "the bootstrap misses the change of acceleration"),
+    ("fig13", "RMSE(t) over all runs of s3", "no figures"),
+    ("sweeps", "error over N and over Ns in s1", "10 ≤ N ≤ 20 (shaded); 200 particles"),
+)
+"""Name, what it shows, and what the paper has of it. Acceleration is the difference of successive velocities."""
+
 
 def markdown(results: Results) -> str:
-    """All tables, then the claims."""
+    """The claims, all tables, and what the figures show."""
     parts = [f"## {TITLES[name]}\n\n{_table(rows)}" for name, rows in tables(results).items()]
     parts.insert(3, f"## What the network does for it\n\n{_network(results)}")
-    return "\n\n".join([*parts, f"## Claims\n\n{claims_table(results)}"]) + "\n"
+    parts.append(f"## Figures\n\n{aligned(('file', 'shows', 'the paper has'), FIGURES)}")
+    return "\n\n".join([f"## Claims\n\n{claims_table(results)}", *parts]) + "\n"
 
 
 def claims_table(results: Results) -> str:

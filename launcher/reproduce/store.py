@@ -18,6 +18,7 @@ from typing import Final
 import launcher
 from launcher.reproduce.cases import Case
 from launcher.reproduce.records import Record, measure
+from launcher.studies import unordered
 
 RESULTS: Final = "results"
 _PACKAGES: Final = ("trackfield", "node", "fusion")
@@ -58,18 +59,18 @@ class Store:
 
     def fill(self, runs: Sequence[tuple[str, int]]) -> Iterator[None]:
         """Do these runs on all cores; yields after each that is on disk."""
-        from joblib import Parallel, delayed
-
-        jobs = (delayed(_run)(self.cases[case], seed, self.file(case, seed)) for case, seed in runs)
-        yield from Parallel(n_jobs=-1, return_as="generator_unordered")(jobs)
+        jobs = [(self.cases[case], seed, self.file(case, seed)) for case, seed in runs]
+        for _ in unordered(_run, jobs, title=f"{len(jobs)} runs"):
+            yield
 
     def records(self, case: str, seeds: Sequence[int]) -> list[Record]:
         """The case's runs, which have to be there."""
         return [Record.load(self.file(case, seed)) for seed in seeds]
 
 
-def _run(case: Case, seed: int, file: Path) -> None:
+def _run(job: tuple[Case, int, Path]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the study's to answer
+    case, seed, file = job
     measure(case, seed).save(file)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from launcher.reproduce.cases import ALL, CASES, MAIN, NOMINALS, PARTICLES, nominals, particles
+from launcher.reproduce.cases import ALL, CASES, MAIN, NOMINALS, PARTICLES, SINGLE, nominals, particles
 from launcher.reproduce.scores import Results
 
 TABLE_1: Final[Mapping[str, Mapping[str, float]]] = {
@@ -77,12 +77,13 @@ def tables(results: Results) -> dict[str, list[Row]]:
     """Everything that the paper measures, by table."""
     paths = ("s1", "s2", "s3")
     filters = (*map(particles, PARTICLES), "bootstrap-200", "bootstrap")
+    compared = (*MAIN, *SINGLE)
     causes = ("s1", "s1-narrow", "s2", "s2-agile", "s3", "s3-agile")
     return {
         "table I": list(_table_1(results)),
         "scenarios": [_position(results, case, name, BANDS.get((case, name))) for case in paths for name in ALL],
         "thresholds": [
-            _position(results, case, name) for case in thresholds() for name in MAIN if name in CASES[case].trackers
+            _position(results, case, name) for case in thresholds() for name in compared if name in CASES[case].trackers
         ],
         "nominals": [_position(results, "s1", nominals(n)) for n in NOMINALS],
         "particles": [_position(results, "s1", name) for name in filters],

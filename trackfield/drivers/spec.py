@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
 from typing import Any, Self
 
 from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
@@ -15,9 +14,10 @@ from trackfield.link.fate import Link
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Partitioned
 from trackfield.link.places import Path, Places, Point
+from trackfield.plugins import load
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
-from trackfield.world.acoustic import AcousticSensor
+from trackfield.world.acoustic import AcousticSensor, Ears
 from trackfield.world.faulty import with_faults
 
 Plain = dict[str, Any]
@@ -44,10 +44,10 @@ class RunSpec:
 class ProcessSpec:
     """One process: the name of its role, the ``module:attribute`` and arguments that make it, and its surroundings.
 
-    ``sound`` is the plain form of its acoustic sensor (empty: none). ``cell`` is where its broadcasts go, ``cells``
-    those it listens to (none if no role of it consumes broadcasts). ``media`` are the radios and wires it has.
-    ``peers`` says where those are whose frames it may hear, not the whole field. A process that moves has ``legs``, as
-    ``link/places.py`` has them; ``x``, ``y`` is where it is at the start.
+    ``sound`` is the plain form of its sensor, acoustic or (with a ``kind``) of a user's own; empty: none. ``cell`` is
+    where its broadcasts go, ``cells`` those it listens to (none if no role of it consumes broadcasts). ``media`` are
+    the radios and wires it has. ``peers`` says where those are whose frames it may hear, not the whole field. A process
+    that moves has ``legs``, as ``link/places.py`` has them; ``x``, ``y`` is where it is at the start.
 
     A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
@@ -140,8 +140,7 @@ def _legs(plain: Iterable[Sequence[Any]]) -> Path:
 
 def role_factory(place: str) -> Callable[..., Role[Any]]:
     """What makes roles, from ``module:attribute``; loading it registers the message kinds that its module defines."""
-    module, _, attribute = place.partition(":")
-    factory: Callable[..., Role[Any]] = getattr(import_module(module), attribute)
+    factory: Callable[..., Role[Any]] = load(place)
     return factory
 
 
@@ -174,9 +173,8 @@ def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int =
 
 
 def _senses(spec: ProcessSpec) -> Sense:
-    """``sound`` reads the microphone array; ``wake-up`` answers when it will next hear something."""
-    healthy = AcousticSensor.from_plain(spec.sound) if spec.sound else None
-    sensor = healthy and with_faults(healthy, spec.faults, spec.config.get("threshold_db", healthy.audible_db))
+    """``sound`` reads the sensor; ``wake-up`` answers when it will next hear something."""
+    sensor = _ears(spec) if spec.sound else None
 
     def sense(name: str, t_ns: int) -> Any:
         if sensor is None:
@@ -184,3 +182,12 @@ def _senses(spec: ProcessSpec) -> Sense:
         return sensor.sample(t_ns) if name == "sound" else At(sensor.next_window(t_ns))
 
     return sense
+
+
+def _ears(spec: ProcessSpec) -> Ears:
+    if "kind" in spec.sound:
+        from trackfield.world.own import own_ears  # late: others need not carry it
+
+        return own_ears(spec.sound, spec.faults)
+    healthy = AcousticSensor.from_plain(spec.sound)
+    return with_faults(healthy, spec.faults, spec.config.get("threshold_db", healthy.audible_db))

@@ -8,7 +8,8 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 from trackfield.filters.gaussian import moments
-from trackfield.filters.particles import draw, log_likelihood, propagate
+from trackfield.filters.measurement import log_likelihood
+from trackfield.filters.particles import draw, propagate
 from trackfield.filters.resampling import due, normalised, residual, systematic
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
 
@@ -43,12 +44,12 @@ class Bootstrap:
     def step(
         self, state: BootstrapState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[BootstrapState, Estimate]:
-        """Propagate, weigh by the bearings, resample; without reports propagate only."""
+        """Propagate, weigh by the readings, resample; without reports propagate only."""
         model, prior, particles, before = state
         if particles is None:
             particles = draw(prior, self.n, rng)
         particles = propagate(particles, dt, model.sigma_v, rng)
-        log_weights = log_likelihood(particles, reports, model.sigma_w)
+        log_weights = log_likelihood(model, particles, reports)
         if before is not None:
             with np.errstate(divide="ignore"):  # who has no weight gets none
                 log_weights = log_weights + np.log(before)

@@ -29,10 +29,10 @@ class _Point(NamedTuple):
 
 
 def intensity_weights(levels: Array) -> Array:
-    """Each sensor's share (K,) in the received power, from levels in dB (Zhai et al. 2009, sec. III-A)."""
-    power = np.power(10.0, (levels - levels.max()) / 10.0)
-    share: Array = power / power.sum()
-    return share
+    """Each sensor's share (..., K) in the received power, from levels in dB (Zhai et al. 2009, sec. III-A)."""
+    power: Array = np.exp((levels - levels.max(axis=-1, keepdims=True)) * (np.log(10.0) / 10.0))
+    power /= power.sum(axis=-1, keepdims=True)
+    return power
 
 
 def centroid(reports: Reports) -> Array:

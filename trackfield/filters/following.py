@@ -4,6 +4,9 @@ A track is doubted by Page's cumulative sum test (Page 1954): each bearing adds 
 may come from anywhere" explains it to how well the track does, and the sum never falls below zero. When it
 exceeds ``_LOST_AT``, the track is given up; a right track lasts at least e^_LOST_AT bearings on average. A
 share ``CLUTTER`` of bearings may come from anywhere although the track is right: no single one can end it.
+
+Of a user's own sensors nobody knows how they read what comes from anywhere. Their tracks are given up only when they
+say themselves that they are lost.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from trackfield.filters.fix import agreeing, centroid, certain_fix
 from trackfield.filters.gate import CLUTTER
 from trackfield.filters.gaussian import extent
 from trackfield.filters.metrics import LOST_M
+from trackfield.filters.own_fix import own_fix
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
 from trackfield.models import doa
 from trackfield.models.doa import wrap
@@ -43,6 +47,8 @@ class Following(Generic[S]):
 
     tracker: Tracker[S]
     model: Model
+    lost_m: float = LOST_M
+    """A track that started alone is given up when the sd of its position exceeds this."""
 
     def begin(self, prior: Gaussian | None) -> Followed[S]:
         """The state before the first step; without a prior the track starts from the first reports."""
@@ -61,13 +67,16 @@ class Following(Generic[S]):
         if state.track is None:
             return self._start(reports)
         track, estimate = self.tracker.step(state.track, reports, dt, rng)
-        doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
-        if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > LOST_M):
+        doubt = 0.0
+        if self.model.own is None:
+            doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
+        if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m):
             return self._start(reports)
         return Followed(track, doubt, state.alone), estimate
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
-        fix = first_fix(reports, self.model.sigma_w)
+        model = self.model
+        fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
         return Followed(self.tracker.init(fix, self.model), 0.0, alone=True), Estimate(*fix)

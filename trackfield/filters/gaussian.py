@@ -56,8 +56,9 @@ def collapse(weights: Array, means: Array, covariances: Array) -> Gaussian:
 def moments(weights: Array, points: Array) -> Gaussian:
     """Mean and covariance of weighted points: ``weights`` (..., n) sum to 1, ``points`` (..., n, d)."""
     mean = np.einsum("...i,...ij->...j", weights, points)
-    apart = points - mean[..., None, :]
-    return Gaussian(mean, symmetric((np.swapaxes(apart, -1, -2) * weights[..., None, :]) @ apart))
+    apart = np.subtract(points, mean[..., None, :], order="F")  # long loops over points, not short ones over axes
+    apart *= np.sqrt(weights)[..., None]
+    return Gaussian(mean, np.swapaxes(apart, -1, -2) @ apart)
 
 
 def symmetric(covariance: Array) -> Array:
@@ -91,12 +92,13 @@ def log_scale(sd: Array) -> Array:
 
 
 def log_density(points: Array, belief: Gaussian) -> Array:
-    """log N(x; m, P) of ``points`` (..., n) under one Gaussian, up to directions in which P has no extent.
+    """log N(x; m, P) (..., n) of ``points`` (..., n, d), up to directions in which P has no extent.
 
     Variances below 1e-12 of the largest count as that much, so a singular P still ranks points.
     """
     variances, axes = np.linalg.eigh(belief.covariance)
-    variances = np.maximum(variances, 1e-12 * variances[-1])
-    along = (points - belief.mean) @ axes
-    density: Array = -0.5 * (np.square(along) / variances + np.log(2.0 * np.pi * variances)).sum(axis=-1)
+    variances = np.maximum(variances, 1e-12 * variances[..., -1:])
+    along = (points - belief.mean[..., None, :]) @ axes
+    density: Array = (np.square(along) @ (-0.5 / variances)[..., None])[..., 0]
+    density -= 0.5 * np.log(2.0 * np.pi * variances).sum(axis=-1, keepdims=True)
     return density

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from trackfield.filters.types import Array
 
 LOST_M: Final = 50.0
-"""A target is lost when the position error at the last step exceeds this (m)."""
+"""A target is lost when the position error at the last step exceeds this (m), unless the field says otherwise."""
 
 
 def rmse(errors: Array) -> float:
@@ -37,7 +37,34 @@ def nees(errors: Array, covariances: Array) -> Array:
     return total
 
 
-def lost(position_errors: Array) -> npt.NDArray[np.bool_]:
-    """Whether the target was lost in each run: position errors (..., T, 2) in metres."""
-    gone: npt.NDArray[np.bool_] = np.linalg.norm(position_errors[..., -1, :], axis=-1) > LOST_M
+def nees_band(dof: int, n: float, level: float = 0.95) -> tuple[float, float]:
+    """Where the mean of ``n`` independent values of NEES lies with probability ``level``, if covariances are right.
+
+    The sum of n chi-square values of ``dof`` degrees of freedom is one of n dof (Bar-Shalom, Li & Kirubarajan 2001,
+    sec. 5.4.2). ``n`` need not be whole. The same of NIS, innovations in place of errors, for ``dof`` measurements.
+    """
+    from scipy.special import gammaincinv
+
+    low, high = gammaincinv(dof * n / 2.0, [(1.0 - level) / 2.0, (1.0 + level) / 2.0]) * 2.0 / n
+    return float(low), float(high)
+
+
+def effective_count(values: Array) -> float:
+    """How many independent values (n,) would give as sure a mean as these, which follow each other in time.
+
+    n over the integrated autocorrelation time, its sum cut at Geyer's initial positive sequence (Geyer 1992,
+    sec. 3.3); at most n.
+    """
+    apart, n = values - values.mean(), len(values)
+    if n < 2 or not (variance := float(apart @ apart)) > 0.0:
+        return float(n)
+    correlation = np.array([apart[: n - k] @ apart[k:] for k in range(n - n % 2)]) / variance
+    pairs = correlation[::2] + correlation[1::2]
+    last = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else len(pairs)
+    return n / max(2.0 * float(pairs[:last].sum()) - 1.0, 1.0)
+
+
+def lost(position_errors: Array, lost_m: float = LOST_M) -> npt.NDArray[np.bool_]:
+    """Whether the target was lost in each run: position errors (..., T, 2) in metres, at the end above ``lost_m``."""
+    gone: npt.NDArray[np.bool_] = np.linalg.norm(position_errors[..., -1, :], axis=-1) > lost_m
     return gone

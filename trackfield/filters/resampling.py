@@ -29,16 +29,14 @@ def systematic(weights: Array, n: int, rng: np.random.Generator) -> Indices:
 def evenly(weights: Array, n: int, u: Array | float) -> Indices:
     """The same (..., n) of ``weights`` (..., m), with the one random number ``u`` (...,) in [0, 1) as an argument."""
     cumulative = _cumulative(weights)
-    total = cumulative[..., -1:]
-    # the points (k + u) total / n below a sum are counted, not looked up one by one
-    below = np.ceil(cumulative * (n / total) - np.asarray(u)[..., None]).astype(np.intp)
-    # rounding may lift the last point to the total itself: it belongs to the last index that has weight
-    below[cumulative >= total] = n
-    counts = below.copy()
-    counts[..., 1:] -= below[..., :-1]
-    places = np.broadcast_to(np.arange(counts.shape[-1]), counts.shape)
-    indices: Indices = np.repeat(places.ravel(), counts.ravel()).reshape(*counts.shape[:-1], n)
-    return indices
+    # how many points (k + u) total / n are not below each sum, counted from the end: there rounding does no harm
+    beyond = np.floor((1.0 - cumulative / cumulative[..., -1:]) * n + np.asarray(u)[..., None])
+    left = np.minimum(beyond, n).astype(np.intp)
+    counts = np.empty_like(left)
+    counts[..., 0] = n - left[..., 0]
+    np.subtract(left[..., :-1], left[..., 1:], out=counts[..., 1:])
+    chosen = np.repeat(np.arange(counts.size), counts.ravel())
+    return chosen if counts.ndim == 1 else chosen.reshape(*counts.shape[:-1], n) % counts.shape[-1]
 
 
 def residual(weights: Array, n: int, rng: np.random.Generator) -> Indices:
@@ -81,6 +79,6 @@ def normalised(log_weights: Array) -> Array:
 
 def _cumulative(weights: Array) -> Array:
     cumulative = np.cumsum(weights, axis=-1, dtype=np.float64)
-    if not np.all(cumulative[..., -1] > 0.0):
+    if not cumulative[..., -1].min() > 0.0:
         raise ValueError("cannot resample: no weight is positive")
     return cumulative

@@ -9,9 +9,8 @@ import numpy as np
 
 from trackfield.filters import ekf, ukf
 from trackfield.filters.gaussian import constant_velocity, predict
+from trackfield.filters.measurement import expected, jacobians, measured, noise_sd, residual
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
-from trackfield.models import doa
-from trackfield.models.doa import wrap
 
 
 class SingleState(NamedTuple):
@@ -32,34 +31,38 @@ class PredictOnly:
     def step(
         self, state: SingleState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[SingleState, Estimate]:
-        """Predict with ``Model.sigma_v``, then take in the bearings, if there are any; nothing is drawn."""
+        """Predict with ``Model.sigma_v``, then take in the readings, if there are any; nothing is drawn."""
         belief = predict(state.belief, constant_velocity(dt, state.model.sigma_v))
         if len(reports):
-            belief = self._take(belief, reports, state.model.sigma_w)
+            belief = self._take(belief, reports, state.model)
         return SingleState(state.model, belief), Estimate(*belief)
 
-    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
+    def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return belief
 
 
 class Ekf(PredictOnly):
-    """Extended Kalman filter; all bearings of a step in one update, with slopes at the predicted place."""
+    """Extended Kalman filter; all readings of a step in one update, with slopes at the predicted place."""
 
-    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
-        places = reports.positions
+    def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return ekf.update(
             belief,
-            reports.bearings,
-            sigma_w,
-            lambda x: doa.measure(x, places),
-            lambda x: doa.jacobian(x, places),
-            wrap,
+            measured(reports),
+            noise_sd(model, reports),
+            lambda x: expected(model, x, reports),
+            lambda x: jacobians(model, x, reports),
+            lambda difference: residual(model, difference),
         ).posterior
 
 
 class Ukf(PredictOnly):
-    """Unscented Kalman filter; all bearings of a step in one update."""
+    """Unscented Kalman filter; all readings of a step in one update."""
 
-    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
-        places = reports.positions
-        return ukf.update(belief, reports.bearings, sigma_w, lambda x: doa.measure(x, places), wrap).posterior
+    def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
+        return ukf.update(
+            belief,
+            measured(reports),
+            noise_sd(model, reports),
+            lambda x: expected(model, x, reports),
+            lambda difference: residual(model, difference),
+        ).posterior

@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import constant_velocity, moments, predict, symmetric
-from trackfield.filters.resampling import normalised
+from trackfield.filters.gaussian import constant_velocity, moments, symmetric
 from trackfield.filters.types import Array, Gaussian, Reports
 from trackfield.models import doa
 from trackfield.models.doa import wrap
@@ -38,23 +37,41 @@ def advance(
 ) -> Fused:
     """One step of all filters, and their sum over sensors.
 
-    ``nominals`` (N, 4) are the last step's, their residuals 0; ``noisy`` (N, 4) the same after the motion
-    model with noise (eq. 10); ``carried`` (4, 4) the covariance of each filter; ``shares`` (K,) the sensors'
-    weights, summing to 1.
+    ``nominals`` (..., N, 4) are the last step's, their residuals 0; ``noisy`` (..., N, 4) the same after the motion
+    model with noise (eq. 10); ``carried`` (..., 4, 4) the covariance of each filter; ``shares`` (..., K) the sensors'
+    weights, summing to 1. The arrays of ``reports`` may have the leading axes of runs, too.
     """
-    # eq. 15: what the nominal gained by noise, the residual loses, so the predicted state is F x_n
-    expected, R = predict(Gaussian(nominals, carried), constant_velocity(dt, sigma_v))  # eq. 18
-    H = doa.jacobian(noisy, reports.positions)  # (N, K, 4), eq. 14
-    RH = H @ R
-    S = (RH * H).sum(axis=-1) + sigma_w**2
-    innovation = wrap(reports.bearings - doa.measure(expected, reports.positions))  # eq. 20
+    F, Q = constant_velocity(dt, sigma_v)
+    expected = nominals @ F.T  # eq. 15: what the nominal gained by noise, the residual loses
+    R = F @ carried @ F.T + Q  # eq. 18
+    sensors = reports.positions[..., None, :, :]
+    H = doa.jacobian(noisy, sensors)  # (..., N, K, 4), eq. 14
+    RH = H @ R[..., None, :, :]
+    S = np.einsum("...i,...i->...", RH, H) + sigma_w**2
+    innovation = wrap(reports.bearings[..., None, :] - doa.measure(expected, sensors))  # eq. 20
     gain = RH / S[..., None]  # eq. 17
-    estimates = expected[:, None, :] + gain * innovation[..., None]  # eq. 16
-    log_evidence = -0.5 * (np.log(S) + np.square(innovation) / S)
-    psi = normalised(log_evidence.T).T  # eq. 22, each sensor's filters among themselves
+    estimates = expected[..., None, :] + gain * innovation[..., None]  # eq. 16
     # eqs. 21 and 23 per sensor and then the weighted sum over sensors have the moments of one mixture
-    weights = (psi * shares).reshape(-1)
-    gained = (gain.reshape(-1, 4).T * weights) @ RH.reshape(-1, 4)  # of eq. 19, R - gain RH^T
+    weights = _flat(_likelihoods(S, innovation, shares))
+    gained = (np.swapaxes(_rows(gain), -1, -2) * weights[..., None, :]) @ _rows(RH)  # of eq. 19, R - gain RH^T
     updated = symmetric(R - gained)
-    mean, spread = moments(weights, estimates.reshape(-1, 4))
+    mean, spread = moments(weights, _rows(estimates))
     return Fused(Gaussian(mean, updated + spread), updated)
+
+
+def _likelihoods(S: Array, innovation: Array, shares: Array) -> Array:
+    """Weights (..., N, K) of each sensor's filters among themselves (eq. 22), summing to its share."""
+    log_evidence = np.log(S) + np.square(innovation) / S
+    weights: Array = np.exp(-0.5 * (log_evidence - log_evidence.min(axis=-2, keepdims=True)))
+    weights *= (shares / weights.sum(axis=-2))[..., None, :]
+    return weights
+
+
+def _flat(values: Array) -> Array:
+    """(..., N, K) as (..., N * K)."""
+    return values.reshape(*values.shape[:-2], -1)
+
+
+def _rows(values: Array) -> Array:
+    """(..., N, K, 4) as (..., N * K, 4)."""
+    return values.reshape(*values.shape[:-3], -1, 4)

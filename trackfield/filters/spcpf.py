@@ -21,82 +21,120 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from trackfield.filters import sp_pekf
 from trackfield.filters.fix import intensity_weights
 from trackfield.filters.gaussian import constant_velocity, log_density, moments, predict
-from trackfield.filters.particles import draw, log_likelihood, propagate
-from trackfield.filters.resampling import normalised, systematic
+from trackfield.filters.particles import draw, log_likelihood, moved, picked, placed
+from trackfield.filters.resampling import evenly, normalised
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
+
+Weights = Literal["paper", "gaussian-prior"]
+
+
+class Cloud(NamedTuple):
+    """After a step: its ``posterior``, the EKFs' covariance ``carried`` (..., 4, 4), ``particles`` (..., Ns, 4)."""
+
+    posterior: Gaussian
+    carried: Array
+    particles: Array
 
 
 class SpCpfState(NamedTuple):
-    """The last step's ``posterior``, the EKFs' covariance ``carried`` (4, 4), and ``particles`` (Ns, 4).
-
-    Before the first step there are no particles, and the posterior is the prior.
-    """
+    """``cloud`` is None before the first step: then there is only the prior."""
 
     model: Model
-    posterior: Gaussian
-    carried: Array
-    particles: Array | None
+    prior: Gaussian
+    cloud: Cloud | None
+
+
+class Draws(NamedTuple):
+    """The random numbers of a step: which particles become nominals, and what moves, places and resamples."""
+
+    chosen: npt.NDArray[np.intp]
+    """(..., N) of Ns"""
+    noise: Array
+    """(..., N, 2) normal, of the nominals' motion"""
+    places: Array
+    """(..., Ns, 4) normal"""
+    u: Array | float
+    """(...,) uniform"""
 
 
 @dataclass(frozen=True)
 class SpCpf:
-    """The tracker: ``particles`` is the paper's Ns, ``nominals`` its N."""
+    """The tracker: ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor."""
 
     particles: int = 200
     nominals: int = 15
-    weights: Literal["paper", "gaussian-prior"] = "paper"
+    weights: Weights = "paper"
+    single: Weights = "gaussian-prior"
 
     def init(self, prior: Gaussian, model: Model) -> SpCpfState:
         """The state of belief ``prior``; particles are drawn in the first step."""
-        return SpCpfState(model, prior, prior.covariance, None)
+        return SpCpfState(model, prior, None)
 
     def step(
         self, state: SpCpfState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[SpCpfState, Estimate]:
         """Propose by the EKF bank, weigh, resample; without reports predict only."""
-        model = state.model
-        particles = state.particles
-        if particles is None:
-            particles = draw(state.posterior, self.particles, rng)
+        model, prior, cloud = state
+        if cloud is None:
+            cloud = Cloud(prior, prior.covariance, draw(prior, self.particles, rng))
         if len(reports) == 0:
-            return self._coast(state, particles, dt, rng)
-        nominals = particles[rng.integers(self.particles, size=self.nominals)]
-        fused = sp_pekf.advance(
-            nominals,
-            propagate(nominals, dt, model.sigma_v, rng),
-            state.carried,
-            reports,
-            intensity_weights(reports.levels),
-            dt=dt,
-            sigma_v=model.sigma_v,
-            sigma_w=model.sigma_w,
-        )
-        particles = draw(fused.proposal, self.particles, rng)
-        log_weights = log_likelihood(particles, reports, model.sigma_w)
-        if self.weights == "gaussian-prior" or len(reports) == 1:
-            prior = predict(state.posterior, constant_velocity(dt, model.sigma_v))
-            log_weights += log_density(particles, prior) - log_density(particles, fused.proposal)
-        weights = normalised(log_weights)
-        posterior = _posterior(weights, particles, fused.proposal)
-        particles = particles.take(systematic(weights, self.particles, rng), axis=0)
-        return SpCpfState(model, posterior, fused.carried, particles), Estimate(*posterior, particles[:, :2])
+            cloud = coast(cloud, model, dt, rng.standard_normal((self.particles, 2)))
+        else:
+            weights = self.single if len(reports) == 1 else self.weights
+            cloud = fuse(cloud, reports, model, dt, self.draws(rng), weights == "gaussian-prior")
+        return SpCpfState(model, prior, cloud), Estimate(*cloud.posterior, cloud.particles[:, :2])
 
-    def _coast(
-        self, state: SpCpfState, particles: Array, dt: float, rng: np.random.Generator
-    ) -> tuple[SpCpfState, Estimate]:
-        model = state.model
-        motion = constant_velocity(dt, model.sigma_v)
-        posterior = predict(state.posterior, motion)
-        carried = predict(Gaussian(state.posterior.mean, state.carried), motion).covariance
-        particles = propagate(particles, dt, model.sigma_v, rng)
-        return SpCpfState(model, posterior, carried, particles), Estimate(*posterior, particles[:, :2])
+    def draws(self, rng: np.random.Generator) -> Draws:
+        """Those of a step with reports."""
+        chosen = (rng.random(self.nominals) * self.particles).astype(np.intp)
+        normals = rng.standard_normal(2 * self.nominals + 4 * self.particles)
+        noise, places = normals[: 2 * self.nominals], normals[2 * self.nominals :]
+        return Draws(chosen, noise.reshape(-1, 2), places.reshape(-1, 4), rng.random())
+
+
+def coast(cloud: Cloud, model: Model, dt: float, normals: Array) -> Cloud:
+    """A step without reports; ``normals`` (..., Ns, 2) move the particles."""
+    motion = constant_velocity(dt, model.sigma_v)
+    posterior = predict(cloud.posterior, motion)
+    carried = predict(Gaussian(cloud.posterior.mean, cloud.carried), motion).covariance
+    return Cloud(posterior, carried, moved(cloud.particles, dt, model.sigma_v, normals))
+
+
+def fuse(
+    cloud: Cloud, reports: Reports, model: Model, dt: float, draws: Draws, by_prior: npt.NDArray[np.bool_] | bool
+) -> Cloud:
+    """A step with reports, at least one: algorithm 1 as a pure function of its random numbers.
+
+    All arrays may have leading axes of runs. ``by_prior`` (...,): the particles weigh as ``gaussian-prior`` says.
+    """
+    nominals = picked(cloud.particles, draws.chosen)
+    proposal, carried = sp_pekf.advance(
+        nominals,
+        moved(nominals, dt, model.sigma_v, draws.noise),
+        cloud.carried,
+        reports,
+        intensity_weights(reports.levels),
+        dt=dt,
+        sigma_v=model.sigma_v,
+        sigma_w=model.sigma_w,
+    )
+    particles = placed(proposal, draws.places)
+    log_weights = log_likelihood(particles, reports, model.sigma_w)
+    if by_prior is not False:
+        prior = predict(cloud.posterior, constant_velocity(dt, model.sigma_v))
+        ratio = log_density(particles, prior) - log_density(particles, proposal)
+        log_weights += np.where(np.asarray(by_prior)[..., None], ratio, 0.0)
+    weights = normalised(log_weights)
+    posterior = _posterior(weights, particles, proposal)
+    return Cloud(posterior, carried, picked(particles, evenly(weights, particles.shape[-2], draws.u)))
 
 
 def _posterior(weights: Array, particles: Array, proposal: Gaussian) -> Gaussian:
     mean, covariance = moments(weights, particles)
-    effective = 1.0 / np.square(weights).sum()
+    effective = 1.0 / np.einsum("...i,...i->...", weights, weights)[..., None, None]
     return Gaussian(mean, (effective * covariance + proposal.covariance) / (effective + 1.0))

@@ -1,21 +1,23 @@
-"""Trackers by name."""
+"""Trackers by name: Trackfield's own, and those that users register or install."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from difflib import get_close_matches
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import Any, Final
 
-from trackfield.errors import ScenarioError
 from trackfield.filters.bootstrap import Bootstrap
+from trackfield.filters.checked import Checked
 from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
+from trackfield.options import made
+from trackfield.plugins import Maker, Plugins, load
 
-TRACKERS: Final[Mapping[str, Callable[..., Tracker[Any]]]] = MappingProxyType(
+TRACKERS: Final = Plugins(
+    "tracker",
+    "trackfield.trackers",
     {
         "fix-imm-ukf": FixImmUkf,
         "spcpf": SpCpf,
@@ -24,22 +26,40 @@ TRACKERS: Final[Mapping[str, Callable[..., Tracker[Any]]]] = MappingProxyType(
         "ekf": Ekf,
         "ukf": Ukf,
         "predict-only": PredictOnly,
-    }
+    },
+    methods=("init", "step"),
 )
+ANY_SENSOR: Final = frozenset({"bootstrap", "ekf", "ukf", "predict-only"})
+"""Those of our own that take readings of any kind; the others take bearings alone."""
 
 
-def make_tracker(name: str, options: Mapping[str, Any] | None = None) -> Tracker[Any]:
+def register_tracker(name: str, maker: Maker) -> None:
+    """Let scenarios of this Python process name a tracker of your own (``trackfield.filters.types.Tracker``).
+
+    ``maker`` is its class; its parameters, as the fields of a frozen dataclass, are what ``fusion.options`` may set.
+    Runs over processes need a class that can be imported. Raises ``ScenarioError`` for a name that is taken by one of
+    Trackfield's own, and for a class without ``init`` and ``step``.
+    """
+    TRACKERS.register(name, maker)
+
+
+def make_tracker(
+    name: str, options: Mapping[str, Any] | None = None, places: Mapping[str, str] | None = None
+) -> Tracker[Any]:
     """The tracker of this name; ``options`` are its fields; ``tracker`` among them says whose variant it is.
 
-    Raises ``ScenarioError`` with the nearest name if there is none, or if it has no such option.
+    ``places`` (``module:attribute``, by name) are those of trackers that were registered in another process. What is
+    not our own comes ``Checked``. Raises ``ScenarioError`` with the nearest name if there is none, and for options that
+    it does not have or that do not fit.
     """
     fields = dict(options or {})
     kind = fields.pop("tracker", name)
-    if kind not in TRACKERS:
-        near = get_close_matches(kind, TRACKERS, n=1)
-        expected = f"'{near[0]}'" if near else "one of " + ", ".join(sorted(TRACKERS))
-        raise ScenarioError(f"unknown tracker '{kind}'", expected=expected)
-    try:
-        return TRACKERS[kind](**fields)
-    except (TypeError, ValueError) as error:
-        raise ScenarioError(f"tracker '{name}': {error}", key=f"fusion.options.{name}") from None
+    key = f"fusion.options.{name}"
+    if kind in TRACKERS:
+        maker = TRACKERS[kind]
+    elif places and kind in places:
+        maker = load(places[kind])
+    else:
+        raise TRACKERS.unknown(kind, f"{key}.tracker" if kind != name else "fusion.trackers")
+    tracker: Tracker[Any] = made(maker, fields, key)
+    return tracker if kind in TRACKERS.own else Checked(name, tracker)

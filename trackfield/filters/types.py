@@ -5,11 +5,14 @@ The target's state is (x, y, vx, vy). Nobody writes into the arrays.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+
+from trackfield.models.doa import Bearings
 
 Array = npt.NDArray[np.float64]
 
@@ -40,14 +43,52 @@ class Reports:
     """(K,) rad, direction from sensor to target."""
     levels: Array
     """(K,) dB, received sound."""
+    readings: Array | None = None
+    """(K, m), what sensors read that hear no bearings; then ``bearings`` and ``levels`` are NaN."""
 
     def __len__(self) -> int:
-        return len(self.bearings)
+        return len(self.sensors)
+
+    @property
+    def values(self) -> Array:
+        """(K, m) what was measured, whatever the sensor: in the units of ``Model.sensor``."""
+        return self.bearings[:, None] if self.readings is None else self.readings
 
     def only(self, which: npt.NDArray[np.intp]) -> Reports:
         """These of the reports, by their place."""
         sensors = tuple(self.sensors[i] for i in which)
-        return Reports(self.step, sensors, self.positions[which], self.bearings[which], self.levels[which])
+        readings = None if self.readings is None else self.readings[which]
+        return Reports(self.step, sensors, self.positions[which], self.bearings[which], self.levels[which], readings)
+
+
+class Measurement(Protocol):
+    """What a reading of m numbers says of the target: z = h(x) + noise, independent, Gaussian, of sd ``sd``."""
+
+    @property
+    def sd(self) -> Sequence[float]:
+        """The noise's sd (m,)."""
+        ...
+
+    def h(self, states: Array, positions: Array) -> Array:
+        """Noiseless readings (..., K, m) of ``states`` (..., 4) by sensors at ``positions`` (K, 2)."""
+        ...
+
+    def jacobian(self, states: Array, positions: Array) -> Array:
+        """dh/dx (..., K, m, 4)."""
+        ...
+
+    def residual(self, difference: Array) -> Array:
+        """Differences of readings (..., m) where they mean something; for angles, wrapped."""
+        ...
+
+
+class OwnMeasurement(Measurement, Protocol):
+    """The measurement model of a user's own sensors."""
+
+    @property
+    def range_m(self) -> float:
+        """How far (m) from a sensor that measured it the target is at most."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +96,16 @@ class Model:
     """What a tracker is told of the deployment."""
 
     sigma_w: float
-    """sd of a reported bearing, rad."""
+    """sd of a reported bearing, rad; NaN if the sensors report no bearings."""
     sigma_v: float = 0.1
     """sd of the target's acceleration per axis, m/s^2, for trackers with a single motion model."""
+    own: OwnMeasurement | None = None
+    """The measurement model of sensors that report no bearings."""
+
+    @property
+    def sensor(self) -> Measurement:
+        """The measurement model of the reports, bearings or not."""
+        return self.own or Bearings(self.sigma_w)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

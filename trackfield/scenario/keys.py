@@ -6,10 +6,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final, get_args, get_origin
+from typing import Annotated, Any, Final, get_args, get_origin
+
+from pydantic import Discriminator
 
 from trackfield.scenario.section import Section
-from trackfield.scenario.sections import Contents
+from trackfield.scenario.sections import OTHER, Contents
 
 _UNITS: Final = {
     "m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm", "ppm": "ppm", "j": "J", "mj": "mJ"
@@ -34,6 +36,7 @@ class Kinds:
 
     With one kind only the tag is empty, and so is that kind's name. ``default`` is the kind of a section that
     is left out; empty if it may not be. A section that is ``many`` stands any number of times, as ``[[name]]``.
+    One that is ``open`` has the kind ``OTHER``, for whatever else its tag says, with further keys unknown here.
     """
 
     tag: str
@@ -41,14 +44,26 @@ class Kinds:
     default: str
     many: bool = False
 
+    @property
+    def open(self) -> bool:
+        """Whether users bring kinds of their own."""
+        return OTHER in self.kinds
+
+    def named(self, kind: object) -> str | None:
+        """The kind that this value of the tag chooses; None if it is none."""
+        if isinstance(kind, str) and kind in self.kinds:
+            return kind
+        return OTHER if self.open and isinstance(kind, str) else None
+
     def header(self, name: str) -> str:
         """How a section of this ``name`` begins in a file."""
         return f"[[{name}]]" if self.many else f"[{name}]"
 
     def keys(self, kind: object) -> Mapping[str, Key]:
         """The keys of this kind; those of all kinds for one that does not exist."""
-        if isinstance(kind, str) and kind in self.kinds:
-            return self.kinds[kind]
+        name = self.named(kind)
+        if name is not None:
+            return self.kinds[name]
         return {name: key for keys in self.kinds.values() for name, key in keys.items()}
 
 
@@ -65,16 +80,27 @@ def sections_of_file() -> Mapping[str, Kinds]:
     found = {}
     for name, field in Contents.model_fields.items():
         one, tag = field.annotation, field.discriminator
+        tag = "kind" if isinstance(tag, Discriminator) else tag
         many = get_origin(one) is tuple
         if many:  # tuple[Annotated[union of its kinds, Field(discriminator=...)], ...]
             one, about = get_args(get_args(one)[0])
             tag = about.discriminator
-        models = [model for model in (one, *get_args(one)) if _is_section(model)]
+        parts = (one, *get_args(one))
+        models = [model for part in parts if _is_section(model := get_args(part)[0] if _is_tagged(part) else part)]
         if models:
             kinds = {kind: _keys(model) for model in models for kind in _values(model, str(tag or ""))}
             default = "" if many or not tag else getattr(field.default, str(tag), "")
             found[name] = Kinds(str(tag or ""), kinds, default, many)
     return found
+
+
+def own_option(name: str) -> Key:
+    """A key of a kind that a user brings."""
+    return Key(name, "", "", "a number, a text, or true or false", "of that kind", required=False)
+
+
+def _is_tagged(part: object) -> bool:
+    return get_origin(part) is Annotated
 
 
 def _is_section(model: object) -> bool:
@@ -83,7 +109,7 @@ def _is_section(model: object) -> bool:
 
 def _values(model: Any, tag: str) -> tuple[str, ...]:
     """The values of the tag by which this kind of the section is named."""
-    return get_args(model.model_fields[tag].annotation) if tag else ("",)
+    return get_args(model.model_fields[tag].annotation) or (OTHER,) if tag else ("",)
 
 
 def _keys(model: type[Section]) -> Mapping[str, Key]:

@@ -9,6 +9,7 @@ from typing import Any
 
 from trackfield.errors import ScenarioError
 from trackfield.scenario.keys import Kinds, sections_of_file
+from trackfield.scenario.sections import OTHER
 
 
 def parse(text: str) -> tuple[str, Any]:
@@ -57,9 +58,10 @@ def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
 
 def _of_kind(section: Kinds, old: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     """``old`` as the kind that ``own`` names or needs, without the keys that this kind does not have."""
-    now = old.get(section.tag)
-    able = [kind for kind, keys in section.kinds.items() if own.keys() <= keys.keys()]
-    kind = own.get(section.tag, able[0] if len(able) == 1 else now)
-    if kind == now or not isinstance(kind, str) or kind not in section.kinds:
+    now = old.get(section.tag, section.default)
+    able = [kind for kind, keys in section.kinds.items() if own.keys() <= keys.keys() and kind != OTHER]
+    chosen = len(able) == 1 and now in section.kinds  # a kind of a user's own may have keys of any name
+    kind = own.get(section.tag, able[0] if chosen else now)
+    if kind == now or section.named(kind) is None:
         return dict(old)
-    return {name: value for name, value in old.items() if name in section.kinds[kind]} | {section.tag: kind}
+    return {name: value for name, value in old.items() if name in section.keys(kind)} | {section.tag: kind}

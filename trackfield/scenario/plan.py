@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,10 +15,12 @@ from trackfield.models.sound import audible_radius
 from trackfield.scenario.layout import believed, layout
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
-from trackfield.scenario.sections import MAX_STEPS, FromFile, Manoeuvre
+from trackfield.scenario.sections import MAX_STEPS, Acoustic, FromFile, Manoeuvre
 from trackfield.world import targets
 from trackfield.world.acoustic import AcousticSensor, Window
+from trackfield.world.own import PlacedSensor, plain
 from trackfield.world.path import Path
+from trackfield.world.sensors import SENSORS, make_sensor
 from trackfield.world.tracks import read_track
 from trackfield.world.windows import Array, distances, windows
 
@@ -48,10 +50,21 @@ class Plan:
     centre: tuple[float, float]
     route: tuple[Leg, ...] = ()
 
+    def sound(self, index: int) -> dict[str, Any]:
+        """The plain form of the sensor of this index, acoustic or of a user's own."""
+        sensor = self.scenario.sensor
+        if isinstance(sensor, Acoustic):
+            return self.acoustic(index).to_plain()
+        name, x, y = self.sensors[index]
+        made = make_sensor(sensor.kind, sensor.options)
+        placed = PlacedSensor(name, (x, y), self.path, self.windows[index], made, self.scenario.seed)
+        return plain(placed, sensor.kind, sensor.options, SENSORS.place(sensor.kind))
+
     def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
-        """What the sensor of this index hears."""
+        """What the acoustic sensor of this index hears."""
         name, x, y = self.sensors[index]
         sensor = self.scenario.sensor
+        assert isinstance(sensor, Acoustic)
         return AcousticSensor(
             id=name,
             position=(x, y),
@@ -77,8 +90,7 @@ def plan(scenario: Scenario) -> Plan:
     sensors, centre = layout(scenario, path)
     check(scenario, sensors, path)
     positions = np.array([place[1:] for place in sensors])
-    sensor = scenario.sensor
-    radius = audible_radius(sensor.level_db, sensor.alpha, sensor.audible_db)
+    awake_m, _ = reach_m(scenario)
     return Plan(
         scenario=scenario,
         path=path,
@@ -86,7 +98,7 @@ def plan(scenario: Scenario) -> Plan:
         step_ns=_step_ns(scenario),
         sensors=tuple(sensors),
         believed=tuple(believed(scenario, sensors)),
-        windows=tuple(windows(positions, path, radius)),
+        windows=tuple(windows(positions, path, awake_m)),
         centre=_centre(scenario, centre, positions),
         route=tuple((round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
     )
@@ -136,14 +148,28 @@ def target_path(scenario: Scenario) -> tuple[int, Path]:
 def check(scenario: Scenario, sensors: Sequence[Place], path: Path) -> None:
     """Raise ``ScenarioError`` unless the target comes near enough to some sensor for a report."""
     positions = np.array([place[1:] for place in sensors])
-    sensor = scenario.sensor
-    radius = audible_radius(sensor.level_db, sensor.alpha, sensor.thresholds_db[0])
+    _, radius = reach_m(scenario)
     if np.isfinite(distances(positions, path, radius)).any():
         return
     far = distances(positions, path, np.inf)
     nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
     what = f"the target never comes in range: it stays {nearest}"
-    raise ScenarioError(what, key="sensor.threshold", expected=f"a path within the {radius:.0f} m that a sensor hears")
+    key = "sensor.threshold" if isinstance(scenario.sensor, Acoustic) else "sensor.range_m"
+    raise ScenarioError(what, key=key, expected=f"a path within the {radius:.0f} m that a sensor hears")
+
+
+def reach_m(scenario: Scenario) -> tuple[float, float]:
+    """How near (m) the target has to be for a sensor to be awake, and for it to report, if its threshold is lowest.
+
+    Raises ``ScenarioError`` for a sensor of a user's own that there is not, or whose options do not fit.
+    """
+    sensor = scenario.sensor
+    if not isinstance(sensor, Acoustic):
+        range_m = make_sensor(sensor.kind, sensor.options).range_m
+        return range_m, range_m
+    awake_db, report_db = sensor.audible_db, sensor.thresholds_db[0]
+    awake_m, report_m = (audible_radius(sensor.level_db, sensor.alpha, db) for db in (awake_db, report_db))
+    return awake_m, report_m
 
 
 def _step_ns(scenario: Scenario) -> int:

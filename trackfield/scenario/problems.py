@@ -11,7 +11,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario.keys import Kinds, sections_of_file, top_level
+from trackfield.scenario.keys import Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 
 NUMBER: Final = re.compile(r"\[(\d+)\]")
@@ -57,7 +57,10 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
         case "union_tag_not_found" if section:
             what, expected, path = "missing", _one_of(section.kinds), [*path, section.tag]
         case _ if section:
-            expected = section.keys(kind)[path[1]].expected if len(path) > 1 else _a_section(path[0], section)
+            keys = section.keys(kind)
+            expected = (
+                (keys.get(path[1]) or own_option(path[1])).expected if len(path) > 1 else _a_section(path[0], section)
+            )
         case _:
             expected = top_level()[path[0]].expected
     if error["type"] == "literal_error":

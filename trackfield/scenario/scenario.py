@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from tomlkit.items import Item, Table
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario.keys import Key, Kinds, sections_of_file, top_level
+from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
 from trackfield.scenario.packaged import names, packaged_file
@@ -133,7 +133,7 @@ def _table(section: Kinds, values: Mapping[str, Any]) -> Table:
     """A section as TOML, the key that names its kind first."""
     keys, table = section.keys(values.get(section.tag)), tomlkit.table()
     for key in sorted(values, key=lambda key: key != section.tag):
-        table.add(key, _setting(keys[key], values[key]))
+        table.add(key, _setting(keys.get(key) or own_option(key), values[key]))
     return table
 
 

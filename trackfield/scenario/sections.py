@@ -7,6 +7,7 @@ the comments of a written scenario.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import date, datetime, time
 from itertools import pairwise
 from typing import Annotated, Any, Final, Literal, Self
@@ -14,8 +15,11 @@ from typing import Annotated, Any, Final, Literal, Self
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    ConfigDict,
+    Discriminator,
     Field,
     JsonValue,
+    Tag,
     ValidationInfo,
     field_validator,
     model_validator,
@@ -90,16 +94,11 @@ class AlongPath(_Spaced):
 
 
 class Beside(Section):
-    """A single sensor, far beside the target's path: a radar beside a flight."""
+    """A single sensor beside the target's path."""
 
-    layout: Literal["beside"] = Field(
-        default="beside", description="a single sensor, to the right of the middle of the target's path"
-    )
+    layout: Literal["beside"] = Field(default="beside", description="one sensor, to the right of the target's path")
     distance_m: float = Field(
-        default=15_000.0,
-        gt=0,
-        le=1e7,
-        description="from where the target is at half time, square to the straight line from begin to end",
+        default=15_000.0, gt=0, le=1e7, description="from the target at half time, square to its way from begin to end"
     )
 
 
@@ -116,9 +115,25 @@ class Surveyed(Section):
 # --- [sensor]: what a sensor hears --------------------------------------------------------------------------
 
 
-class Sensor(Section):
+ACOUSTIC: Final = "acoustic"
+OTHER: Final = "any other"
+"""Stands for all kinds of sensors that users bring."""
+
+
+class _Sensor(Section):
+    kind: str
+    position_error_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=10_000,
+        description="standard deviation, east and north, of where the centre believes a sensor to stand",
+    )
+
+
+class Acoustic(_Sensor):
     """One acoustic array, the same at every node: level and direction of arrival."""
 
+    kind: Literal["acoustic"] = Field(default=ACOUSTIC, description="an array of microphones: level and bearing")
     level_db: float = Field(default=70.0, gt=0, le=200, description="the target's level at 1 m")
     alpha: float = Field(
         default=2.0,
@@ -136,12 +151,6 @@ class Sensor(Section):
     doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
     level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
     margin_db: float = Field(default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold")
-    position_error_m: float = Field(
-        default=0.0,
-        ge=0,
-        le=10_000,
-        description="standard deviation, east and north, of where the centre believes a sensor to stand",
-    )
 
     @model_validator(mode="after")
     def _bounds_in_order(self) -> Self:
@@ -171,6 +180,25 @@ class Sensor(Section):
     def audible_db(self) -> float:
         """The level above which a sensor hears anything."""
         return self.thresholds_db[0] - self.margin_db
+
+
+class OwnSensor(_Sensor):
+    """A kind of sensor that a user brings (docs/extending.md); further keys are its options, checked by its class."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, bool | int | float | str]
+
+    kind: str = Field(min_length=1, description="a sensor of your own, whose options stand beside this")
+
+    @property
+    def options(self) -> dict[str, bool | int | float | str]:
+        """What its class is made with."""
+        return dict(self.__pydantic_extra__)
+
+
+def _kind_of(sensor: Any) -> str:
+    kind = sensor.get("kind", ACOUSTIC) if isinstance(sensor, Mapping) else getattr(sensor, "kind", ACOUSTIC)
+    return ACOUSTIC if kind == ACOUSTIC else OTHER
 
 
 # --- [target]: what moves -----------------------------------------------------------------------------------
@@ -281,6 +309,10 @@ class Fusion(Section):
     sigma_v: NotNegative = Field(
         default=0.1, description="standard deviation of the acceleration, m/s^2, for trackers with one motion model"
     )
+    lost_m: Positive = Field(
+        default=50.0,
+        description="a track that ends further off counts as lost; one without a prior is begun anew when less certain",
+    )
     prior: Literal["paper", "none"] = Field(
         default="none",
         description="start around the true state (paper), or from the first reports alone (none)",
@@ -330,7 +362,10 @@ class Contents(Section):
     field: Annotated[Grid | Jittered | Random | Ring | AlongPath | Beside | Surveyed, Field(discriminator="layout")] = (
         Grid()
     )
-    sensor: Sensor = Sensor()
+    sensor: Annotated[
+        Annotated[Acoustic, Tag(ACOUSTIC)] | Annotated[OwnSensor, Tag(OTHER)],
+        Field(discriminator=Discriminator(_kind_of)),
+    ] = Acoustic()
     target: Annotated[Manoeuvre | FromFile | Waypoints, Field(discriminator="path")]
     link: Annotated[Link, Field(discriminator="model")] = Ideal()
     fusion: Fusion = Fusion()

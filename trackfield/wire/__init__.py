@@ -6,7 +6,7 @@ from trackfield.wire import keys
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
-from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
+from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 from trackfield.wire.registry import Scaled, kind
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "VERSION",
     "Doa",
     "Envelope",
+    "Measurement",
     "Scaled",
     "SyncReply",
     "SyncRequest",

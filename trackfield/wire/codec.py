@@ -20,11 +20,10 @@ def encode(message: object) -> bytes:
     """The payload of a message, its numbers rounded to their resolution.
 
     Raises ``WireError`` for what is no message (``kind``), for a field of the wrong type (``type``) or out of
-    range (``range``; NaN and infinity are).
+    range (``range``; NaN and infinity are), and for too many numbers (``fields``).
     """
     kind = kind_of(message)
-    numbers = (field.pack(getattr(message, field.name)) for field in kind.fields)
-    packed: bytes = msgpack.packb((VERSION, kind.number, *numbers))
+    packed: bytes = msgpack.packb((VERSION, kind.number, *kind.pack(message)))
     return packed
 
 
@@ -48,10 +47,7 @@ def decode(data: bytes) -> Any:
         raise WireError("type", f"version: {type(version).__name__}")
     if version != VERSION:
         raise WireError("version", str(version))
-    kind = kind_by_number(number)
-    if len(values) != len(kind.fields):
-        raise WireError("fields", f"{kind.name} has {len(kind.fields)}, not {len(values)}")
-    return kind.cls(*(field.unpack(value) for field, value in zip(kind.fields, values, strict=True)))
+    return kind_by_number(number).unpack(values)
 
 
 def kind_name(message: object) -> str:

@@ -51,3 +51,12 @@ class Threshold:
 
     step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     level_db: Annotated[float, Scaled(-50, 200, 0.01, "dB")]
+
+
+@kind(5, "measurement")
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What a sensor of a user's own measured at one of the filter's instants, in steps of its resolutions."""
+
+    step: Annotated[int, Scaled(0, 65535, unit="filter step")]
+    values: tuple[Annotated[int, Scaled(-(10**15), 10**15, unit="resolution")], ...]

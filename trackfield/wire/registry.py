@@ -1,13 +1,14 @@
 """Message kinds: what a field of a message may hold and how it becomes an integer, declared once per field.
 
 A kind is a frozen dataclass of ``Annotated[int, Scaled(...)]`` and ``Annotated[float, Scaled(...)]`` fields,
-registered under a number and a name by ``@kind``. Codec and table in docs/wire.md are both made from that.
+registered under a number and a name by ``@kind``. Codec and table in docs/wire.md are both made from that. The last
+field may be a ``tuple`` of such numbers, at least one: ``tuple[Annotated[int, Scaled(...)], ...]``.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
@@ -39,7 +40,7 @@ class Scaled:
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A field of a kind, with its bounds in steps of the resolution."""
+    """A field of a kind, with its bounds in steps of the resolution; ``many`` numbers, or one."""
 
     name: str
     integral: bool
@@ -47,11 +48,14 @@ class Field:
     per_unit: int
     first: int
     last: int
+    many: bool = False
 
     @classmethod
     def of(cls, name: str, hint: object) -> Field:
         """The field declared by a type hint; raises ``TypeError`` for one that cannot be encoded."""
-        number, *extras = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        many = get_origin(hint) is tuple and get_args(hint)[1:] == (...,)
+        one = get_args(hint)[0] if many else hint
+        number, *extras = get_args(one) if get_origin(one) is Annotated else (one,)
         if number not in (int, float) or len(extras) != 1 or not isinstance(extras[0], Scaled):
             raise TypeError(f"{name}: expected Annotated[int, Scaled(...)] or Annotated[float, Scaled(...)]")
         scaled = extras[0]
@@ -61,7 +65,7 @@ class Field:
         first, last = round(scaled.low * per_unit), round(scaled.high * per_unit)
         if not -(2**63) <= first < last < 2**63:
             raise TypeError(f"{name}: the range {scaled.low}..{scaled.high} is empty or beyond 64 bits")
-        return cls(name, number is int, scaled, per_unit, first, last)
+        return cls(name, number is int, scaled, per_unit, first, last, many)
 
     def pack(self, value: object) -> int:
         """The integer that stands for ``value``; raises ``WireError`` (``type``, ``range``)."""
@@ -97,6 +101,32 @@ class Kind:
     cls: type
     fields: tuple[Field, ...]
 
+    def pack(self, message: object) -> list[int]:
+        """The integers of a message, in order; raises ``WireError`` (``type``, ``range``, ``fields``)."""
+        numbers: list[int] = []
+        for field in self.fields:
+            value = getattr(message, field.name)
+            numbers += map(field.pack, value) if field.many else (field.pack(value),)
+        self._check(len(numbers))
+        return numbers
+
+    def unpack(self, numbers: Sequence[object]) -> Any:
+        """The message of these integers; raises ``WireError`` (``type``, ``range``, ``fields``)."""
+        self._check(len(numbers))
+        if not self.fields or not self.fields[-1].many:
+            return self.cls(*(field.unpack(n) for field, n in zip(self.fields, numbers, strict=True)))
+        *single, last = self.fields
+        first = [field.unpack(n) for field, n in zip(single, numbers, strict=False)]
+        return self.cls(*first, tuple(last.unpack(n) for n in numbers[len(single) :]))
+
+    def _check(self, count: int) -> None:
+        least = len(self.fields)
+        if self.fields and self.fields[-1].many:
+            if not least <= count <= MAX_FIELDS:
+                raise WireError("fields", f"{self.name} has {least} to {MAX_FIELDS}, not {count}")
+        elif count != least:
+            raise WireError("fields", f"{self.name} has {least}, not {count}")
+
 
 _by_number: dict[int, Kind] = {}
 _by_class: dict[type, Kind] = {}
@@ -119,6 +149,8 @@ def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
         hints = get_type_hints(cls, include_extras=True)
         members: tuple[dataclasses.Field[Any], ...] = dataclasses.fields(cls)  # type: ignore[arg-type]
         fields = tuple(Field.of(member.name, hints[member.name]) for member in members)
+        if any(field.many for field in fields[:-1]):
+            raise TypeError(f"{name}: only the last field may be a tuple")
         if len(fields) > MAX_FIELDS:
             raise TypeError(f"{name}: {len(fields)} fields, at most {MAX_FIELDS} fit a message")
         _by_number[number] = _by_class[cls] = Kind(number, name, cls, fields)

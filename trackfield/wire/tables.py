@@ -12,7 +12,7 @@ def kinds_table() -> str:
     """All kinds with their fields, in the order in which they travel."""
     head = ["kind", "name", "position", "field", "range", "resolution", "unit", "integer on the wire"]
     rows = [
-        [kind.number, kind.name, position, *_cells(field)]
+        [kind.number, kind.name, f"{position} .." if field.many else position, *_cells(field)]
         for kind in product_kinds()
         for position, field in enumerate(kind.fields, start=2)
     ]
@@ -43,7 +43,11 @@ def _cells(field: Field) -> list[object]:
 
 
 def _plain(name: str, fields: Mapping[str, object]) -> str:
-    return " ".join([name, *(f"{key}={value}" for key, value in fields.items())]).strip()
+    return " ".join([name, *(f"{key}={_number(value)}" for key, value in fields.items())]).strip()
+
+
+def _number(value: object) -> object:
+    return ",".join(map(str, value)) if isinstance(value, list) else value
 
 
 def _table(head: list[str], rows: Iterable[list[Any]]) -> str:

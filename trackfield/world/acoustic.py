@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from math import degrees, hypot
-from typing import Any, Final, Protocol, Self
+from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
 from trackfield.draw import normal
 from trackfield.models.sound import bearing, level_db
 from trackfield.world.path import Path
+
+if TYPE_CHECKING:
+    from trackfield.world.own import Reading
 
 _NS: Final = 1_000_000_000
 LOUDEST_DB: Final = 200.0
@@ -34,10 +37,16 @@ class Heard:
         return cls(min(level_db, LOUDEST_DB), 0.0 if turned == 360.0 else turned)
 
 
+def window_at(windows: Sequence[Window], t_ns: int) -> int | None:
+    """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
+    i = bisect_left(windows, t_ns, key=lambda window: window[1])
+    return windows[i][0] if i < len(windows) else None
+
+
 class Ears(Protocol):
     """What a node asks of its sensor; times are true."""
 
-    def sample(self, t_ns: int) -> Heard | None:
+    def sample(self, t_ns: int) -> Heard | Reading | None:
         """The reading at this time; None if nothing is heard."""
         ...
 
@@ -82,8 +91,7 @@ class AcousticSensor:
 
     def next_window(self, t_ns: int) -> int | None:
         """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
-        i = bisect_left(self.windows, t_ns, key=lambda window: window[1])
-        return self.windows[i][0] if i < len(self.windows) else None
+        return window_at(self.windows, t_ns)
 
     def to_plain(self) -> dict[str, Any]:
         """What makes the same sensor elsewhere: lists, numbers and text, and of the path what it needs."""

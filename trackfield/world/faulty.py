@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from trackfield.draw import uniform
 from trackfield.world.acoustic import AcousticSensor, Ears, Heard
+
+if TYPE_CHECKING:
+    from trackfield.world.own import PlacedSensor, Reading
 
 STUCK_DB: Final = 3.0
 """How far above its threshold a sensor reads that got stuck while it heard nothing."""
@@ -47,11 +50,11 @@ class Faulty:
     A sensor that is stuck or babbles is awake all the while, whatever there is to be heard.
     """
 
-    sensor: AcousticSensor
+    sensor: AcousticSensor | PlacedSensor
     faults: tuple[SensorFault, ...]
     threshold_db: float
 
-    def sample(self, t_ns: int) -> Heard | None:
+    def sample(self, t_ns: int) -> Heard | Reading | None:
         """The reading at this true time; None if nothing is heard."""
         lasting = [fault for fault in self.faults if fault.lasts(t_ns)]
         for fault in lasting:
@@ -63,7 +66,7 @@ class Faulty:
                 case "deaf":
                     return None
         heard = self.sensor.sample(t_ns)
-        if heard is None or not lasting:
+        if not isinstance(heard, Heard) or not lasting:
             return heard
         level_db = heard.level_db + sum(fault.bias_db for fault in lasting)
         return Heard.at(level_db, heard.bearing_deg + sum(fault.bias_deg for fault in lasting))
@@ -74,7 +77,7 @@ class Faulty:
         window = self.sensor.next_window(t_ns)
         return min(awake if window is None else (*awake, window), default=None)
 
-    def _invented(self, kind: str, t_ns: int, above_db: float) -> Heard:
+    def _invented(self, kind: str, t_ns: int, above_db: float) -> Heard | Reading | None:
         return Heard.at(self.threshold_db + above_db, 360.0 * self._draw(kind, "bearing", t_ns))
 
     def _draw(self, kind: str, what: str, t_ns: int) -> float:

@@ -14,6 +14,8 @@ from typing import Final
 
 import numpy as np
 import pymap3d
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from trackfield.errors import ScenarioError
@@ -21,7 +23,10 @@ from trackfield.world.fixes import Array, Fixes, read_fixes
 from trackfield.world.path import Interval, Knot, Path
 
 GAP_S: Final = 5.0
-"""Fixes further apart than this, and than three of the file's usual intervals, have a gap between them."""
+"""Fixes further apart than this, and than three of the intervals usual around them, have a gap between them."""
+
+_AROUND: Final = 10
+"""So many intervals on either side tell what is usual: some receivers note more fixes in turns."""
 
 _DAY_S: Final = 86400
 
@@ -37,8 +42,8 @@ def read_track(file: FilePath, start: str | None = None, end: str | None = None)
     (from_s, to_s), first, last = _inside(file, fixes, start, end)
     around = slice(max(first - 1, 0), last + 2)
     xy = plane(fixes.points[around], fixes.points[first]) if fixes.geodetic else fixes.points[around]
-    gap_s = max(GAP_S, 3 * float(np.median(np.diff(fixes.t))))
-    return _through(fixes.t[around] - from_s, xy, gap_s).clip(0.0, to_s - from_s)
+    t = fixes.t[around]
+    return _through(t - from_s, xy, _gaps(fixes.t)[around.start : around.start + len(t) - 1]).clip(0.0, to_s - from_s)
 
 
 def track_origin(file: FilePath, start: str | None = None, end: str | None = None) -> Array | None:
@@ -66,11 +71,19 @@ def _inside(file: FilePath, fixes: Fixes, start: str | None, end: str | None) ->
     return (from_s, to_s), int(inside[0]), int(inside[-1])
 
 
-def _through(t: Array, xy: Array, gap_s: float) -> Path:
-    """The path through positions ``xy`` (n, 2) at increasing times ``t`` (n,)."""
+def _gaps(t: Array) -> NDArray[np.bool_]:
+    """Which of the intervals (n-1,) between the times ``t`` (n,) of a whole file are gaps."""
+    intervals = np.diff(t)
+    padded = np.pad(intervals, _AROUND, constant_values=np.nan)
+    usual = np.nanmedian(sliding_window_view(padded, 2 * _AROUND + 1), axis=-1)
+    return np.asarray(intervals > np.maximum(GAP_S, 3 * usual))
+
+
+def _through(t: Array, xy: Array, gap: NDArray[np.bool_]) -> Path:
+    """The path through positions ``xy`` (n, 2) at increasing times ``t`` (n,), straight where there is a ``gap``."""
     knots: list[Knot] = []
     gaps: list[Interval] = []
-    after = np.flatnonzero(np.diff(t) > gap_s) + 1
+    after = np.flatnonzero(gap) + 1
     for times, points in zip(np.split(t, after), np.split(xy, after), strict=True):
         if knots:
             ta, xa, ya = knots[-1][:3]

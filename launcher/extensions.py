@@ -1,0 +1,102 @@
+"""What users bring, trackers and sensors: checked when a run is planned, and told to the processes that need them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from launcher.records import Plan
+from trackfield.errors import ScenarioError
+from trackfield.filters.trackers import ANY_SENSOR, TRACKERS, make_tracker
+from trackfield.plugins import importable
+from trackfield.scenario import Scenario
+from trackfield.scenario.faults import Bias
+from trackfield.scenario.options import tables
+from trackfield.scenario.places import CENTRE
+from trackfield.scenario.sections import Fusion, OwnSensor
+from trackfield.world.sensors import SENSORS, Sensor, make_sensor
+
+
+def tracker_places(fusion: Fusion) -> dict[str, str]:
+    """Where the fusion centre finds those of its trackers that are not our own, as ``module:attribute`` by name.
+
+    Raises ``ScenarioError`` for an unknown tracker, options that it does not have or that do not fit, and options of
+    a name that is neither a tracker nor a variant of one.
+    """
+    options = tables(fusion.options)
+    for name in dict.fromkeys((*fusion.trackers, *options)):
+        if name not in fusion.trackers and str(options[name].get("tracker", name)) not in TRACKERS:
+            expected = f"a tracker's name ({', '.join(sorted(TRACKERS))}), or tracker = one of them for a variant"
+            raise ScenarioError(f"there is no tracker '{name}'", key=f"fusion.options.{name}", expected=expected)
+        make_tracker(name, options.get(name))
+    kinds = {kind for _, kind in _kinds(fusion)}
+    return {kind: TRACKERS.place(kind) for kind in sorted(kinds - TRACKERS.own.keys())}
+
+
+def _kinds(fusion: Fusion) -> Iterator[tuple[str, str]]:
+    """The trackers that run, and of which tracker each is a variant."""
+    options = tables(fusion.options)
+    return ((name, str(options.get(name, {}).get("tracker", name))) for name in fusion.trackers)
+
+
+def own_sensor(scenario: Scenario, section: OwnSensor) -> Mapping[str, Any]:
+    """What makes a scenario's sensor of a user's own elsewhere: the arguments of ``make_sensor``.
+
+    Raises ``ScenarioError`` for an unknown kind, options that do not fit, methods that do not return what they ought
+    to, and for trackers and faults that make no sense of such a sensor.
+    """
+    kind = section.kind
+    _probe(kind, make_sensor(kind, section.options))
+    for name, tracker in _kinds(scenario.fusion):
+        if tracker in TRACKERS.own.keys() - ANY_SENSOR:
+            what = f"'{name}' takes bearings alone, and sensors of kind '{kind}' report none"
+            expected = f"{', '.join(sorted(ANY_SENSOR))}, or one of your own"
+            raise ScenarioError(what, key="fusion.trackers", expected=expected)
+    for number, fault in enumerate(scenario.faults):
+        if isinstance(fault, Bias):
+            what = f"a bias in degrees and dB means nothing to sensors of kind '{kind}'"
+            raise ScenarioError(what, key=f"faults[{number}].kind", expected="stuck, deaf, babble, or another")
+    return {"kind": kind, "options": section.options, "place": SENSORS.place(kind)}
+
+
+def _probe(kind: str, sensor: Sensor) -> None:
+    """Raise ``ScenarioError`` unless the methods of a sensor return what they ought to."""
+    m, r = len(sensor.sd), sensor.range_m
+    states = np.array([[r / 2.0, r / 3.0, 1.0, -1.0], [-r / 3.0, r / 4.0, 0.0, 0.0]])
+    for count in (3, 0):
+        positions = np.array([[0.0, 0.0], [r / 5.0, 0.0], [0.0, -r / 5.0]])[:count]
+        for x in (states, states[0]):
+            shape = (*x.shape[:-1], count, m)
+            for name, expected in (("h", shape), ("jacobian", (*shape, 4))):
+                given = np.shape(_call(kind, name, getattr(sensor, name), x, positions))
+                if given != expected:
+                    what = f"returned an array {given} for states {x.shape} and positions {positions.shape}"
+                    raise ScenarioError(what, key=f"sensor '{kind}': {name}", expected=f"{expected}")
+    reading = _call(kind, "simulate", sensor.simulate, (r / 2.0, 0.0, 1.0, 0.0), (0.0, 0.0), (0.0,) * m)
+    if reading is not None and not (len(reading) == m and all(map(isfinite, reading))):
+        raise ScenarioError(f"returned {reading!r}", key=f"sensor '{kind}': simulate", expected=f"{m} numbers, or None")
+
+
+def _call(kind: str, name: str, method: Callable[..., Any], *arguments: object) -> Any:
+    try:
+        return method(*arguments)
+    except Exception as error:
+        raise ScenarioError(f"{type(error).__name__}: {error}", key=f"sensor '{kind}': {name}") from error
+
+
+def check_importable(plan: Plan) -> None:
+    """Raise ``ScenarioError`` for a tracker or a sensor that the processes of a run could not import."""
+    config = next(life.config for life in plan.processes if life.id == CENTRE)
+    places = {f"tracker '{kind}'": place for kind, place in config.get("places", {}).items()}
+    if sensor := config.get("sensor"):
+        places[f"sensor '{sensor['kind']}'"] = sensor["place"]
+    for who, place in places.items():
+        if not importable(place):
+            module, _, attribute = place.partition(":")
+            where = "the main program" if module == "__main__" else f"a function ({attribute})"
+            what = f"is defined in {where}, where other processes cannot import it"
+            expected = "a class at the top of a module of its own; in virtual time (--virtual) it may be anywhere"
+            raise ScenarioError(what, key=who, expected=expected)

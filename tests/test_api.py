@@ -1,0 +1,292 @@
+"""The Python API: runs, studies, comparisons, and what is said of bad input."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import joblib
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from pydantic import BaseModel
+
+import trackfield as tf
+from launcher import api
+from launcher.measures import RunFigures
+from launcher.run import Outcome
+from tests.command_line import Call, trackfield
+from tests.interrupting import interrupt_at
+from tests.test_metrics import KEYS, expanded, paths
+
+__all__ = ["trackfield"]
+
+SMALL = tf.Scenario.load("spcpf").set("field.nodes", 9).set("target.steps", 10)
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports have tests of their own, and take longer than all else here."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("launcher.run._report", lambda folder: "")
+
+
+def file_of(result: tf.Result) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((result.path / "metrics.json").read_text())
+    return found
+
+
+def repeatable(metrics: RunFigures) -> dict[str, Any]:
+    """All figures but those of this machine."""
+    return metrics.model_dump(exclude={"wall_s", "cpu_s"})
+
+
+# --- figures with types -----------------------------------------------------------------------------------------------
+
+
+def keys_of(model: type[BaseModel], before: str = "") -> Iterator[str]:
+    """The keys of metrics.json for which there is a field; those of a mapping as ``<>``."""
+    for name, field in model.model_fields.items():
+        inner = [one for one in (field.annotation, *get_args(field.annotation)) if isinstance(one, type)]
+        part = next((one for one in inner if issubclass(one, BaseModel)), None)
+        if part is None or name in ("died", "stopped"):
+            yield f"{before}{name}"
+        else:
+            yield from keys_of(part, f"{before}{name}.{'<>.' if part is not field.annotation else ''}")
+
+
+def test_there_is_a_field_for_every_key() -> None:
+    documented = {
+        key.replace("<name>", "<>").replace("<kind>", "<>")
+        for key in expanded(KEYS)
+        if not key.startswith("energy_j.by_accounting.")
+    }
+    # what other versions of the file may lack has a default
+    assert documented <= set(keys_of(RunFigures))
+    assert set(keys_of(RunFigures)) - documented <= {
+        "energy_j.by_accounting",
+        "bound.trajectory",
+    }
+
+
+def test_the_figures_are_those_of_the_file() -> None:
+    result = tf.run(SMALL)
+    assert result.metrics.trackers["spcpf"].rmse.position == file_of(result)["trackers"]["spcpf"]["rmse"]["position"]
+    assert result.metrics.driver == "virtual"
+    assert result.metrics.frames.by_kind["doa"].sent == result.metrics.frames.sent > 0
+    typed, written = result.metrics.model_dump(mode="json"), file_of(result)
+    for key in paths(written):
+        if "<" not in key:
+            a, b = typed, written
+            for part in key.split("."):
+                a, b = a[part], b[part]
+            assert a == b, key
+
+
+def test_figures_that_are_missing_are_named() -> None:
+    result = tf.run(SMALL)
+    metrics = file_of(result)
+    del metrics["frames"]["sent"]
+    (result.path / "metrics.json").write_text(json.dumps(metrics))
+    with pytest.raises(tf.ScenarioError, match=r"metrics\.json: frames\.sent: is missing; expected the figures"):
+        _ = tf.open(result.path).metrics
+
+
+# --- runs -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_that_of_the_command_line(trackfield: Call, tmp_path: Path) -> None:
+    result = tf.run(SMALL.set("link.model", "gilbert_elliott"), seed=3, out=tmp_path / "a")
+    small = ("--set", "field.nodes=9", "--set", "target.steps=10", "--link", "gilbert_elliott")
+    assert trackfield("run", "spcpf", "--virtual", "--seed", 3, *small, "--out", "b").code == 0
+    other = tf.open("b")
+    assert result.path == tmp_path / "a"
+    assert repeatable(result.metrics) == repeatable(other.metrics)
+    assert result.tracks == other.tracks
+    assert result.messages == other.messages
+    assert result.messages.num_rows == result.metrics.frames.expected
+
+
+def test_a_folder_tells_how_to_repeat_its_run() -> None:
+    result = tf.run(SMALL, seed=5)
+    assert result.path.parent == Path("runs")
+    assert result.path.name.startswith("spcpf-5-")
+    command = json.loads((result.path / "manifest.json").read_text())["command"]
+    assert command == ["trackfield", "run", str(result.path / "scenario.toml"), "--virtual"]
+    assert repeatable(tf.run(tf.Scenario.load(result.path / "scenario.toml")).metrics) == repeatable(result.metrics)
+
+
+SCRIPT = """
+import threading
+import trackfield as tf
+
+scenario = tf.Scenario.load("spcpf").set("field.nodes", 9).set("target.steps", 3)
+threads = [
+    threading.Thread(target=lambda n=n: print(tf.run(scenario, driver="processes", speed=5, out=f"r{n}").path))
+    for n in range(2)
+]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+"""
+
+
+def test_processes_need_no_main_module_and_may_start_in_threads(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-"], input=SCRIPT, text=True, capture_output=True, timeout=120, cwd=tmp_path, check=False
+    )
+    assert (done.returncode, done.stderr, sorted(done.stdout.split())) == (0, "", ["r0", "r1"])
+    result = tf.open("r0")
+    assert result.metrics.driver == "processes"
+    assert result.metrics.processes.died == ()
+    assert (result.metrics.timing.speed, result.metrics.frames.host_lost) == (5.0, 0)
+
+
+def test_a_failed_run_says_who_died_and_where_its_log_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    died = {"processes": {"died": [{"id": "n001", "host": "h", "why": "signal 9", "t": 2.0}]}}
+    outcome = Outcome(tmp_path, died, ("n001 died at 2.0 s: signal 9",))
+    monkeypatch.setattr(api, "run_processes", lambda *_: outcome)
+    with pytest.raises(tf.RunFailed, match=rf"n001 died at 2.0 s: signal 9\n.* {tmp_path}") as failure:
+        tf.run(SMALL, driver="processes")
+    assert (failure.value.process, failure.value.log) == ("n001", str(tmp_path / "logs" / "n001.log"))
+
+
+def test_ctrl_c_leaves_a_whole_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupt_at(20, monkeypatch)
+    with pytest.raises(KeyboardInterrupt):
+        tf.run(SMALL.set("target.steps", 50), out="early")
+    result = tf.open("early")
+    assert 0 < max(result.tracks["step"].to_pylist()) < 49
+    assert result.metrics.frames.sent == 20
+
+
+# --- studies ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_study_has_the_figures_of_single_runs_in_the_order_of_its_seeds() -> None:
+    study = tf.study(SMALL, [4, 2, 7], n_jobs=2)
+    assert [run.seed for run in study.results] == [4, 2, 7]
+    single = tf.run(SMALL, seed=2)
+    assert repeatable(study.results[1].metrics) == repeatable(single.metrics)
+    assert study.results[1].tracks == single.tracks
+    assert [p.name for p in Path("runs").iterdir()] == [single.path.name]
+
+
+def test_the_table_of_a_study_has_a_row_for_each_seed_and_tracker() -> None:
+    study = tf.study(SMALL, range(3), n_jobs=1)
+    table = study.table.to_pydict()
+    assert table["seed"] == [0, 0, 1, 1, 2, 2]
+    assert table["tracker"] == [*study.results[0].metrics.trackers] * 3
+    for row in study.table.to_pylist():
+        metrics = study.results[row["seed"]].metrics
+        assert row["rmse.position"] == metrics.trackers[row["tracker"]].rmse.position
+        assert (row["frames.sent"], row["bytes.payload"]) == (metrics.frames.sent, metrics.bytes.payload)
+
+
+def test_the_median_run_is_the_one_in_the_middle() -> None:
+    study = tf.study(SMALL, range(5), n_jobs=1)
+    errors = [run.metrics.trackers["fix-imm-ukf"].rmse.position for run in study.results]
+    assert study.median.metrics.trackers["fix-imm-ukf"].rmse.position == np.median([e for e in errors if e is not None])
+
+
+def test_a_study_leaves_its_tables_and_the_median_run(tmp_path: Path) -> None:
+    study = tf.study(SMALL, range(3), n_jobs=1, out=tmp_path / "study")
+    assert pq.read_table(tmp_path / "study" / "study.parquet") == study.table
+    tracks = pq.read_table(tmp_path / "study" / "tracks.parquet")
+    assert tracks.filter(np.array(tracks["seed"]) == 1).drop_columns("seed") == study.results[1].tracks
+    median = tf.open(tmp_path / "study" / "median")
+    assert repeatable(median.metrics) == repeatable(study.median.metrics)
+
+
+def test_a_study_runs_where_joblib_is_told_to() -> None:
+    with joblib.parallel_config(backend="threading"):
+        study = tf.study(SMALL, range(2), n_jobs=2)
+    assert study.table == tf.study(SMALL, range(2), n_jobs=1).table
+
+
+def test_a_run_of_a_study_that_cannot_be_made_names_its_seed() -> None:
+    nowhere = SMALL.set("target", {"path": "waypoints", "waypoints": [[0, 9000, 9000], [9, 9000, 9100]]})
+    with pytest.raises(tf.ScenarioError, match=r"with seed 8: .*never comes in range"):
+        tf.study(nowhere, [8], n_jobs=1)
+
+
+# --- comparisons ------------------------------------------------------------------------------------------------------
+
+
+def test_runs_are_compared_as_text_and_as_a_table() -> None:
+    one, other = tf.run(SMALL, seed=1, out="one"), tf.run(SMALL, seed=2, out="other")
+    comparison = tf.compare([one, "other"])
+    assert comparison.table["path"].to_pylist() == ["one", "one", "other", "other"]
+    assert comparison.table["rmse.position"].to_pylist() == [
+        tracker.rmse.position for run in (one, other) for tracker in run.metrics.trackers.values()
+    ]
+    error = one.metrics.trackers["spcpf"].rmse.position
+    assert error is not None
+    assert f"{error:.3f}" in str(comparison)
+    assert "other" in str(comparison)
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+def some_folder() -> str:
+    Path("full").mkdir()
+    Path("full", "something").touch()
+    return "full"
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: tf.run("spcpf"), "scenario: is 'spcpf'; expected a scenario, like"),
+        (lambda: tf.study("spcpf", range(2)), "scenario: is 'spcpf'; expected a scenario, like"),
+        (lambda: tf.run(SMALL, driver="virtaul"), "driver: is 'virtaul'; did you mean virtual.; expected virtual or"),
+        (lambda: tf.run(SMALL, seed=-1), "seed: is -1; expected"),
+        (lambda: tf.run(SMALL, speed=0), "^speed: is 0; expected more than 0"),
+        (lambda: tf.run(SMALL, out=some_folder()), "^full: out: the folder has something in it; expected an empty"),
+        (lambda: tf.study(SMALL, [1], out=some_folder()), "^full: out: the folder has something in it"),
+        (lambda: tf.study(SMALL, []), "seeds: there are none; expected one or more"),
+        (lambda: tf.run(SMALL.set("fusion.trackers", ["spcfp"])), "unknown tracker .*spcpf"),
+        (lambda: SMALL.set("link.modle", "ideal"), "link.modle: unknown; did you mean model"),
+        (lambda: tf.open("nowhere"), "nowhere: has no metrics.json; expected the folder of a finished run"),
+        (lambda: tf.compare([]), "runs: there are 0; expected two runs or more"),
+    ],
+)
+def test_bad_input_gets_one_clear_error(call: Any, said: str) -> None:
+    with pytest.raises(tf.ScenarioError, match=said):
+        call()
+    assert not Path("runs").exists()
+
+
+def test_errors_are_one_family() -> None:
+    assert issubclass(tf.ScenarioError, tf.TrackfieldError)
+    assert issubclass(tf.RunFailed, tf.TrackfieldError)
+
+
+# --- names ------------------------------------------------------------------------------------------------------------
+
+
+def test_every_name_is_there_for_people_and_for_type_checkers() -> None:
+    tree = ast.parse(Path(tf.__file__).read_text())
+    typed = {
+        name.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If)
+        for line in node.body
+        if isinstance(line, ast.ImportFrom)
+        for name in line.names
+    }
+    assert sorted(typed) == sorted(tf.__all__)
+    assert all(getattr(tf, name).__doc__ for name in tf.__all__)
+    assert set(tf.__all__) <= set(dir(tf))
+
+
+def test_the_package_alone_loads_nothing_heavy() -> None:
+    code = "import sys, trackfield; print({'numpy', 'pydantic', 'launcher', 'pyarrow'} & set(sys.modules))"
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"

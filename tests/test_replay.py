@@ -1,0 +1,237 @@
+"""The reports of a finished run, fused again: nothing changes unless something was changed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import trackfield as tf
+from launcher.compare import differences
+from launcher.prepare import keep, load, planned
+from launcher.replay import caveats, replay
+from launcher.result import METRICS
+from launcher.run import prepare_folder, run_processes, run_virtual
+from launcher.show import Quiet
+from tests.command_line import Call, trackfield
+from tests.interrupting import interrupt_at
+from tests.rrd import entities, read
+
+__all__ = ["trackfield"]
+
+LATE = ("link.model=gilbert_elliott", "link.delay_ms=100", "link.jitter_ms=400", "fusion.max_age_s=2.5")
+DEAD = "faults=[{kind='restart', nodes=['fusion'], at_s=12.4, until_s=17.7}]"
+CLOCKS = ("clock.offset_ms=40", "clock.drift_ppm=60", "clock.resync_s=10", "clock.sync=true")
+STRICKEN = (
+    "faults=[{kind='freeze', nodes=['fusion'], at_s=6, until_s=9},"
+    "{kind='clock_jump', nodes=['fusion'], at_s=20, jump_ms=700},"
+    "{kind='partition', share=0.5, at_s=12, until_s=16}, {kind='stuck', nodes=['n060'], at_s=0}]"
+)
+COMMANDED = ("sensor.threshold=adaptive", "fusion.target_sd_m=3")
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports have tests of their own, and take longer than all else here."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("launcher.run._report", lambda folder: "")
+
+
+def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 40, trackers: Sequence[str] = ()) -> Path:
+    """The folder of a run of ``spcpf`` in virtual time."""
+    scenario = load("spcpf", settings=[f"target.steps={steps}", *settings], trackers=trackers)
+    folder = prepare_folder(Path(name), scenario.name, scenario.seed)
+    keep(scenario, folder)
+    run_virtual(planned(scenario), folder)
+    return folder
+
+
+# --- nothing was changed ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("settings", "bites"),
+    [
+        (("link.model=fixed", "link.loss=0.3"), "frames.lost.radio"),
+        (LATE, "frames.late"),
+        ((*LATE, DEAD), "frames.lost.dead"),
+        ((*LATE, "fusion.prior=none"), "frames.late"),
+        (CLOCKS, "clock_error_ms.rms"),
+        ((*LATE, STRICKEN), "frames.lost.frozen"),
+        ((*CLOCKS, *COMMANDED, DEAD, "link.model=lognormal_prr"), "frames.by_kind.threshold.sent"),
+        (("energy.centre_battery_j=0.5",), "frames.lost.dead"),
+    ],
+)
+def test_the_same_trackers_give_the_same_tracks(settings: Sequence[str], bites: str) -> None:
+    run = virtual(settings)
+    figure = before = json.loads((run / METRICS).read_text())
+    for part in bites.split("."):
+        figure = figure[part]
+    assert figure > 0
+    after = replay(run, out=Path("again"))
+    assert differences(run, after.folder, 1e-9) == []
+    changed = {key for key in before if before[key] != after.metrics[key]}
+    assert changed <= {"driver", "wall_s", "cpu_s"}
+    assert after.exit_code == 0
+
+
+def test_a_run_over_processes_is_replayed_as_well() -> None:
+    scenario = load("spcpf", settings=["target.steps=12", "field.nodes=16", *LATE])
+    plan = planned(scenario, speed=4)
+    folder = prepare_folder(Path("run"), scenario.name, scenario.seed)
+    keep(scenario, folder)
+    outcome = run_processes(plan, folder, Quiet())
+    assert outcome.metrics["frames"]["late"] > 0
+    after = replay(folder, out=Path("again"))
+    if not caveats(outcome.metrics):  # else the machine was too busy to tell
+        assert differences(folder, after.folder, 1e-9) == []
+    assert (after.metrics["driver"], after.metrics["timing"]["speed"]) == ("replay", None)
+    assert after.metrics["host_latency_ms"] == outcome.metrics["host_latency_ms"]
+
+
+@pytest.mark.parametrize("settings", [(), LATE])
+def test_a_run_that_was_ended_early_is_replayed_up_to_there(
+    settings: Sequence[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interrupt_at(100, monkeypatch)
+    run = virtual(settings)
+    steps = set(tf.open(run).tracks["step"].to_pylist())
+    assert 10 < max(steps) < 39
+    after = replay(run)
+    assert differences(run, after.folder, 1e-9) == []
+    assert after.metrics["trackers"] == json.loads((run / METRICS).read_text())["trackers"]
+
+
+def test_a_replay_can_be_replayed() -> None:
+    run = virtual(LATE)
+    once = replay(run, ["bootstrap"]).folder
+    twice = replay(once).folder
+    assert differences(once, twice, 1e-9) == []
+    assert once.parent == Path("runs")
+    assert once.name.startswith("spcpf-1-")
+
+
+# --- what can be changed ----------------------------------------------------------------------------------------------
+
+
+def test_another_tracker_does_what_it_would_have_done_in_the_run() -> None:
+    replayed = replay(virtual(LATE), ["ekf", "bootstrap"]).folder
+    run = virtual(LATE, "other", trackers=["ekf", "bootstrap"])
+    assert differences(run, replayed, 1e-9) == []
+    assert tf.open(replayed).metrics.trackers == tf.open(run).metrics.trackers
+    assert tf.open(replayed).metrics.latency_ms == tf.open(run).metrics.latency_ms
+    assert tf.Scenario.load(replayed / "scenario.toml").fusion.trackers == ("ekf", "bootstrap")
+
+
+def test_without_late_reports_it_is_a_run_in_which_they_do_not_count() -> None:
+    run = virtual(LATE)
+    replayed = replay(run, drop_late=True).folder
+    assert differences(virtual((*LATE, "fusion.max_age_s=0"), "strict"), replayed, 1e-9) == []
+    assert differences(run, replayed, 1e-9) != []
+    assert tf.open(replayed).metrics.bound == tf.open("strict").metrics.bound
+
+
+def test_variants_of_a_tracker_are_known() -> None:
+    run = virtual(["fusion.options.n5={tracker='spcpf', nominals=5}"], steps=10)
+    assert replay(run, ["n5"]).metrics["trackers"].keys() == {"n5"}
+
+
+# --- the folder -------------------------------------------------------------------------------------------------------
+
+
+def test_the_folder_is_one_like_any_other(trackfield: Call) -> None:
+    virtual((*LATE, STRICKEN))
+    said = trackfield("replay", "run", "--tracker", "ekf", "--drop-late", "--out", "again", "--json")
+    assert said.code == 0
+    assert json.loads(said.out) == json.loads(Path("again", METRICS).read_text())
+    assert "run folder: again" in said.err
+    assert {file.name for file in Path("again").iterdir()} == {file.name for file in Path("run").iterdir()}
+    assert Path("again", "messages.parquet").read_bytes() == Path("run", "messages.parquet").read_bytes()
+    command = json.loads(Path("again", "manifest.json").read_text())["command"]
+    assert command[:3] == ["trackfield", "replay", "run"]
+    assert trackfield("compare", "run", "again").code == 0
+    assert trackfield("report", "again").code == 0
+    assert "recorded reports, fused again" in Path("again", "report.html").read_text()
+
+
+def test_the_timeline_has_frames_faults_and_the_new_tracks() -> None:
+    run = virtual((*LATE, DEAD))
+    again = replay(run, ["ekf"]).folder
+    old, new = entities(run / "run.rrd"), entities(again / "run.rrd")
+    assert {name for name in new if "ekf" in name}
+    assert not {name for name in new if "spcpf" in name}
+    assert not {name for name in old if "ekf" in name}
+    said = {"/messages/doa": "TextLog:text", "/faults": "TextLog:text", "/state/fusion": "StateChange:state"}
+    for entity, component in said.items():
+        before, after = (sorted(read(one / "run.rrd", entity, component), key=str) for one in (run, again))
+        assert before == after != [], entity
+
+
+def test_what_the_machine_did_is_said(trackfield: Call) -> None:
+    run = virtual((), steps=5)
+    metrics = json.loads((run / METRICS).read_text())
+    assert caveats(metrics) == []
+    metrics["processes"]["died"] = [{"id": name, "host": "h", "why": "signal 9", "t": 2.0} for name in ("n1", "fusion")]
+    metrics["timing"]["host_late"] = 3
+    (run / METRICS).write_text(json.dumps(metrics))
+    said = trackfield("replay", "run").err
+    assert "note: fusion died unplanned in this run; the replay lets it live" in said
+    assert "note: 3 events were handled out of order in this run" in said
+    assert "n1 died" not in said
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("launcher.run._report", lambda folder: "")
+        return virtual((), str(tmp_path_factory.mktemp("finished") / "run"), steps=3)
+
+
+def without(file: str, run: Path) -> None:
+    (run / file).unlink()
+
+
+def older(run: Path) -> None:
+    file = run / "messages.parquet"
+    pq.write_table(pq.read_table(file).drop_columns("payload"), file)
+
+
+def no_figures(run: Path) -> None:
+    (run / METRICS).write_text("{}")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "arguments", "said"),
+    [
+        (None, ("--tracker", "spcfp"), "unknown tracker 'spcfp'; did you mean spcpf?"),
+        (None, ("--out", "run"), "run: --out: the folder has something in it; expected an empty or new one"),
+        (older, (), "messages.parquet: has no payloads: an older version made it; expected a run by this version"),
+        (lambda run: without(METRICS, run), (), "run: has no metrics.json; expected the folder of a finished run"),
+        (lambda run: without("messages.parquet", run), (), "run: has no messages.parquet"),
+        (lambda run: without("scenario.toml", run), (), "scenario.toml: cannot be read (No such file or directory)"),
+        (no_figures, (), "metrics.json: scenario: is missing; expected the figures"),
+    ],
+)
+def test_bad_input_gets_one_message(trackfield: Call, finished: Path, spoil, arguments, said) -> None:
+    shutil.copytree(finished, "run")
+    if spoil:
+        spoil(Path("run"))
+    ended = trackfield("replay", "run", *arguments)
+    assert ended.code == 2
+    assert said in ended.err
+    assert ended.err.count("\n") == 1
+    assert ended.out == ""
+    assert not Path("runs").exists()
+
+
+def test_a_run_that_is_not_there(trackfield: Call) -> None:
+    ended = trackfield("replay", "nowhere", "--tracker", "ekf")
+    assert (ended.code, ended.err.count("\n")) == (2, 1)
+    assert "nowhere: has no metrics.json; expected the folder of a finished run" in ended.err

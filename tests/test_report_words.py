@@ -1,0 +1,118 @@
+"""What a report says in words, and the command that makes it anew."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from launcher import report
+from launcher.report import page, tables
+from launcher.report.folder import read_run
+from tests.command_line import Call, trackfield
+from tests.reporting import changed, copied, read, run, troubled
+from trackfield.errors import ScenarioError
+
+__all__ = ["copied", "trackfield", "troubled"]
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+
+def test_verdicts(copied: Path) -> None:
+    def known(metrics: dict[str, Any]) -> None:
+        metrics["bound"] = {"position": 0.5, "trajectory": 2.0}
+        one, other = metrics["trackers"].values()
+        one |= {"lost": False, "steps": 12, "nees": 9.0, "nees_band": [3.0, 5.0], "median_error": 1.0}
+        one["rmse"]["position"] = 3.0
+        other |= {"lost": True, "steps": 7, "nees": None}
+
+    first, second = tables.verdicts(changed(copied, known))
+    assert (first.state, first.good, second.state, second.good) == ("followed", True, "lost", False)
+    assert first.text.startswith("RMSE 3.00 m, median error 1.00 m, over all 12 steps")
+    assert first.text.endswith(
+        "; 1.50 times the bound of 2.00 m. NEES 9.00, 95 % band 3.00 to 5.00: too sure of itself."
+    )
+    assert "over 7 of 12 steps" in second.text
+    assert "NEES" not in second.text
+    assert first.colour != second.colour
+
+
+@pytest.mark.parametrize(
+    ("nees", "said"), [(2.0, "more cautious than it need be"), (4.0, "consistent"), (6.0, "too sure of itself")]
+)
+def test_whether_a_covariance_is_right(copied: Path, nees: float, said: str) -> None:
+    def known(metrics: dict[str, Any]) -> None:
+        for m in metrics["trackers"].values():
+            m |= {"nees": nees, "nees_band": [3.0, 5.0]}
+
+    assert all(verdict.text.endswith(f": {said}.") for verdict in tables.verdicts(changed(copied, known)))
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [(None, "–"), (0, "0"), (7, "7"), (12345, "12,345"), (1234.5, "1,234"), (99.94, "99.9"), (1.236, "1.24"),
+     (0.0, "0.00"), (0.01234, "0.0123"), (-2.5, "-2.50"), (float("inf"), "–"), (float("nan"), "–")],
+)  # fmt: skip
+def test_figures_have_three_digits_or_so(value: float | None, said: str) -> None:
+    assert tables.number(value) == said
+    assert tables.number(value, "m") in (f"{said} m", "–")
+
+
+def test_what_the_machine_did_wrong_comes_first(copied: Path) -> None:
+    def spoilt(metrics: dict[str, Any]) -> None:
+        metrics["timing"]["host_late"] = 3
+        metrics["frames"]["host_lost"] = 5
+        metrics["recorder"]["dropped"] = 7
+        metrics["processes"]["died"] = [{"id": "n010", "host": "h", "why": "signal 9", "t": 2.5}]
+        metrics["processes"]["stopped"] = [{"id": "n011", "host": "h", "t": None, "s": None}]
+
+    changed(copied, spoilt)
+    report.write_report(copied)
+    made = read(copied)
+    assert sum(attributes.get("role") == "alert" for _, attributes in made.tags) == 4
+    for words in ("3 events came too late", "5 frames were lost by the machine", "7 frames never reached the recorder"):
+        assert words in made.text
+    for words in ("2.5 s died: signal 9 n010 not planned", "before the start stood still and never went on n011"):
+        assert words in made.text
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+def test_commands_to_do_it_again_are_right(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trackfield: Call) -> None:
+    """Those of the page, given as they stand, run, and give the same run."""
+    monkeypatch.chdir(tmp_path)
+    folder = run(tmp_path / "it is mine")
+    given = [words for words, _ in page.commands(read_run(folder))]
+    _, again, compare, _, anew = (shlex.split(words)[1:] for words in given)
+    assert trackfield(*again).code == 0
+    said = trackfield(*compare)
+    assert (said.code, "the fate of every frame is the same" in said.out) == (0, True)
+    (folder / report.PAGE).unlink()
+    assert trackfield(*anew).out == f"{Path('it is mine') / report.PAGE}\n"
+    assert (folder / report.PAGE).exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "what"),
+    [
+        ("metrics.json", None, "has no metrics.json"),
+        ("manifest.json", b"{", "its manifest.json is damaged"),
+        ("tracks.parquet", b"PAR1", "its tracks.parquet is damaged"),
+        ("messages.parquet", None, "has no messages.parquet"),
+    ],
+)
+def test_what_is_no_finished_run_is_named(
+    copied: Path, trackfield: Call, name: str, content: bytes | None, what: str
+) -> None:
+    (copied / name).unlink()
+    if content is not None:
+        (copied / name).write_bytes(content)
+    with pytest.raises(ScenarioError) as failure:
+        read_run(copied)
+    assert (failure.value.file, failure.value.what) == (str(copied), what)
+    said = trackfield("report", str(copied))
+    assert (said.code, said.err.count("\n")) == (2, 1)
+    assert what in said.err

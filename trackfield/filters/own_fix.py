@@ -1,0 +1,57 @@
+"""A position from the readings of one instant, of any sensor: the likeliest of many descents, if there is one such.
+
+Gauss-Newton as in ``fix.py``, from a grid of places within the sensors' range at once. Readings such as ranges may fit
+several places equally well; then there is no fix.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackfield.filters.gaussian import extent, symmetric
+from trackfield.filters.measurement import innovations, jacobians, noise_sd
+from trackfield.filters.metrics import LOST_M
+from trackfield.filters.types import Array, Gaussian, Model, Reports
+
+_GRID = np.stack(np.meshgrid(*2 * (np.linspace(-0.8, 0.8, 5),)), axis=-1).reshape(-1, 2)
+"""(25, 2) of the range: where descents begin."""
+_STEPS = 30
+_SHORTER = 0.5 ** np.arange(8)[:, None, None]
+"""By how much a step may have to be cut."""
+_AS_LIKELY = 13.8
+"""A place costs at most so much more than the best (twice the log of 1000) not to be ruled out."""
+
+
+def own_fix(anywhere: Array, model: Model, reports: Reports) -> Gaussian | None:
+    """The belief over (x, y, vx, vy) from readings alone; ``anywhere`` (4, 4) is the covariance of not knowing.
+
+    None if they fit several places, or leave the target anywhere within ``LOST_M``.
+    """
+    if len(reports) == 0 or model.own is None:
+        return None
+    sd, scale = noise_sd(model, reports), np.sqrt(np.diag(anywhere))
+    centre = np.append(reports.positions.mean(axis=0), [0.0, 0.0])
+
+    def cost(x: Array) -> Array:
+        misses = innovations(model, x, reports) / sd
+        total: Array = np.square((x - centre) / scale).sum(axis=-1) + np.square(misses).sum(axis=-1)
+        return total
+
+    def normal(x: Array) -> tuple[Array, Array]:
+        """J^T J and J^T misses less the pull of the prior, in units of its sd."""
+        J = jacobians(model, x, reports) * scale / sd[:, None]
+        pull = np.einsum("...ki,...k->...i", J, innovations(model, x, reports) / sd) - (x - centre) / scale
+        return np.eye(4) + np.swapaxes(J, -1, -2) @ J, pull
+
+    x = centre + np.pad(_GRID * model.own.range_m, ((0, 0), (0, 2)))
+    for _ in range(_STEPS):
+        matrix, pull = normal(x)
+        tried = np.concatenate((x[None], x + _SHORTER * scale * np.linalg.solve(matrix, pull[..., None])[..., 0]))
+        x = np.take_along_axis(tried, cost(tried).argmin(axis=0)[None, :, None], axis=0)[0]
+    costs = cost(x)
+    mean = x[costs.argmin()]
+    covariance = symmetric(scale[:, None] * np.linalg.inv(normal(mean)[0]) * scale)
+    apart = np.hypot(*(x[costs < costs.min() + _AS_LIKELY] - mean)[:, :2].T)
+    if extent(covariance) > LOST_M or apart.max() > 3.0 * extent(covariance):
+        return None
+    return Gaussian(mean, covariance)

@@ -1,0 +1,63 @@
+"""Options of a class that a scenario names: its fields, checked by their annotations."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from difflib import get_close_matches
+from types import NoneType, UnionType
+from typing import Any, Final, Literal, Union, get_args, get_origin
+
+from trackfield.errors import ScenarioError
+
+_WORDS: Final = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+
+
+def made(maker: Callable[..., Any], options: Mapping[str, Any], key: str) -> Any:
+    """``maker(**options)``, for options that it has and that fit the types it is annotated with.
+
+    Raises ``ScenarioError`` with ``key.option`` for one that does not: the nearest name and those there are, or what
+    it has to be. A ``ValueError`` of the class itself, as of ``__post_init__``, is passed on under ``key``.
+    """
+    known = _parameters(maker)
+    for name, value in options.items():
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            expected = f"one of {', '.join(known)}" if known else "none: it has no options"
+            raise ScenarioError(f"unknown option{hint}", key=f"{key}.{name}", expected=expected)
+        if not _fits(value, known[name]):
+            raise ScenarioError(f"is {value!r}", key=f"{key}.{name}", expected=_words(known[name]))
+    try:
+        return maker(**options)
+    except (TypeError, ValueError) as error:
+        raise ScenarioError(str(error), key=key) from error
+
+
+def _parameters(maker: Callable[..., Any]) -> dict[str, Any]:
+    """Its options and their annotations."""
+    try:
+        parameters = inspect.signature(maker, eval_str=True).parameters
+    except NameError:  # an annotation that cannot be looked up, as of a class within a function
+        parameters = inspect.signature(maker).parameters
+    return {name: p.annotation for name, p in parameters.items() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+
+
+def _fits(value: object, hint: Any) -> bool:
+    """Whether a value is of an annotated type; of types that no scenario can spell everything passes."""
+    if get_origin(hint) is Literal:
+        return any(value == one and type(value) is type(one) for one in get_args(hint))
+    if get_origin(hint) in (Union, UnionType):
+        return any(_fits(value, one) for one in get_args(hint) if one is not NoneType)
+    if hint is float:
+        return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
+    return type(value) is hint if hint in _WORDS else True
+
+
+def _words(hint: Any) -> str:
+    if get_origin(hint) is Literal:
+        return f"one of {', '.join(map(str, get_args(hint)))}"
+    if get_origin(hint) in (Union, UnionType):
+        return " or ".join(_words(one) for one in get_args(hint) if one is not NoneType)
+    return _WORDS[hint]

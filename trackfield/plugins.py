@@ -1,0 +1,113 @@
+"""Classes by name, our own and others': trackers and sensors that users bring.
+
+A name is one of Trackfield's own, one registered in this process, or the entry point of an installed package.
+Other processes find a class by its place, ``module:attribute``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from importlib import import_module
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+from trackfield.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+Maker = Callable[..., Any]
+"""A class, or whatever else makes one of its kind from its options."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
+
+
+def load(place: str) -> Any:
+    """What is at ``module:attribute``; raises what the import raises."""
+    module, _, attribute = place.partition(":")
+    return attrgetter(attribute)(import_module(module))
+
+
+def importable(place: str) -> bool:
+    """Whether another process finds this place: it is in no function, and in no program or notebook."""
+    module, _, attribute = place.partition(":")
+    return module != "__main__" and "<" not in attribute
+
+
+class Plugins(Mapping[str, Maker]):
+    """The makers of one ``kind`` ("tracker") by name, with the entry points of ``group``; ``own`` cannot be replaced.
+
+    An entry point is loaded when it is asked for, not to be listed.
+    """
+
+    def __init__(self, kind: str, group: str, own: Mapping[str, Maker], methods: tuple[str, ...]) -> None:
+        self.kind, self.group, self.own, self.methods = kind, group, dict(own), methods
+        self._registered: dict[str, Maker] = {}
+
+    def register(self, name: str, maker: Maker) -> None:
+        """Give ``maker`` a name, in this process; the last of a name counts.
+
+        Raises ``ScenarioError`` for a name that is no name or is our own, and for a class without the methods needed.
+        """
+        key = f"register_{self.kind}"
+        if not _NAME.fullmatch(name):
+            expected = "1 to 32 letters, digits, _ . - (the first a letter or a digit)"
+            raise ScenarioError(f"{name!r} is no name for a {self.kind}", key=key, expected=expected)
+        if name in self.own:
+            what = f"{name!r} is a {self.kind} of Trackfield's own"
+            raise ScenarioError(what, key=key, expected="another name")
+        self._check(name, maker, key)
+        self._registered[name] = maker
+
+    def place(self, name: str) -> str:
+        """Where others find the maker of this name, as ``module:attribute``. Raises as ``[]`` does."""
+        if name not in self._registered and name in self._entries:
+            return self._entries[name].value
+        maker = self[name]
+        return f"{maker.__module__}:{maker.__qualname__}"
+
+    def __getitem__(self, name: str) -> Maker:
+        """The maker; raises ``KeyError`` if there is none, ``ScenarioError`` if its package cannot be loaded."""
+        for known in (self.own, self._registered):
+            if name in known:
+                return known[name]
+        entry = self._entries[name]
+        try:
+            maker: Maker = entry.load()
+        except Exception as error:  # somebody else's module: whatever its import does
+            what = f"cannot be loaded from {entry.value} ({type(error).__name__}: {error})"
+            raise ScenarioError(what, key=f"{self.kind} '{name}'") from error
+        self._check(name, maker, entry.value)
+        return maker
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.own or name in self._registered or name in self._entries
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys((*self.own, *self._registered, *self._entries)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def unknown(self, name: str, key: str = "") -> ScenarioError:
+        """The error of a name that nobody has."""
+        from difflib import get_close_matches
+
+        near = get_close_matches(name, self, n=1)
+        expected = f"'{near[0]}'" if near else "one of " + ", ".join(sorted(self))
+        return ScenarioError(f"unknown {self.kind} '{name}'", key=key, expected=expected)
+
+    @cached_property
+    def _entries(self) -> dict[str, EntryPoint]:
+        from importlib.metadata import entry_points  # late: a node needs ``load`` alone, and this is heavy
+
+        return {entry.name: entry for entry in entry_points(group=self.group)}
+
+    def _check(self, name: str, maker: Maker, key: str) -> None:
+        missing = [m for m in self.methods if isinstance(maker, type) and not hasattr(maker, m)]
+        if not callable(maker) or missing:
+            lacks = f"has no {', '.join(missing)}" if missing else "is no class"
+            expected = f"a class with {', '.join(self.methods)}"
+            raise ScenarioError(f"{self.kind} '{name}' {lacks}", key=key, expected=expected)

@@ -1,0 +1,99 @@
+"""Sensors of users' own, by kind: what a class of one has to offer, and how it is made from a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from trackfield.errors import ScenarioError
+from trackfield.options import made
+from trackfield.plugins import Maker, Plugins, load
+from trackfield.world.acoustic import AcousticSensor
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+ACOUSTIC: Final = "acoustic"
+"""The kind that is Trackfield's own."""
+MAX_VALUES: Final = 26
+"""As many numbers fit into a report (docs/wire.md)."""
+
+
+class Sensor(Protocol):
+    """A kind of sensor, the same at every node: a frozen dataclass whose fields a scenario sets in ``[sensor]``.
+
+    A reading is m numbers, z = h(x) + noise. Nodes call ``simulate`` alone, trackers call the others. ``residual``
+    may be left out: it takes differences of readings (..., m) to where they mean something, as for angles.
+    """
+
+    @property
+    def range_m(self) -> float:
+        """Beyond this distance (m) from the target nothing is measured, and its node sleeps."""
+        ...
+
+    @property
+    def sd(self) -> Sequence[float]:
+        """The noise's standard deviations (m,)."""
+        ...
+
+    @property
+    def resolution(self) -> Sequence[float]:
+        """In which steps each number is reported (m,)."""
+        ...
+
+    def simulate(
+        self, target: tuple[float, float, float, float], position: tuple[float, float], normals: tuple[float, ...]
+    ) -> Sequence[float] | None:
+        """The reading (m,) of a ``target`` (x, y, vx, vy) from ``position``; None if nothing is measured.
+
+        ``normals`` (m,) are draws from N(0, 1), the only randomness it may have. Nodes need no numpy for it.
+        """
+        ...
+
+    def h(self, states: Array, positions: Array) -> Array:
+        """Noiseless readings (..., K, m) of ``states`` (..., 4) from ``positions`` (K, 2)."""
+        ...
+
+    def jacobian(self, states: Array, positions: Array) -> Array:
+        """dh/dx (..., K, m, 4)."""
+        ...
+
+
+SENSORS: Final = Plugins(
+    "sensor", "trackfield.sensors", {ACOUSTIC: AcousticSensor}, methods=("simulate", "h", "jacobian")
+)
+
+
+def register_sensor(kind: str, maker: Maker) -> None:
+    """Let scenarios of this Python process name a kind of sensor of your own (``Sensor``), as ``sensor.kind``.
+
+    Runs over processes need a class that can be imported. Raises ``ScenarioError`` for ``acoustic``, and for a class
+    without ``simulate``, ``h`` and ``jacobian``.
+    """
+    SENSORS.register(kind, maker)
+
+
+def make_sensor(kind: str, options: Mapping[str, Any], place: str = "") -> Sensor:
+    """The sensor of this kind with these options; ``place`` says where it is if another process registered it.
+
+    Raises ``ScenarioError`` with the nearest name if there is none, for options that it does not have or that do not
+    fit, and for a sensor without range, noise or resolution.
+    """
+    if kind not in SENSORS and not place:
+        raise SENSORS.unknown(kind, "sensor.kind")
+    sensor: Sensor = made(SENSORS[kind] if kind in SENSORS else load(place), options, "sensor")
+    range_m = getattr(sensor, "range_m", None)
+    if not (isinstance(range_m, int | float) and isfinite(range_m) and range_m > 0):
+        raise ScenarioError(f"'{kind}' has {range_m!r}", key="sensor.range_m", expected="metres, above 0")
+    for name in ("sd", "resolution"):
+        values = getattr(sensor, name, None)
+        if not (isinstance(values, tuple) and values and all(isfinite(v) and v > 0 for v in values)):
+            raise ScenarioError(f"'{kind}' has {values!r}", key=f"sensor.{name}", expected="a tuple of numbers above 0")
+    if not len(sensor.sd) == len(sensor.resolution) <= MAX_VALUES:
+        what = f"'{kind}' has {len(sensor.sd)} sd and {len(sensor.resolution)} resolutions"
+        raise ScenarioError(what, key="sensor.sd", expected=f"one of each for each number, {MAX_VALUES} at most")
+    return sensor
