@@ -14,7 +14,7 @@ from typing import Any, Final, Literal, get_args
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.compare import check_runs, side_by_side
+from launcher.compare import check_runs
 from launcher.extensions import check_importable
 from launcher.measures import RunFigures
 from launcher.prepare import checked, keep, planned
