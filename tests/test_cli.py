@@ -83,7 +83,7 @@ def test_list_names_scenarios_and_trackers(trackfield: Call) -> None:
     said = trackfield("list")
     assert (said.code, said.err) == (0, "")
     *scenarios, trackers = said.out.splitlines()
-    assert [line.split()[0] for line in scenarios] == ["bus", "spcpf"]
+    assert [line.split()[0] for line in scenarios] == ["bus", "radar", "spcpf"]
     assert trackers == "trackers: fix-imm-ukf, spcpf, bootstrap, fix-doa, ekf, ukf, predict-only"
 
 
