@@ -137,9 +137,10 @@ def list_scenarios(
         bool, typer.Option("--schema", help="Print the JSON schema of scenario files, for editors.")
     ] = False,
 ) -> None:
-    """List the packaged scenarios and the trackers."""
+    """List the packaged scenarios, the trackers and the kinds of sensors."""
     from trackfield import scenario
     from trackfield.filters.trackers import TRACKERS
+    from trackfield.world.sensors import SENSORS
 
     if schema:
         print(json.dumps(scenario.schema(), indent=2))
@@ -147,6 +148,7 @@ def list_scenarios(
     for name in scenario.names():
         print(f"{name:12} {scenario.summary(name)}")
     print(f"trackers: {', '.join(TRACKERS)}")
+    print(f"sensors: {', '.join(SENSORS)}")
 
 
 @app.command()
