@@ -134,6 +134,23 @@ def open(folder: Folder) -> Result:
     return Result(Path(folder))
 
 
+def replay(
+    run: Result | Folder, trackers: Sequence[str] = (), *, drop_late: bool = False, out: Folder | None = None
+) -> Result:
+    """Fuse the reports of a finished run again, with these trackers (none: its own), into a run folder of its own.
+
+    With ``drop_late`` reports that came after their deadline do not count. Raises ``ScenarioError``.
+    """
+    from launcher.replay import replay as fuse
+
+    folder = run.path if isinstance(run, Result) else Path(run)
+    flags = [*(part for name in trackers for part in ("--tracker", name)), *(["--drop-late"] if drop_late else [])]
+    again = ["trackfield", "replay", str(folder), *flags]
+    with _arguments():
+        fused = fuse(folder, trackers, drop_late=drop_late, out=None if out is None else Path(out), command=again)
+    return _finished(fused)
+
+
 def compare(runs: Iterable[Result | Folder]) -> Comparison:
     """Runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two or more finished ones."""
     found = [one if isinstance(one, Result) else open(one) for one in runs]

@@ -34,11 +34,13 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 
 
 class Followed(NamedTuple, Generic[S]):
-    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior."""
+    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``new``: it
+    began with the reports of this very step."""
 
     track: S | None
     doubt: float
     alone: bool
+    new: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class Following(Generic[S]):
         fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports, self.lost_m)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
-        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True), Estimate(*fix)
+        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, new=True), Estimate(*fix)
 
 
 def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
