@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters import ekf, ukf
-from trackfield.filters.gaussian import constant_velocity, predict
+from trackfield.filters.gaussian import Motion, constant_velocity, predict
 from trackfield.filters.measurement import expected, jacobians, measured, noise_sd, residual
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 
@@ -36,6 +36,10 @@ class PredictOnly:
         if len(reports):
             belief = self._take(belief, reports, state.model)
         return SingleState(state.model, belief), Estimate(*belief)
+
+    def motion(self, before: SingleState, after: SingleState, dt: float) -> Motion:
+        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        return constant_velocity(dt, after.model.sigma_v)
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return belief

@@ -296,6 +296,7 @@ class Fusion(Section):
         le=3600,
         description="up to which age a late report is taken in after all, by going back to its step and on from there",
     )
+    smooth_lag: int = Field(default=0, ge=0, le=100, description="publish tracks smoothed, too, so many steps later")
     target_sd_m: Positive = Field(
         default=3.0, description="standard deviation of the position that an adaptive threshold aims at"
     )
