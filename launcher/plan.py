@@ -29,7 +29,7 @@ from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
 from trackfield.scenario.plan import reach_m
-from trackfield.scenario.sections import Acoustic
+from trackfield.scenario.sensing import Acoustic
 from trackfield.wire.registry import product_kinds
 
 TRUTH_SAMPLES: Final = 4
