@@ -42,7 +42,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("launcher.run._report", lambda folder: "")
 
 
-def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 40, trackers: Sequence[str] = ()) -> Path:
+def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 30, trackers: Sequence[str] = ()) -> Path:
     """The folder of a run of ``spcpf`` in virtual time."""
     scenario = load("spcpf", settings=[f"target.steps={steps}", *settings], trackers=trackers)
     folder = prepare_folder(Path(name), scenario.name, scenario.seed)
@@ -98,10 +98,10 @@ def test_a_run_over_processes_is_replayed_as_well() -> None:
 def test_a_run_that_was_ended_early_is_replayed_up_to_there(
     settings: Sequence[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    interrupt_at(100, monkeypatch)
+    interrupt_at(60, monkeypatch)
     run = virtual(settings)
     steps = set(tf.open(run).tracks["step"].to_pylist())
-    assert 10 < max(steps) < 39
+    assert 10 < max(steps) < 29
     after = replay(run)
     assert differences(run, after.folder, 1e-9) == []
     assert after.metrics["trackers"] == json.loads((run / METRICS).read_text())["trackers"]
