@@ -14,13 +14,14 @@ from typing import Any, Final, Literal, get_args
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.compare import check_runs, side_by_side
+from launcher.compare import check_runs
 from launcher.extensions import check_importable
 from launcher.measures import RunFigures
 from launcher.prepare import checked, keep, planned
 from launcher.result import METRICS
 from launcher.run import Outcome, prepare_folder, run_processes, run_virtual
 from launcher.show import Quiet
+from launcher.side_by_side import side_by_side
 from launcher.studies import Study, figures_table
 from launcher.studies import study as run_study
 from trackfield.errors import RunFailed, ScenarioError

@@ -201,7 +201,8 @@ def compare(
     """Show runs side by side, or whether they are the same."""
     from rich.console import Console
 
-    from launcher.compare import check_runs, differences, side_by_side
+    from launcher.compare import check_runs, differences
+    from launcher.side_by_side import side_by_side
 
     if len(runs) < 2:
         raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")

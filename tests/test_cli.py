@@ -32,6 +32,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
     files = {file.name for file in (tmp_path / "mine").iterdir()}
     assert files == {
         "scenario.toml", "manifest.json", "run.rrd", "messages.parquet", "tracks.parquet", "metrics.json", "logs",
+        "plots", "report.html",
     }  # fmt: skip
 
 

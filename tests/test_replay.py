@@ -234,7 +234,7 @@ def no_figures(run: Path) -> None:
         (older, (), "messages.parquet: has no payloads: an older version made it; expected a run by this version"),
         (lambda run: without(METRICS, run), (), "run: has no metrics.json; expected the folder of a finished run"),
         (lambda run: without("messages.parquet", run), (), "run: has no messages.parquet"),
-        (lambda run: without("scenario.toml", run), (), "scenario.toml: cannot be read (No such file or directory)"),
+        (lambda run: without("scenario.toml", run), (), "run: has no scenario.toml; expected"),
         (no_figures, (), "metrics.json: scenario: is missing; expected the figures"),
     ],
 )
