@@ -60,7 +60,7 @@ def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 30, trac
         (("link.model=fixed", "link.loss=0.3"), "frames.lost.radio"),
         (LATE, "frames.late"),
         ((*LATE, DEAD), "frames.lost.dead"),
-        ((*LATE, "fusion.prior=none"), "frames.late"),
+        ((*LATE, "fusion.prior=none", "fusion.smooth_lag=3"), "frames.late"),
         (CLOCKS, "clock_error_ms.rms"),
         ((*LATE, STRICKEN), "frames.lost.frozen"),
         ((*CLOCKS, *COMMANDED, DEAD, "link.model=lognormal_prr"), "frames.by_kind.threshold.sent"),
