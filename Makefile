@@ -30,9 +30,10 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, then the tables of docs/studies.md (10 minutes)
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, the tables of docs/studies.md, those of docs/papers.md (half an hour)
 	$(BIN)/python -m tests.campaign
 	$(BIN)/python -m tests.studies
+	$(BIN)/trackfield reproduce zhai --runs 400
 
 bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)
 	$(BIN)/python -m bench.scale

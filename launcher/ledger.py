@@ -61,15 +61,17 @@ class Ledger:
         self.sent_kinds[frame.kind] += 1
         self.payload_bytes += len(frame.payload)
         self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
-        self.on_air += frame.cost(self.link).bytes_on_air
+        cost = frame.cost(self.link)
+        self.on_air += cost.bytes_on_air
         size, frames = self.sent_bytes[frame.src]
         self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
-        for hearer, row in self._rows(frame):
+        said, local_ns = describe(frame.payload), self._local_ns(frame)
+        for hearer in self._hearers(frame):
             outcome, due = "in_flight", None
             if frame.sent_ns < self.run.end_ns:
-                fate = frame.fate(self.link, hearer)
+                fate = cost if hearer == frame.to else frame.fate(self.link, hearer)
                 outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
-            self._await(frame, replace(row, outcome=outcome, due_ns=due))
+            self._await(frame, _row(frame, hearer, outcome, due, said, local_ns))
 
     def told(self, process: str, output: Told | Refused | Undone) -> None:
         """A process told something."""
@@ -125,7 +127,7 @@ class Ledger:
                 del self._written[name]
         for event in events:
             if isinstance(event.effect, Overflowed):
-                rows += [replace(row, outcome="overflow") for _, row in self._rows(event.effect.frame)]
+                rows += self._overflowed(event.effect.frame)
         self.rows += rows
         return rows, sorted(events, key=lambda event: event.t_ns)
 
@@ -162,27 +164,27 @@ class Ledger:
 
     # --- the account of one frame ---------------------------------------------------------------------------------
 
-    def _rows(self, frame: Frame) -> Iterator[tuple[str, MessageRow]]:
-        """Its hearers, each with a row that does not yet know its outcome."""
+    def _hearers(self, frame: Frame) -> Iterator[str]:
         src = self._processes.get(frame.src)
         cell = src.cell if src else ""
-        said, size = describe(frame.payload), len(frame.payload)
         asked = self._listeners if frame.broadcast else filter(None, [self._processes.get(frame.to)])
-        for hearer in (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell)):
-            yield (
-                hearer,
-                MessageRow(
-                    frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, None, "", size, frame.copy,
-                    frame.incarnation, *said, payload=frame.payload,
-                ),
-            )  # fmt: skip
+        return (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell))
+
+    def _overflowed(self, frame: Frame) -> list[MessageRow]:
+        said = describe(frame.payload)
+        return [_row(frame, hearer, "overflow", None, said, None) for hearer in self._hearers(frame)]
+
+    def _local_ns(self, frame: Frame) -> int | None:
+        """What its sender's clock showed as it left, where that is known."""
+        diary = self.diaries.get(life_name(frame.src, frame.incarnation))
+        return diary.local_ns(frame.sent_ns) if diary else None
 
     def _await(self, frame: Frame, row: MessageRow) -> None:
         self._order += 1
         heappush(self._pending, (row.due_ns or row.sent_ns, self._order, frame, row))
 
     def _judge(self, frame: Frame, row: MessageRow) -> MessageRow:
-        row = self._timed_row(row)
+        self._note_clock(row)
         if row.due_ns is None:
             return row
         if row.due_ns >= self.run.end_ns:
@@ -201,15 +203,12 @@ class Ledger:
         """The life that owns a frame at its hearer."""
         return next((diary for diary in self._lives[row.dst] if diary.owns(row.due_ns or 0)), None)
 
-    def _timed_row(self, row: MessageRow) -> MessageRow:
-        """With what its sender's clock showed; the error of that clock is noted, unless it was asking for the time."""
-        name = life_name(row.src, row.incarnation)
-        if name not in self.diaries:
-            return row
-        diary = self.diaries[name]
+    def _note_clock(self, row: MessageRow) -> None:
+        """By how much its sender's clock was off, unless it was asking for the time."""
         if row.src in self._timed and row.kind not in SYNCHRONISING:
-            self.clock_errors[row.sent_ns, row.src] = diary.clock_error_ns(row.sent_ns)
-        return replace(row, local_ns=diary.local_ns(row.sent_ns))
+            diary = self.diaries.get(life_name(row.src, row.incarnation))
+            if diary is not None:
+                self.clock_errors[row.sent_ns, row.src] = diary.clock_error_ns(row.sent_ns)
 
     def _bury(self, name: str) -> None:
         """A process that died unplanned got the first frames that it counted, and no more."""
@@ -225,6 +224,13 @@ class Said(NamedTuple):
     text: str
     bearing_deg: float | None = None
     step: int | None = None
+
+
+def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
+    return MessageRow(
+        frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
+        frame.incarnation, said.text, said.bearing_deg, said.step, local_ns, frame.payload,
+    )  # fmt: skip
 
 
 def describe(payload: bytes) -> Said:

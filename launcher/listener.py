@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
+from functools import lru_cache
 from threading import Event
 from typing import Any, Final
 
@@ -29,6 +30,9 @@ FLUSH_S: Final = 0.25
 """How often what arrived is taken in and told."""
 SETTLE_S: Final = 1.0
 """How far the timeline stays behind (wall time), so that what it shows is rarely undone."""
+
+_parsed = lru_cache(maxsize=10_000)(keys.parse)
+"""The keys of a run are few, and come again and again."""
 
 
 class Listener:
@@ -85,7 +89,7 @@ class Listener:
                 log.warning("ignored a sample on %s: %s", key, error)
 
     def _data(self, key: str, sample: zenoh.Sample) -> None:
-        address = keys.parse(key)
+        address = _parsed(key)
         if sample.attachment is None:
             raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
         e = Envelope.unpack(sample.attachment.to_bytes())

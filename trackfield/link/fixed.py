@@ -22,7 +22,7 @@ class Fixed:
 
     def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
         """See ``Link.fate``."""
-        if uniform(self.seed, "loss", src, dst, kind, sent_ns, copy) < self.loss:
+        if self.loss and uniform(self.seed, "loss", src, dst, kind, sent_ns, copy) < self.loss:
             return LOST
         return Fate(None, delay(self.delay_ms))
 

@@ -1,0 +1,182 @@
+"""How many messages a second the recorder takes in, beside a bare subscriber that only counts.
+
+    python -m bench.recorder --messages 200000 --rate 20000
+
+A recorder process as in a run, behind a router as in a run, hears DOA reports of 121 nodes, all put by one process.
+First as fast as it can: nothing is dropped on the way, so the hearer sets the pace; what counts is the time until the
+last report is in the ledger. Then at a fixed rate and as nodes do it, when Zenoh may drop what nobody takes from it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from bench import bare_zenoh
+from launcher import zygote
+from launcher.children import Children
+from launcher.prepare import load, planned
+from launcher.records import RECORDER, Plan
+from trackfield.drivers.session import open_client
+from trackfield.scenario.places import CENTRE
+from trackfield.wire import keys
+from trackfield.wire.codec import encode
+from trackfield.wire.envelope import Envelope
+from trackfield.wire.messages import Doa
+
+TARGET: Final = 20_000
+"""Messages a second."""
+CHUNK: Final = 100
+"""Reports that are put in one go, when they are put at a rate."""
+PATIENCE_S: Final = 120.0
+POLL_S: Final = 0.02
+
+Figures = dict[str, Any]
+
+
+class Bench:
+    """A router, and a session beside those that are measured, for one plan; a context manager."""
+
+    def __init__(self, plan: Plan, folder: Path) -> None:
+        self.plan, self.folder = plan, folder
+        self.endpoint = f"unixsock-stream/{folder / 'router.sock'}"
+        self._nodes = [p.id for p in plan.processes if p.role == "node"]
+
+    def __enter__(self) -> Bench:
+        self.children = Children(2)
+        self.children.fork("router", zygote.run_router, self.endpoint, self.folder / "router.log")
+        self.session = open_client(self.endpoint, self.plan.run.run)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.children.close()
+        self.session.close()  # type: ignore[no-untyped-call]
+
+    def feed(self, messages: int, rate: float | None = None) -> float:
+        """Put so many reports, at a rate (1/s) or as fast as they are taken; how long that took (s)."""
+        control = zenoh.CongestionControl.BLOCK if rate is None else zenoh.CongestionControl.DROP
+        to = [keys.unicast("field", CENTRE, node, "doa") for node in self._nodes]
+        payloads = [encode(Doa(1 + k, 0.7 * k, 60.0)) for k in range(500)]
+        begun, begun_ns = time.monotonic(), time.monotonic_ns()
+        for k in range(messages):
+            if rate is not None and k % CHUNK == 0:
+                time.sleep(max(begun + k / rate - time.monotonic(), 0))
+            envelope = Envelope(time.monotonic_ns() - begun_ns, 0, 0, k, 0).pack()
+            self.session.put(to[k % len(to)], payloads[k % 500], attachment=envelope, congestion_control=control)
+        return time.monotonic() - begun
+
+    def final(self, messages: int) -> None:
+        """Say what was sent and delivered, as all processes of a run do."""
+        for index, name in enumerate(self._nodes):
+            self._final(name, {"sent": len(range(index, messages, len(self._nodes)))})
+        self._final(CENTRE, {"sent": 0, "delivered": messages})
+
+    def _final(self, name: str, record: dict[str, int]) -> None:
+        blocking = zenoh.CongestionControl.BLOCK
+        self.session.put(keys.telemetry(name, "final"), msgpack.packb(record), congestion_control=blocking)
+
+
+def counted(bench: Bench, messages: int) -> float:
+    """Messages a second that a bare subscriber counts."""
+    with bare_zenoh.process(bare_zenoh.count, bench.endpoint, bench.plan.run.run, keys.ALL_DATA) as counter:
+        counter.recv()
+
+        def heard() -> int:
+            counter.send(True)
+            return int(counter.recv())
+
+        begun = time.monotonic()
+        bench.feed(messages)
+        _until(lambda: heard() >= messages)
+        return messages / (time.monotonic() - begun)
+
+
+def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
+    """What a recorder made of it: messages a second until all were in the ledger, how long after the last put that was
+    (s), its processor time for each, and how many were dropped, by its own account."""
+    folder = bench.folder / f"run-{rate}"
+    folder.mkdir()
+    heard: list[int] = [0]
+
+    def on_status(sample: zenoh.Sample) -> None:
+        heard.append(msgpack.unpackb(sample.payload.to_bytes())["sent"])
+
+    key = keys.telemetry(RECORDER, "status")
+    told = bench.session.declare_subscriber(key, Callback(on_status, indirect=False))
+    bench.children.fork(RECORDER, zygote.run_recorder, bench.endpoint, folder / "log", (bench.plan, folder))
+    _until(lambda: len(heard) > 1)
+    bench.session.put(keys.START, str(time.monotonic_ns()))
+    begun, cpu_s = time.monotonic(), bench.children.cpu_s(RECORDER)
+    took_s = bench.feed(messages, rate)
+    # At a rate some may never come; the end of their number is then the end of the bench.
+    _until(lambda: heard[-1] >= messages or (rate is not None and len(heard) > 12 and len(set(heard[-12:])) == 1))
+    all_s, cpu_s = time.monotonic() - begun, bench.children.cpu_s(RECORDER) - cpu_s
+    bench.final(messages)
+    bench.session.put(keys.FINISH, msgpack.packb([]))
+    bench.children.wait([RECORDER], PATIENCE_S)
+    told.undeclare()  # type: ignore[no-untyped-call]
+    metrics = json.loads((folder / "metrics.json").read_text())
+    return {
+        "per_s": messages / all_s,
+        "behind_s": all_s - took_s,
+        "cpu_us": cpu_s / messages * 1e6,
+        "dropped": metrics["recorder"]["dropped"],
+    }
+
+
+def measure(messages: int = 200_000, rate: float = TARGET, seed: int = 1) -> Figures:
+    """All of it: a bare subscriber and a recorder as fast as they can, a recorder at the rate."""
+    settings = [f"target.steps={max(round(messages / rate), 60)}"]
+    with tempfile.TemporaryDirectory(prefix="trackfield-") as scratch:
+        plan = planned(load("spcpf", seed=seed, link="ideal", settings=settings))
+        with Bench(plan, Path(scratch)) as bench:
+            plain = [counted(bench, messages)]
+            fast = recorded(bench, messages)
+            plain.append(counted(bench, messages))
+            steady = recorded(bench, messages, rate)
+    per_s = sum(plain) / len(plain)
+    return {"bare_per_s": per_s, "fast": fast, "steady": steady, "ratio": fast["per_s"] / per_s, "rate": rate}
+
+
+def table(found: Figures) -> str:
+    """In Markdown."""
+    fast, steady = found["fast"], found["steady"]
+    rows = [("bare subscriber that counts, as fast as it can", f"{found['bare_per_s']:,.0f}", "", "", 0)]
+    for name, f in (("as fast as it can", fast), (f"{found['rate']:,.0f} a second", steady)):
+        rows.append(
+            (f"recorder, {name}", f"{f['per_s']:,.0f}", f"{f['cpu_us']:.1f}", f"{f['behind_s']:.1f}", f["dropped"])
+        )
+    lines = ["| | messages a second | CPU us a message | last one in after s | dropped |", "| --- |" + " ---: |" * 4]
+    lines += [f"| {' | '.join(map(str, row))} |" for row in rows]
+    end = f"The recorder takes {found['ratio']:.2f} of what a bare subscriber takes (target: {TARGET:,} a second)"
+    return "\n".join([*lines, "", end])
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        if time.monotonic() > deadline:
+            raise TimeoutError(f"not within {PATIENCE_S:.0f} s")
+        time.sleep(POLL_S)
+
+
+def main() -> None:
+    """See the module's docstring."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--messages", type=int, default=200_000)
+    parser.add_argument("--rate", type=float, default=TARGET)
+    parser.add_argument("--seed", type=int, default=1)
+    print(table(measure(**vars(parser.parse_args()))))
+
+
+if __name__ == "__main__":
+    main()
