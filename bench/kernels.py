@@ -29,7 +29,7 @@ from trackfield.filters.gaussian import constant_velocity, predict
 from trackfield.filters.single_model import Ekf, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.trackers import TRACKERS
-from trackfield.filters.types import Array, Gaussian, Reports, Tracker, Update
+from trackfield.filters.types import Array, Gaussian, Reports, Tracker
 from trackfield.models import doa
 from trackfield.models.doa import wrap
 
@@ -77,19 +77,19 @@ def looped(data: Track, make: Callable[[], Any]) -> Contender:
     return run
 
 
-Take = Callable[[Gaussian, Reports, float], Update]
+Take = Callable[[Gaussian, Reports, float], Gaussian]
 
 
-def take_ekf(belief: Gaussian, reports: Reports, sigma_w: float) -> Update:
+def take_ekf(belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
     """The kernel of the tracker ``ekf``."""
     places = reports.positions
     measure, slopes = partial(doa.measure, sensors=places), partial(doa.jacobian, sensors=places)
-    return ekf.update(belief, reports.bearings, sigma_w, measure, slopes, wrap)
+    return ekf.posterior(belief, reports.bearings, sigma_w, measure, slopes, wrap)
 
 
-def take_ukf(belief: Gaussian, reports: Reports, sigma_w: float) -> Update:
+def take_ukf(belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
     """The kernel of the tracker ``ukf``."""
-    return ukf.update(belief, reports.bearings, sigma_w, partial(doa.measure, sensors=reports.positions), wrap)
+    return ukf.posterior(belief, reports.bearings, sigma_w, partial(doa.measure, sensors=reports.positions), wrap)
 
 
 def batched(data: Track, take: Take, n: int) -> Contender:
@@ -100,7 +100,7 @@ def batched(data: Track, take: Take, n: int) -> Contender:
         belief = Gaussian(np.tile(data.prior.mean, (n, 1)), np.tile(data.prior.covariance, (n, 1, 1)))
         means = []
         for one in reports:
-            belief = take(predict(belief, motion), one, data.model.sigma_w).posterior
+            belief = take(predict(belief, motion), one, data.model.sigma_w)
             means.append(belief.mean[0])
         return np.array(means)
 

@@ -29,7 +29,7 @@ from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
 from trackfield.scenario.plan import reach_m
-from trackfield.scenario.sections import Acoustic
+from trackfield.scenario.sensing import Acoustic
 from trackfield.wire.registry import product_kinds
 
 TRUTH_SAMPLES: Final = 4
@@ -191,17 +191,10 @@ def _prior(site: Site) -> Mapping[str, Sequence[float]] | None:
 
 
 def _tracks(scenario: Scenario) -> tuple[str, ...]:
-    """The names of all tracks. Raises ``ScenarioError`` if none can be smoothed and that is asked for."""
-    names, lag = scenario.fusion.trackers, scenario.fusion.smooth_lag
-    if not lag:
-        return names
-    options = tables(scenario.fusion.options)
-    smoothed = lagged_names(((name, make_tracker(name, options.get(name))) for name in names), lag)
-    if not smoothed:
-        what = f"no track of {', '.join(names)} can be smoothed"
-        expected = "0, or a tracker that tells its motion, such as fix-imm-ukf"
-        raise ScenarioError(what, key="fusion.smooth_lag", expected=expected)
-    return (*names, *smoothed)
+    """The names of all tracks, smoothed ones last."""
+    names, options = scenario.fusion.trackers, tables(scenario.fusion.options)
+    made = ((name, make_tracker(name, options.get(name))) for name in names)
+    return (*names, *lagged_names(made, scenario.fusion.smooth_lag))
 
 
 def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tuple[Mark, ...]) -> FieldInfo:

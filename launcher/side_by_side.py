@@ -126,6 +126,8 @@ def _tracker(name: str, metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     yield from _telling(Row(f"{name} RMSE / bound", ratios, least=True))
     yield Row(f"{name} median error [m]", tuple(t and t["median_error"] for t in found), least=True)
     yield from _telling(Row(f"{name} NEES", tuple(t and t["nees"] for t in found)))
+    bands = [t and t.get("nees_band") for t in found]
+    yield from _telling(Row(f"{name} NEES, 95 % band", tuple(b and f"{b[0]:.3f} to {b[1]:.3f}" for b in bands)))
     yield Row(f"{name} lost", tuple(None if t is None else "yes" if t["lost"] else "no" for t in found))
 
 

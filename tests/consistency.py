@@ -16,7 +16,7 @@ from trackfield.filters.fix import map_fix
 from trackfield.filters.metrics import effective_count, lost, nees, nees_band, rmse
 from trackfield.filters.single_model import SingleState, Ukf
 from trackfield.filters.trackers import TRACKERS
-from trackfield.filters.types import Array, Estimate, Gaussian, Reports
+from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
 
 
 class FixUkf(Ukf):
@@ -30,14 +30,14 @@ class FixUkf(Ukf):
 
 
 class _Fix(Ukf):
-    def _take(self, belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
-        return map_fix(belief, reports, sigma_w).posterior
+    def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
+        return map_fix(belief, reports, model.sigma_w).posterior
 
 
 def table_of_errors(runs: int) -> None:
     """Position error in m: pooled over runs and steps, (the median run's), and the share of runs that were lost."""
     print("| tracker | s1 | s2 | s3 |\n| --- | --- | --- | --- |")
-    for name, make in TRACKERS.items():
+    for name, make in {**TRACKERS, "one model": FixUkf}.items():
         cells = [_errors(*errors(make(), scenario, range(runs))) for scenario in SCENARIOS]
         print(f"| `{name}` | {' | '.join(cells)} |")
 
@@ -59,6 +59,18 @@ def table_of_consistency(runs: int) -> None:
         print(f"| `{name}` | {scenario} | {_consistency(*errors(tracker, scenario, range(runs)))} |")
 
 
+def likeness(runs: int) -> None:
+    """How alike the NEES of successive steps are, for the tracker that is right."""
+    values = nees(*errors(FixUkf(), "s1", range(runs)))
+    apart = values - values.mean()
+    successive = (apart[:, 1:] * apart[:, :-1]).mean() / np.square(apart).mean()
+    worth = np.mean([effective_count(run) for run in values])
+    low, high = nees_band(4, values.shape[1])
+    inside = ((low < values.mean(axis=1)) & (values.mean(axis=1) < high)).mean()
+    print(f"one model, s1: correlation of successive steps {successive:.2f}; {values.shape[1]} are worth {worth:.0f};")
+    print(f"runs in the band of independent steps, {low:.2f} to {high:.2f}: {inside:.0%}")
+
+
 def _consistency(e: Array, P: Array) -> str:
     values = nees(e, P)
     at_steps, of_runs, (low, high) = values.mean(axis=0), values.mean(axis=1), nees_band(4, len(values))
@@ -76,3 +88,5 @@ if __name__ == "__main__":
     table_of_errors(arguments.runs)
     print()
     table_of_consistency(arguments.runs)
+    print()
+    likeness(arguments.runs)

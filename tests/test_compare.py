@@ -226,12 +226,14 @@ def test_an_error_is_measured_by_the_bound_of_its_own_run(tmp_path: Path) -> Non
     def known(bound: float) -> Callable[[dict[str, Any]], object]:
         def change(metrics: dict[str, Any]) -> None:
             metrics["trackers"]["spcpf"]["rmse"]["position"] = 3.0
+            metrics["trackers"]["spcpf"]["nees_band"] = [2.5, 5.5]
             metrics["bound"]["trajectory"] = bound
 
         return change
 
     a, b = finished(tmp_path / "a", change=known(1.5)), finished(tmp_path / "b", change=known(4.0))
     assert shown(a, b)["spcpf RMSE / bound"] == ["2.000", "0.750"]
+    assert shown(a, b)["spcpf NEES, 95 % band"] == ["2.500 to 5.500"] * 2
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from fusion.role import Fusion
 from fusion.smoothing import Smoothing, lagged_name
 from fusion.stored import unpack
-from launcher.prepare import load, planned
+from launcher.prepare import load, planned, remarks
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import entities, read
@@ -199,14 +199,16 @@ def test_without_a_lag_there_is_nothing_more() -> None:
     assert {row.point.tracker for row in tracks} == set(plan.info.trackers) == {"fix-imm-ukf", "spcpf"}
 
 
-@pytest.mark.parametrize(
-    ("settings", "trackers", "message"),
-    [
-        (["fusion.smooth_lag=3"], ["spcpf"], "no track of spcpf can be smoothed"),
-        (["fusion.smooth_lag=-1"], [], "fusion.smooth_lag"),
-        (["fusion.smooth_lag=2.5"], [], "fusion.smooth_lag"),
-    ],
-)
-def test_a_lag_that_is_of_no_use_is_said_to_be(settings: list[str], trackers: list[str], message: str) -> None:
-    with pytest.raises(ScenarioError, match=message):
-        planned(load("spcpf", settings=settings, trackers=trackers))
+def test_who_cannot_be_smoothed_is_named() -> None:
+    settings = ["fusion.smooth_lag=3"]
+    assert [remark for remark in remarks(spcpf(1, settings)) if "smoothed" in remark] == [
+        "spcpf does not tell the motion that it expects, so its track is not smoothed"
+    ]
+    plan = planned(load("spcpf", settings=settings, trackers=["spcpf"]))
+    assert plan.info.trackers == ("spcpf",)
+
+
+@pytest.mark.parametrize("lag", ["-1", "101", "2.5"])
+def test_a_lag_is_a_whole_number_of_steps(lag: str) -> None:
+    with pytest.raises(ScenarioError, match=r"fusion\.smooth_lag.*a whole number from 0 to 100"):
+        load("spcpf", settings=[f"fusion.smooth_lag={lag}"])

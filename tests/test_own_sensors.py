@@ -17,13 +17,14 @@ from fusion.role import Fusion
 from launcher.prepare import planned
 from launcher.reception import receptions
 from launcher.records import Plan
+from node.role import Node
 from tests.simulated import simulated
 from trackfield.filters.following import ANYWHERE
 from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.own_fix import own_fix
 from trackfield.filters.types import Model, Reports
-from trackfield.role import NS, Ignored, Received, Started
+from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
 from trackfield.scenario import Scenario
 from trackfield.wire import Doa, Measurement
 from trackfield.world.faulty import SensorFault
@@ -112,8 +113,7 @@ def test_readings_are_whole_numbers_of_steps_with_the_sensors_noise() -> None:
 
 
 def test_draws_are_keyed_by_seed_node_life_and_instant() -> None:
-    reading = placed().sample(10 * NS)
-    assert reading == placed().sample(10 * NS)
+    assert (reading := placed().sample(10 * NS)) == placed().sample(10 * NS)
     assert reading not in [placed(1).sample(10 * NS), placed(seed=2).sample(10 * NS), placed().sample(10 * NS + 1)]
 
 
@@ -199,6 +199,26 @@ def test_without_a_prior_the_track_starts_from_the_first_readings() -> None:
     errors = [dist(row.point.mean[:2], row.truth[:2]) for row in rows if row.point.tracker == "ekf" and row.truth]
     assert len(errors) == 15
     assert max(errors) < 3.0
+
+
+def test_faults_befall_its_nodes() -> None:
+    """Near the start of s1: what is deaf or dead says nothing, what babbles speaks in every step."""
+    faults = [
+        {"kind": "deaf", "nodes": ["n012"], "at_s": 4.5},
+        {"kind": "kill", "nodes": ["n013"], "at_s": 4.5},
+        {"kind": "babble", "nodes": ["n120"], "at_s": 0.0},
+        {"kind": "stuck", "nodes": ["n001"], "at_s": 4.5},
+        {"kind": "clock_jump", "nodes": ["n024"], "at_s": 4.5, "jump_ms": 30.0},
+    ]
+    ledger, _ = simulated(plan_with(faults=faults, link__model="ideal"))
+    said: dict[str, dict[int | None, str]] = {}
+    for row in ledger.rows:
+        said.setdefault(row.src, {})[row.step] = row.text
+    assert set(said["n012"]) == set(said["n013"]) == {1, 2, 3, 4}
+    assert set(said["n120"]) == set(range(1, 16))
+    assert len(set(said["n120"].values())) == 15
+    assert len({said["n001"][step] for step in range(5, 16)}) == 1
+    assert {row.outcome for row in ledger.rows} <= {"delivered", "late", "in_flight", "dead"}
 
 
 def test_its_options_stand_in_its_section_and_in_the_resolved_file(tmp_path: Any) -> None:
@@ -321,9 +341,6 @@ def test_readings_that_fit_several_places_are_no_fix() -> None:
 
 
 def test_a_node_reports_all_that_it_measured() -> None:
-    from node.role import Node
-    from trackfield.role import Sampled, Send, Timer
-
     node = Node(step_ns=NS, centre="fusion")
     state, _ = node.handle(node.begin(), Started(0))
     state, _ = node.handle(state, Sampled(0, "wake-up", NS))

@@ -206,6 +206,21 @@ def test_a_trackers_own_error_has_a_note_that_says_when() -> None:
     assert caught.value.__notes__[0].startswith("in tracker 'wrong', step 1, ")
 
 
+def test_a_tracker_that_tells_its_motion_is_smoothed() -> None:
+    class Foreseeing(Still):
+        def motion(self, before: Any, after: Any, dt: float) -> tuple[Any, Any]:
+            return np.eye(4), np.eye(4) * (1.0 if dt == 1.0 else np.nan)
+
+    register_tracker("still", Still)
+    register_tracker("foreseeing", Foreseeing)
+    plan = plan_with("still", "foreseeing", smooth_lag=2)
+    _, rows = simulated(plan)
+    assert {row.point.tracker for row in rows} == {"still", "foreseeing", "foreseeing+lag2"}
+    Foreseeing.motion = lambda self, before, after, dt: (np.eye(4), np.eye(2))  # type: ignore[assignment,method-assign]
+    with pytest.raises(tf.RunFailed, match=r"tracker 'foreseeing': Q of its motion is of shape \(2, 2\)"):
+        simulated(plan)
+
+
 # --- installed packages ---
 
 

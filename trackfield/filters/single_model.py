@@ -49,24 +49,24 @@ class Ekf(PredictOnly):
     """Extended Kalman filter; all readings of a step in one update, with slopes at the predicted place."""
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return ekf.update(
+        return ekf.posterior(
             belief,
             measured(reports),
             noise_sd(model, reports),
             lambda x: expected(model, x, reports),
             lambda x: jacobians(model, x, reports),
             lambda difference: residual(model, difference),
-        ).posterior
+        )
 
 
 class Ukf(PredictOnly):
     """Unscented Kalman filter; all readings of a step in one update."""
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return ukf.update(
+        return ukf.posterior(
             belief,
             measured(reports),
             noise_sd(model, reports),
             lambda x: expected(model, x, reports),
             lambda difference: residual(model, difference),
-        ).posterior
+        )
