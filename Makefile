@@ -30,12 +30,15 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, then the tables of docs/studies.md (10 minutes)
+study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, the tables of docs/studies.md, those of docs/papers.md (half an hour)
 	$(BIN)/python -m tests.campaign
 	$(BIN)/python -m tests.studies
+	$(BIN)/trackfield reproduce zhai --runs 400
 
-bench: $(VENV)/dev.stamp  ## what a run costs as the field grows to 100,000 nodes, and to 3000 processes (a quarter of an hour)
+bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)
 	$(BIN)/python -m bench.scale
+	OPENBLAS_NUM_THREADS=1 PYTHONPATH=build/peers $(BIN)/python -m bench.kernels
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.growth
 
 base-image:  ## the image that ours stands on, from Debian packages (as root, with debootstrap)
 	containers/base-image $(OWN_BASE)
@@ -53,9 +56,14 @@ clean:  ## remove the environment and all caches; run folders stay
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp says that the environment holds what pyproject.toml asks for, as of the stamp's date.
-$(VENV)/run.stamp $(VENV)/dev.stamp: $(VENV)/%.stamp: $(GROUND) | $(BIN)/python
+$(VENV)/run.stamp $(VENV)/dev.stamp $(VENV)/bench.stamp: $(VENV)/%.stamp: $(GROUND) | $(BIN)/python
 	@echo "Installing what Trackfield needs into $(VENV) (a minute or two) ..."
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$*]'
+	@touch $@
+
+# particles asks for a numpy older than ours and works with ours: installed beside, without what it asks for.
+build/peers: $(VENV)/bench.stamp
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --upgrade --target $@ particles==0.4 numba==0.68.1 llvmlite==0.50.0
 	@touch $@
 
 $(BIN)/python:

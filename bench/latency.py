@@ -21,7 +21,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from bench import bare
+from bench import bare_zenoh
 
 THRESHOLDS: Final = (0.8, 0.75)
 """Of the sensors: about one of them hears the target at a time, or four."""
@@ -61,11 +61,13 @@ def bare_puts(endpoint: str, seconds: float) -> dict[int, list[int]]:
     with ExitStack() as stack:
         hearers = {}
         for count in TOGETHER:
-            hearers[count] = stack.enter_context(bare.process(bare.hear_latencies, endpoint, f"bare-{count}"))
+            hearers[count] = stack.enter_context(
+                bare_zenoh.process(bare_zenoh.hear_latencies, endpoint, f"bare-{count}")
+            )
             hearers[count].recv()
             for _ in range(count):
                 phase = TOGETHER.index(count) / len(TOGETHER)
-                stack.enter_context(bare.process(bare.put_now_and_then, endpoint, f"bare-{count}", phase))
+                stack.enter_context(bare_zenoh.process(bare_zenoh.put_now_and_then, endpoint, f"bare-{count}", phase))
         time.sleep(seconds)
         for hearer in hearers.values():
             hearer.send(None)

@@ -21,7 +21,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from bench import bare
+from bench import bare_zenoh
 from launcher import zygote
 from launcher.children import Children
 from launcher.prepare import load, planned
@@ -90,7 +90,7 @@ class Bench:
 
 def counted(bench: Bench, messages: int) -> float:
     """Messages a second that a bare subscriber counts."""
-    with bare.process(bare.count, bench.endpoint, bench.plan.run.run, keys.ALL_DATA) as counter:
+    with bare_zenoh.process(bare_zenoh.count, bench.endpoint, bench.plan.run.run, keys.ALL_DATA) as counter:
         counter.recv()
 
         def heard() -> int:

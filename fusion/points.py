@@ -11,7 +11,7 @@ MAX_PARTICLES: Final = 200
 """How many particles of a tracker are published, at most."""
 
 
-def track_point(tracker: str, target: str, reports: Reports, estimate: Estimate | None) -> TrackPoint:
+def track_point(tracker: str, target: str, reports: Reports, estimate: Estimate | None, lag: int = 0) -> TrackPoint:
     """The point of the step that ``reports`` are of; without an estimate the tracker waits."""
     if estimate is None:
         return TrackPoint(tracker, target, reports.step, "waiting", reports=len(reports))
@@ -30,4 +30,5 @@ def track_point(tracker: str, target: str, reports: Reports, estimate: Estimate 
         tuple(covariance),
         len(reports),
         particles,
+        lag,
     )

@@ -18,6 +18,7 @@ from immutables import Map
 
 from fusion.memory import TRANSITIONS, Heard, Memory, Past, Phase
 from fusion.points import track_point
+from fusion.smoothing import Smoothing, lagged_name
 from fusion.stored import Stored, pack, unpack
 from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.filters.following import Following
@@ -59,10 +60,10 @@ class Fusion:
     from the first reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where those
     are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model; a track less certain than
     ``lost_m`` is given up if it began without a prior. All randomness is keyed by ``seed``, the tracker and the step.
-    Reports that are up to ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of
-    ``Controller``) the centre commands the sensors' threshold. Its clock is the reference for sensors that ask for the
-    time. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
-    ``make_sensor``).
+    Reports that are up to ``max_age_ns`` old count after their deadline too. Each track is smoothed over
+    ``smooth_lag`` steps, too, unless that is 0. With ``threshold`` (the fields of ``Controller``) the centre commands
+    the sensors' threshold. Its clock is the reference for sensors that ask for the time. Reports are bearings with
+    noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of ``make_sensor``).
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class Fusion:
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
         sigma_v: float = 0.1,
+        smooth_lag: int = 0,
         lost_m: float = LOST_M,
         options: Mapping[str, Mapping[str, Any]] | None = None,
         places: Mapping[str, str] | None = None,
@@ -91,9 +93,8 @@ class Fusion:
         own = None if self.sensor is None else OfSensor(self.sensor)
         self.kinds = frozenset({"doa" if own is None else "measurement", "sync-request"})
         model, options = Model(radians(doa_sd_deg), sigma_v, own), options or {}
-        self.trackers = {
-            name: Following(make_tracker(name, options.get(name), places), model, lost_m) for name in trackers
-        }
+        made = {name: make_tracker(name, options.get(name), places) for name in trackers}
+        self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
         self.controller = None if threshold is None else Controller(**threshold)
         self.prior = (
             None
@@ -161,7 +162,7 @@ class Fusion:
                 if track.track is None:
                     break
                 nothing, rng = self._reports(step, Map()), generator(self.seed, name, step)
-                track, estimate = tracker.step(track, nothing, self.step_ns / NS, rng)
+                track, estimate, _ = tracker.step(track, nothing, self.step_ns / NS, rng)
             tracks.append(track)
             if estimate is not None:
                 points.append(track_point(name, self.target, self._reports(fused, Map()), estimate))
@@ -211,7 +212,7 @@ class Fusion:
         memory, published = self._replay(memory)
         heard = memory.heard.get(step, Map())
         past = self._recent(memory.past.set(step, Past(memory.tracks, heard)), now)
-        tracks, points = self._advance(memory.tracks, step, heard)
+        tracks, points, earlier = self._advance(memory.tracks, step, heard)
         first = next(iter(points.values()))
         level, command = self._command(memory.threshold_db, first)
         after = replace(
@@ -223,7 +224,7 @@ class Fusion:
             past=past,
             threshold_db=level,
         )
-        publish = map(Publish, (*published, *points.values()))
+        publish = map(Publish, (*published, *points.values(), *earlier))
         return after, (*publish, *command, Store(pack(step, level, points)), self._deadline(step + 1))
 
     def _replay(self, memory: Memory) -> tuple[Memory, list[TrackPoint]]:
@@ -235,8 +236,8 @@ class Fusion:
         for step in range(memory.stale, memory.fused + 1):
             heard = past[step].heard
             past = past.set(step, Past(tracks, heard))
-            tracks, points = self._advance(tracks, step, heard)
-            published += points.values()
+            tracks, points, earlier = self._advance(tracks, step, heard)
+            published += (*points.values(), *earlier)
         return replace(memory, tracks=tracks, past=past, stale=None), published
 
     def _recent(self, past: Map[int, Past], now: int) -> Map[int, Past]:
@@ -248,14 +249,18 @@ class Fusion:
 
     def _advance(
         self, tracks: tuple[Any, ...], step: int, heard: Heard
-    ) -> tuple[tuple[Any, ...], dict[str, TrackPoint]]:
-        """The trackers' states after a step, and its points by tracker: the same whenever it is computed."""
-        reports, advanced, points = self._reports(step, heard), [], {}
+    ) -> tuple[tuple[Any, ...], dict[str, TrackPoint], list[TrackPoint]]:
+        """The trackers' states after a step, its points by tracker, and what is now smoothed of an earlier step: the
+        same whenever it is computed."""
+        reports, advanced, points, smoothed = self._reports(step, heard), [], {}, []
         for (name, tracker), track in zip(self.trackers.items(), tracks, strict=True):
-            after, estimate = tracker.step(track, reports, self.step_ns / NS, generator(self.seed, name, step))
+            after, estimate, earlier = tracker.step(track, reports, self.step_ns / NS, generator(self.seed, name, step))
             advanced.append(after)
             points[name] = track_point(name, self.target, reports, estimate)
-        return tuple(advanced), points
+            if earlier is not None:
+                lag = tracker.lag
+                smoothed.append(track_point(lagged_name(name, lag), self.target, *earlier, lag))
+        return tuple(advanced), points, smoothed
 
     def _reports(self, step: int, heard: Heard) -> Reports:
         ids = tuple(sorted(heard))

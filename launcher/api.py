@@ -14,12 +14,14 @@ from typing import Any, Final, Literal, get_args
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.compare import check_runs, side_by_side
+from launcher.compare import check_runs
+from launcher.extensions import check_importable
 from launcher.measures import RunFigures
 from launcher.prepare import checked, keep, planned
 from launcher.result import METRICS
 from launcher.run import Outcome, prepare_folder, run_processes, run_virtual
 from launcher.show import Quiet
+from launcher.side_by_side import side_by_side
 from launcher.studies import Study, figures_table
 from launcher.studies import study as run_study
 from trackfield.errors import RunFailed, ScenarioError
@@ -105,6 +107,8 @@ def run(
     with _arguments():
         chosen = checked(scenario, seed)
         plan = planned(chosen, speed)
+        if driver == "processes":
+            check_importable(plan)
         folder = prepare_folder(None if out is None else Path(out), chosen.name, chosen.seed)
     keep(chosen, folder)
     again = ["trackfield", "run", str(folder / "scenario.toml")]
@@ -129,6 +133,23 @@ def open(folder: Folder) -> Result:
     """The result in a run folder. Raises ``ScenarioError`` if it is not that of a finished run."""
     check_runs([Path(folder)])
     return Result(Path(folder))
+
+
+def replay(
+    run: Result | Folder, trackers: Sequence[str] = (), *, drop_late: bool = False, out: Folder | None = None
+) -> Result:
+    """Fuse the reports of a finished run again, with these trackers (none: its own), into a run folder of its own.
+
+    With ``drop_late`` reports that came after their deadline do not count. Raises ``ScenarioError``.
+    """
+    from launcher.replay import replay as fuse
+
+    folder = run.path if isinstance(run, Result) else Path(run)
+    flags = [*(part for name in trackers for part in ("--tracker", name)), *(["--drop-late"] if drop_late else [])]
+    again = ["trackfield", "replay", str(folder), *flags]
+    with _arguments():
+        fused = fuse(folder, trackers, drop_late=drop_late, out=None if out is None else Path(out), command=again)
+    return _finished(fused)
 
 
 def compare(runs: Iterable[Result | Folder]) -> Comparison:

@@ -1,15 +1,15 @@
 """How well the target of a run could be known at all, on the scale of the trackers' errors.
 
-Bounds along the true path (``trackfield/filters/bounds.py``), of trackers that go by bearings. The motion noise is the
-path's own: they are told how hard the target accelerates in each step, but not which way.
+Bounds along the true path (``trackfield/filters/bounds.py``), of trackers that go by what the sensors report.
+The motion noise is the path's own: they are told how hard the target accelerates in each step, but not which way.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from math import radians
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,16 +18,16 @@ from launcher.records import MessageRow, Plan
 from trackfield.filters.bounds import information, position_sd, trajectory_crlb
 from trackfield.filters.following import ANYWHERE
 from trackfield.filters.gaussian import Motion
-from trackfield.filters.types import Array
-from trackfield.models import doa, motion
+from trackfield.filters.measurement import OfSensor
+from trackfield.filters.types import Array, Measurement, Model
+from trackfield.models import motion
 from trackfield.role import NS
+from trackfield.world.sensors import make_sensor
 
 Reporting = Mapping[int, Collection[str]]
 """Whose reports there are of each step."""
 Series = dict[int, float]
 """A bound on the sd of the position (m) by step."""
-_LOCATING: Final = 2
-"""Bearings that it takes to locate a target."""
 
 
 def run_bound(plan: Plan, rows: Iterable[MessageRow]) -> Series:
@@ -71,28 +71,33 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
 
 
 def _series(plan: Plan, reporting: Reporting) -> Series:
-    """From the start if there is a prior, else from the first step with as many bearings as it takes."""
+    """From the start if there is a prior, else from when on the target is known to within ``lost_m``."""
     centre, truth, sensors = _centre(plan), _truth(plan), _sensors(plan)
-    prior, sd = centre.get("prior"), radians(centre.get("doa_sd_deg", 0.0))
+    prior, sensor = centre.get("prior"), _sensor(centre)
     first = next((step for step in truth if step and (prior or reporting.get(step))), None)
-    if first is None or sd <= 0.0:
+    if first is None or min(sensor.sd) <= 0.0:
         return {}
     steps = [step for step in truth if step >= first]
-    informations = np.stack([_information(truth[step], reporting.get(step, ()), sensors, sd) for step in steps])
+    informations = np.stack([_information(truth[step], reporting.get(step, ()), sensors, sensor) for step in steps])
     begin = ANYWHERE if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
     bounds = position_sd(trajectory_crlb(begin, _motions(truth, steps, plan.step_ns / NS), informations))
-    shown = 0 if prior else _located(steps, reporting)
+    known = bounds <= plan.lost_m
+    shown = 0 if prior else int(known.argmax()) if known.any() else len(steps)
     return dict(zip(steps[shown:], bounds[shown:].tolist(), strict=True))
 
 
-def _located(steps: Sequence[int], reporting: Reporting) -> int:
-    """From where on in ``steps`` a target is located of which nobody was told anything beforehand."""
-    return next((i for i, step in enumerate(steps) if len(reporting.get(step, ())) >= _LOCATING), len(steps))
+def _sensor(centre: Mapping[str, Any]) -> Measurement:
+    """What a reading says; of no centre, and of bearings without error, nothing can be said."""
+    own = OfSensor(make_sensor(**centre["sensor"])) if "sensor" in centre else None
+    return Model(radians(centre.get("doa_sd_deg", 0.0)), own=own).sensor
 
 
-def _information(state: Array, ids: Collection[str], sensors: Mapping[str, tuple[float, float]], sd: float) -> Array:
-    positions = np.reshape([sensors[id] for id in sorted(ids) if id in sensors], (-1, 2))
-    return information(doa.jacobian(state, positions), sd)
+def _information(
+    state: Array, ids: Collection[str], places: Mapping[str, tuple[float, float]], sensor: Measurement
+) -> Array:
+    positions = np.reshape([places[id] for id in sorted(ids) if id in places], (-1, 2))
+    slopes = sensor.jacobian(state, positions)  # (K, m, 4)
+    return np.asarray(information(slopes, np.asarray(sensor.sd, float)).sum(axis=0))
 
 
 def _motions(truth: Mapping[int, Array], steps: Collection[int], dt: float) -> Motion:

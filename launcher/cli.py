@@ -137,9 +137,10 @@ def list_scenarios(
         bool, typer.Option("--schema", help="Print the JSON schema of scenario files, for editors.")
     ] = False,
 ) -> None:
-    """List the packaged scenarios and the trackers."""
+    """List the packaged scenarios, the trackers and the kinds of sensors."""
     from trackfield import scenario
     from trackfield.filters.trackers import TRACKERS
+    from trackfield.world.sensors import SENSORS
 
     if schema:
         print(json.dumps(scenario.schema(), indent=2))
@@ -147,6 +148,7 @@ def list_scenarios(
     for name in scenario.names():
         print(f"{name:12} {scenario.summary(name)}")
     print(f"trackers: {', '.join(TRACKERS)}")
+    print(f"sensors: {', '.join(SENSORS)}")
 
 
 @app.command()
@@ -199,7 +201,8 @@ def compare(
     """Show runs side by side, or whether they are the same."""
     from rich.console import Console
 
-    from launcher.compare import check_runs, differences, side_by_side
+    from launcher.compare import check_runs, differences
+    from launcher.side_by_side import side_by_side
 
     if len(runs) < 2:
         raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")

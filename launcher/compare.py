@@ -1,8 +1,9 @@
-"""Runs side by side, or whether two are the same."""
+"""Whether runs are the same."""
 
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -10,7 +11,6 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from rich.table import Table
 
 from trackfield.errors import ScenarioError
 
@@ -18,6 +18,7 @@ FILES: Final[Mapping[str, Callable[[Path], object]]] = {
     "metrics.json": lambda file: json.loads(file.read_bytes()),
     "tracks.parquet": pq.read_metadata,
     "messages.parquet": pq.read_metadata,
+    "scenario.toml": lambda file: tomllib.loads(file.read_text(encoding="utf-8")),
 }
 """What a comparison needs of a run folder, and what fails where it is damaged."""
 
@@ -37,36 +38,6 @@ def differences(a: Path, b: Path, tolerance: float) -> list[str]:
     """What tells two runs apart: tracks by more than the tolerance, or the fate of any frame."""
     tracks, messages = ([pq.read_table(run / f"{name}.parquet") for run in (a, b)] for name in ("tracks", "messages"))
     return _track_differences(tracks[0], tracks[1], tolerance) + _frame_differences(messages[0], messages[1])
-
-
-def side_by_side(runs: Sequence[Path]) -> Table:
-    """A table of the figures that people compare, a column per run."""
-    metrics = [json.loads((run / "metrics.json").read_text()) for run in runs]
-    table = Table()
-    table.add_column("")
-    for run in runs:
-        table.add_column(run.name, justify="right")
-    names = dict.fromkeys(name for m in metrics for name in m["trackers"])
-    for name in names:
-        rows = [m["trackers"].get(name) for m in metrics]
-        table.add_row(f"{name} RMSE [m]", *(_number(r and r["rmse"]["position"]) for r in rows))
-        table.add_row(f"{name} median error [m]", *(_number(r and r["median_error"]) for r in rows))
-        table.add_row(f"{name} lost", *("-" if r is None else "yes" if r["lost"] else "no" for r in rows))
-    for key in ("sent", "expected", "delivered", "late"):
-        table.add_row(f"frames {key}", *(str(m["frames"][key]) for m in metrics))
-    table.add_row("frames lost", *(str(sum(m["frames"]["lost"].values())) for m in metrics))
-    for name, section, key in (
-        ("clock error, rms [ms]", "clock_error_ms", "rms"),
-        ("energy [J]", "energy_j", "total"),
-        ("first battery empty [s]", "lifetime_s", "first_death"),
-    ):
-        table.add_row(name, *(_number(m[section][key]) for m in metrics))
-    table.add_row("host late", *(str(m["timing"]["host_late"]) for m in metrics))
-    return table
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
 
 
 def _track_differences(a: pa.Table, b: pa.Table, tolerance: float) -> list[str]:

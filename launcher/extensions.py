@@ -11,13 +11,29 @@ import numpy as np
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import ANY_SENSOR, TRACKERS, make_tracker
-from trackfield.plugins import importable
+from trackfield.plugins import Maker, importable
 from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
-from trackfield.scenario.sections import Fusion, OwnSensor
+from trackfield.scenario.sections import Fusion
+from trackfield.scenario.sensing import OwnSensor
 from trackfield.world.sensors import SENSORS, Sensor, make_sensor
+
+Registered = tuple[dict[str, Maker], dict[str, Maker]]
+"""Trackers and sensors by name."""
+
+
+def registered() -> Registered:
+    """What was registered in this process, for others to ``register``."""
+    return dict(TRACKERS.registered), dict(SENSORS.registered)
+
+
+def register(brought: Registered) -> None:
+    """Register the same in this process."""
+    for plugins, makers in zip((TRACKERS, SENSORS), brought, strict=True):
+        for name, maker in makers.items():
+            plugins.register(name, maker)
 
 
 def tracker_places(fusion: Fusion) -> dict[str, str]:

@@ -31,16 +31,16 @@ class TrackerFigures(_Figures):
     rmse: Rmse
     median_error: float | None
     nees: float | None
-    nees_band: tuple[float, float] | None = None
+    nees_band: tuple[float, float] | None
     lost: bool
     steps: int
 
 
 class Bound(_Figures):
-    """The error (m) that no tracker can beat."""
+    """The error (m) that no tracker can beat: by any report in reach, and by those that came."""
 
     position: float | None
-    trajectory: float | None = None
+    trajectory: float | None
 
 
 class Death(_Figures):
@@ -163,13 +163,21 @@ class Energy(_Figures):
     by_accounting: Mapping[str, float | None]
 
 
+class Empty(_Figures):
+    """A battery that was empty at ``t``, emulated s."""
+
+    id: str
+    t: float
+
+
 class Lifetime(_Figures):
-    """Until when batteries last, emulated s."""
+    """Until when batteries last, emulated s; ``empty`` within the run, None on mains."""
 
     first_death: float | None
     half_dead: float | None
     coverage_lost: float | None
     extrapolated: bool | None
+    empty: tuple[Empty, ...] | None
 
 
 class ClockError(_Figures):

@@ -122,7 +122,7 @@ def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metric
             link.append(row.due_ns - row.sent_ns)
             if row.outcome == "delivered" and row.step in fused:
                 to_filter.append(fused[row.step] - row.sent_ns)
-    to_track = [track.told_ns - track.t_ns for track in tracks]
+    to_track = [track.told_ns - track.t_ns for track in tracks if not track.point.lag]
     return {"link": _exact(link), "to_filter": _exact(to_filter), "to_track": _exact(to_track)}
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from fusion.smoothing import lagged_names
 from launcher.extensions import own_sensor, tracker_places
 from launcher.faults import Faults, Mark, resolve
 from launcher.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
@@ -17,6 +18,7 @@ from launcher.records import FieldInfo, Place, Plan
 from trackfield.draw import normal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
 from trackfield.errors import ScenarioError
+from trackfield.filters.trackers import make_tracker
 from trackfield.link.models import make_link
 from trackfield.link.places import Places
 from trackfield.role import NS
@@ -27,7 +29,7 @@ from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
 from trackfield.scenario.plan import reach_m
-from trackfield.scenario.sections import Acoustic
+from trackfield.scenario.sensing import Acoustic
 from trackfield.wire.registry import product_kinds
 
 TRUTH_SAMPLES: Final = 4
@@ -128,6 +130,7 @@ def _centre(site: Site) -> ProcessSpec:
             options=tables(scenario.fusion.options),
             places=tracker_places(scenario.fusion),
             max_age_ns=round(scenario.fusion.max_age_s * NS),
+            smooth_lag=scenario.fusion.smooth_lag,
             threshold=_threshold(scenario),
         ),
     }
@@ -187,6 +190,13 @@ def _prior(site: Site) -> Mapping[str, Sequence[float]] | None:
     return {"mean": [x + s * z for x, s, z in zip(truth, sd, draws, strict=True)], "sd": list(sd)}
 
 
+def _tracks(scenario: Scenario) -> tuple[str, ...]:
+    """The names of all tracks, smoothed ones last."""
+    names, options = scenario.fusion.trackers, tables(scenario.fusion.options)
+    made = ((name, make_tracker(name, options.get(name))) for name in names)
+    return (*names, *lagged_names(made, scenario.fusion.smooth_lag))
+
+
 def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tuple[Mark, ...]) -> FieldInfo:
     every_s = site.step_ns / NS / TRUTH_SAMPLES
     times = np.arange(site.steps * TRUTH_SAMPLES + 1) * every_s
@@ -199,7 +209,7 @@ def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tu
         places,
         truth,
         site.path.gaps,
-        tuple(site.scenario.fusion.trackers),
+        _tracks(site.scenario),
         spec.end_ns / NS,
         marks,
         paths=paths,

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from fusion.smoothing import lagged_name
 from launcher.plan import make_plan
 from launcher.reception import receptions
 from launcher.records import Plan
@@ -108,8 +109,11 @@ def check_driver(*, virtual: bool, external: bool, live: bool, connect: str) -> 
 
 
 def remarks(plan: Plan) -> list[str]:
-    """What a user should know of the plan before it runs: gaps in the track."""
+    """What a user should know of the plan before it runs: gaps in the track, and trackers that cannot be smoothed."""
+    centre = next((process.config for process in plan.processes if process.role == "fusion"), {})
+    lag, tracks = centre.get("smooth_lag", 0), plan.info.trackers
+    rough = [name for name in centre.get("trackers", ()) if lag and lagged_name(name, lag) not in tracks]
     return [
         f"the track has no fixes from {a:.1f} s to {b:.1f} s ({b - a:.0f} s): a straight line stands in"
         for a, b in plan.info.gaps
-    ]
+    ] + [f"{name} does not tell the motion that it expects, so its track is not smoothed" for name in rough]

@@ -18,7 +18,6 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.deployment import ROUTER, Deployment
-from launcher.extensions import check_importable
 from launcher.gathering import Gathering
 from launcher.ledger import Ledger
 from launcher.live import LiveView
@@ -141,9 +140,8 @@ def run_processes(
     """Run as processes over Zenoh, our own or ``external`` ones.
 
     ``live``, if given, is told the address of a live view, and what becomes of that. Raises ``RunFailed`` if they do
-    not come up, and ``ScenarioError`` for a tracker that they could not import.
+    not come up.
     """
-    check_importable(plan)
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
     with (

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from launcher.bounds import run_bound
+from launcher.extensions import Registered, register, registered
 from launcher.measures import RunFigures
 from launcher.metrics import run_metrics
 from launcher.prepare import checked, keep, planned
@@ -115,7 +116,7 @@ def unordered(
     """
     from joblib import Parallel, delayed
 
-    calls = (delayed(_placed)(function, place, job) for place, job in enumerate(jobs))
+    calls = (delayed(_placed)(registered(), function, place, job) for place, job in enumerate(jobs))
     with _progress(title, len(jobs)) as advance:
         for answer in Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls):
             advance()
@@ -133,7 +134,8 @@ def _type(name: str) -> pa.DataType:
     return _TYPES.get(name, pa.int64() if whole else pa.float64())
 
 
-def _placed(function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:
+def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:
+    register(brought)  # what users registered they did so in the process that asked
     return place, function(job)
 
 

@@ -72,6 +72,6 @@ def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> pa.Tab
         **{n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats) for i, n in enumerate(STATE)},
         "covariance": pa.array([list(r.point.covariance) or None for r in rows], vector),
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
-        "bound_m": pa.array([bound.get(r.point.step) for r in rows], floats),
+        "bound_m": pa.array([None if r.point.lag else bound.get(r.point.step) for r in rows], floats),
     }
     return pa.table(columns)

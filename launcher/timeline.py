@@ -132,28 +132,34 @@ class Timeline:
         self._note(t_ns, process, text, level)
 
     def estimate(self, t_ns: int, point: TrackPoint, truth: tuple[float, float] | None) -> None:
-        """A tracker published a point; ``truth`` is where the target was at that step (metres)."""
+        """A tracker published a point; ``truth`` is where the target was at that step (metres).
+
+        Of a smoothed track only the line is drawn, at the times that its points are about.
+        """
         self._newest = max(self._newest, t_ns)
         track = self._track(point.tracker)
         if track.at is not None and point.step > track.at[1]:
             self._step_ns = (t_ns - track.at[0]) // (point.step - track.at[1])
         track.at = (t_ns, point.step)
         here = np.reshape(point.mean[:2], (-1, 2))
+        if not point.lag:
+            self._place(track, t_ns, here, point)
+        if len(here) and len(track.last):
+            self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
+        track.last = here
+        if point.mean and truth is not None:
+            error = math.dist(point.mean[:2], truth)
+            self._add(entity("plots", "error", point.tracker), rows.scalars, t_ns, (error,))
+
+    def _place(self, track: _Track, t_ns: int, here: Points, point: TrackPoint) -> None:
         self._add(track.path + "/position", rows.points, t_ns, here)
         self._add(track.path + "/ellipse", rows.strips, t_ns, rings(here, point.covariance))
         particles = np.frombuffer(point.particles, "<f4").reshape(-1, 2)
         if len(particles) or track.particles:
             track.particles = True
             self._add(track.path + "/particles", rows.points, t_ns, particles)
-        if len(here) and len(track.last):
-            self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
-        track.last = here
-        if len(here):
-            fix = (point.mean[0], point.mean[1])
-            self._picture.shown.show("fix", point.tracker, fix, t_ns)
-            if truth is not None:
-                error = math.dist(fix, truth)
-                self._add(entity("plots", "error", point.tracker), rows.scalars, t_ns, (error,))
+        if point.mean:
+            self._picture.shown.show("fix", point.tracker, (point.mean[0], point.mean[1]), t_ns)
 
     def bound(self, t_ns: int, sd_m: float) -> None:
         """How small the trackers' error could be at a step (m, root mean square)."""

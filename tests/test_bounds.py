@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -21,6 +22,7 @@ from tests.simulated import simulated, spcpf
 from trackfield.filters.types import Gaussian
 from trackfield.models import doa
 from trackfield.role import NS
+from trackfield.world.sensors import SENSORS, register_sensor
 
 STRAIGHT = ["target.path=waypoints", "target.waypoints=[[0, 60, 60], [20, 160, 160]]", "target.steps=20"]
 
@@ -64,7 +66,45 @@ def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_trut
     assert found["position"] is not None and found["position"] < found["trajectory"]
 
 
-def test_without_a_prior_it_begins_with_two_bearings() -> None:
+@dataclass(frozen=True)
+class Locator:
+    """Measures the place itself."""
+
+    range_m: float = 60.0
+    sd = (2.0, 3.0)
+    resolution = (0.01, 0.01)
+
+    def simulate(self, target: Any, position: Any, normals: Any) -> tuple[float, float]:
+        return target[0] + 2.0 * normals[0], target[1] + 3.0 * normals[1]
+
+    def h(self, states: Any, positions: Any) -> Any:
+        return np.repeat(states[..., None, :2], len(positions), axis=-2)
+
+    def jacobian(self, states: Any, positions: Any) -> Any:
+        return np.broadcast_to(np.eye(2, 4), (*states.shape[:-1], len(positions), 2, 4))
+
+
+def test_it_goes_by_what_a_users_own_sensors_measure() -> None:
+    """Without loss, so the two bounds are one: the Kalman filter that takes in as many places as sensors are near."""
+    register_sensor("locator", Locator)
+    try:
+        settings = [*STRAIGHT, "sensor={kind='locator'}", "fusion.trackers=['ekf']", "link.model=ideal"]
+        plan = spcpf(1, settings)
+        ledger, _ = simulated(plan)
+        found, ideal = run_bound(plan, ledger.rows), scenario_bound(plan, [])
+    finally:
+        SENSORS.registered.clear()
+    nodes = np.array([(place.x, place.y) for place in plan.info.places if place.role == "node"])
+    belief, expected = Gaussian(np.zeros(4), np.diag([20.0, 20.0, 4.0, 4.0]) ** 2), {}
+    for step in range(1, 21):
+        near = int((np.hypot(*(nodes - (60.0 + 5.0 * step)).T) <= 60.0).sum())
+        H, R = np.tile(np.eye(2, 4), (near, 1)), np.diag(np.tile([4.0, 9.0], near))
+        P = kalman.update(kalman.predict(belief, 1.0, 0.0), np.zeros(2 * near), H, R).covariance
+        belief, expected[step] = Gaussian(np.zeros(4), P), float(np.sqrt(np.trace(P[:2, :2])))
+    assert found == ideal == pytest.approx(expected)
+
+
+def test_without_a_prior_it_begins_when_the_target_is_located() -> None:
     """A bearing before them counts, although it does not say where the target is."""
     plan = spcpf(1, [*STRAIGHT, "fusion.prior=none"])
     later = [report(src, step) for step in (4, 5) for src in ("n012", "n013")]

@@ -32,6 +32,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
     files = {file.name for file in (tmp_path / "mine").iterdir()}
     assert files == {
         "scenario.toml", "manifest.json", "run.rrd", "messages.parquet", "tracks.parquet", "metrics.json", "logs",
+        "plots", "report.html",
     }  # fmt: skip
 
 
@@ -78,12 +79,13 @@ def test_a_link_that_loses_all_says_so(trackfield: Call, tmp_path: Path) -> None
     assert len(re.findall(r"│ lost │", said.err)) == 2
 
 
-def test_list_names_scenarios_and_trackers(trackfield: Call) -> None:
+def test_list_names_scenarios_trackers_and_sensors(trackfield: Call) -> None:
     said = trackfield("list")
     assert (said.code, said.err) == (0, "")
-    *scenarios, trackers = said.out.splitlines()
-    assert [line.split()[0] for line in scenarios] == ["bus", "spcpf"]
+    *scenarios, trackers, sensors = said.out.splitlines()
+    assert [line.split()[0] for line in scenarios] == ["bus", "radar", "spcpf"]
     assert trackers == "trackers: fix-imm-ukf, spcpf, bootstrap, fix-doa, ekf, ukf, predict-only"
+    assert sensors == "sensors: acoustic"
 
 
 def test_the_schema_knows_every_section(trackfield: Call) -> None:

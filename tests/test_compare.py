@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +12,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from launcher.compare import check_runs, differences, side_by_side
+from launcher.compare import check_runs, differences
 from launcher.metrics import run_metrics
+from launcher.prepare import keep, load, planned
 from launcher.records import MessageRow
 from launcher.result import write_json
+from launcher.side_by_side import Row, side_by_side
 from launcher.tables import TrackRow, write_messages, write_tracks
-from tests.simulated import simulated, spcpf
+from tests.simulated import simulated
 from trackfield.errors import ScenarioError
 from trackfield.role import NS, TrackPoint
 
@@ -142,11 +146,13 @@ def test_tracks_and_frames_are_told_together(tmp_path: Path) -> None:
 
 def finished(at: Path, *settings: str, change: Callable[[dict[str, Any]], object] = lambda metrics: None) -> Path:
     """The folder of a real run of a few steps."""
-    plan = spcpf(1, ["target.steps=5", *settings])
+    scenario = load("spcpf", seed=1, settings=["target.steps=5", *settings])
+    plan = planned(scenario)
     ledger, tracks = simulated(plan)
     metrics = run_metrics(plan, ledger, tracks)
     change(metrics)
     write_json(metrics, folder(at, tracks, ledger.rows) / "metrics.json")
+    keep(scenario, at)
     return at
 
 
@@ -175,6 +181,80 @@ def test_figures_stand_side_by_side(tmp_path: Path) -> None:
     assert table["frames lost"][0] == "0"
 
 
+def test_the_keys_in_which_scenarios_differ_come_first(tmp_path: Path) -> None:
+    many = "faults=[{kind='deaf', nodes=['n000', 'n001', 'n002', 'n003', 'n004'], at_s=1}%s]"
+    a = finished(tmp_path / "a", "link.busy=0.25", many % "")
+    b = finished(tmp_path / "b", many % ", {kind='deaf', nodes=['n005'], at_s=1}")
+    c = finished(tmp_path / "c", "link.model=ideal")
+    table = shown(a, b, c)
+    assert {"link.model", "link.busy", "faults"} <= set(itertools.takewhile(lambda row: "RMSE" not in row, table))
+    assert table["link.busy"] == ["0.25", "0.0", "-"]
+    assert table["link.model"] == ["lognormal_prr", "lognormal_prr", "ideal"]
+    assert table["faults"][2] == "-"
+    assert table["faults"][0].endswith(" ...")  # what tells them apart is too long to be shown
+    assert "name" not in table
+    assert "link.queue" not in shown(a, b)
+    assert next(iter(shown(a, a))) == "fix-imm-ukf RMSE [m]"
+
+
+def test_only_what_says_something_has_a_row(tmp_path: Path) -> None:
+    a, b = finished(tmp_path / "a", "link.model=ideal"), finished(tmp_path / "b", "link.model=fixed", "link.loss=0.5")
+    table = shown(a, b)
+    lost = int(table["frames lost"][1])
+    assert table["radio"] == ["0", str(lost)]
+    assert lost > 0
+    for row in (
+        "partition",
+        "overflow",
+        "frames lost by the machine",
+        "on the air [bytes]",
+        "clock error, rms [ms]",
+        "driver",
+    ):
+        assert row not in table
+    for row in (
+        "spcpf NEES",
+        "spcpf RMSE / bound",
+        "bound of these reports [m]",
+        "on the link, 95 % [ms]",
+        "energy [J]",
+    ):
+        assert all(float(cell) > 0 for cell in table[row])
+
+
+def test_an_error_is_measured_by_the_bound_of_its_own_run(tmp_path: Path) -> None:
+    def known(bound: float) -> Callable[[dict[str, Any]], object]:
+        def change(metrics: dict[str, Any]) -> None:
+            metrics["trackers"]["spcpf"]["rmse"]["position"] = 3.0
+            metrics["trackers"]["spcpf"]["nees_band"] = [2.5, 5.5]
+            metrics["bound"]["trajectory"] = bound
+
+        return change
+
+    a, b = finished(tmp_path / "a", change=known(1.5)), finished(tmp_path / "b", change=known(4.0))
+    assert shown(a, b)["spcpf RMSE / bound"] == ["2.000", "0.750"]
+    assert shown(a, b)["spcpf NEES, 95 % band"] == ["2.500 to 5.500"] * 2
+
+
+@pytest.mark.parametrize(
+    ("cells", "least", "best"),
+    [((3.0, 2.0, None), True, 2.0), ((2, 2), True, None), ((None, 2.0), True, None), ((1.0, 2.0), False, None),
+     (("yes", "no"), True, None)],
+)  # fmt: skip
+def test_the_best_figure_of_a_row(cells: tuple[float | str | None, ...], least: bool, best: float | None) -> None:
+    assert Row("x", cells, least).best == best
+
+
+def test_the_best_figure_stands_out(tmp_path: Path) -> None:
+    a = finished(tmp_path / "a", change=lambda metrics: metrics["trackers"]["spcpf"]["rmse"].update(position=1.25))
+    b = finished(tmp_path / "b", change=lambda metrics: metrics["trackers"]["spcpf"]["rmse"].update(position=1.75))
+    console = Console(width=200, force_terminal=True, color_system="standard", markup=False)
+    with console.capture() as said:
+        console.print(side_by_side([b, a]))
+    (line,) = [line for line in said.get().splitlines() if "spcpf RMSE [m]" in line]
+    assert re.findall(r"\x1b\[1;32m +([\d.]+)", line) == ["1.250"]
+
+
 def test_as_many_runs_as_one_likes(tmp_path: Path) -> None:
     a = finished(tmp_path / "a")
     assert len(shown(a, a, a, a)["frames sent"]) == 4
@@ -187,6 +267,7 @@ def test_what_is_no_run_is_named(tmp_path: Path) -> None:
         ("metrics.json", b"{", "its metrics.json is damaged"),
         ("tracks.parquet", b"PAR1", "its tracks.parquet is damaged"),
         ("messages.parquet", None, "has no messages.parquet"),
+        ("scenario.toml", b"[link", "its scenario.toml is damaged"),
     ):
         broken = finished(tmp_path / name)
         if content is None:

@@ -166,7 +166,7 @@ def test_the_paper_scenario_is_the_same_under_every_fault(tmp_path: FilePath) ->
     settings = [
         "target.steps=30", "sensor.threshold=adaptive", "fusion.max_age_s=1",
         "fusion.path=[[0, 350, 350], [25, 500, 400]]", "link.ack=3",
-        "clock.offset_ms=30", "clock.drift_ppm=50", "clock.resync_s=10",
+        "clock.offset_ms=30", "clock.drift_ppm=50", "clock.resync_s=10", "fusion.smooth_lag=2",
         "energy.battery_j=0.3", "energy.sample_mj=0.05", f"faults={FAULTS}",
     ]  # fmt: skip
     real, found = both(planned(load("spcpf", link="lognormal_prr", seed=1, settings=settings), speed=3), tmp_path)

@@ -6,6 +6,7 @@ import pytest
 from tests import kalman
 from tests.zhai_field import GRID, SIGMA_W, hear, only
 from trackfield.filters.fix import centroid, intensity_weights, map_fix
+from trackfield.filters.gaussian import extent
 from trackfield.filters.types import Gaussian, Reports
 from trackfield.models import doa
 from trackfield.models.sound import wrap
@@ -149,3 +150,14 @@ def test_intensity_weights_are_shares_of_power():
     assert intensity_weights(np.array([-4e3])) == pytest.approx([1.0])
     heard = reports([(0.0, 0.0), (11.0, 22.0)], [0.0, 0.0], [60.0, 50.0])
     assert centroid(heard) == pytest.approx([1.0, 2.0])
+
+
+@pytest.mark.parametrize("sd", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("off", [1e-5, 1e-4, 1e-3, 1e-2])
+def test_a_wide_prior_around_the_sensor_itself(off: float, sd: float) -> None:
+    """One bearing of a radar, from a track that has come to lie on it: steep, and still nothing is singular."""
+    prior = Gaussian(np.array([off, 0.0, 10.0, 0.0]), np.diag(np.square([sd, sd, 10.0, 10.0])))
+    fix, log_evidence = map_fix(prior, reports(np.array([[0.0, 0.0]]), [0.5]), 0.0035)
+    assert np.isfinite(log_evidence)
+    assert np.linalg.eigvalsh(fix.covariance).min() > 0.0
+    assert extent(fix.covariance) == pytest.approx(sd, rel=1e-3)  # its distance stays unknown

@@ -262,9 +262,9 @@ class Spy:
     def begin(self, prior: object) -> None:
         pass
 
-    def step(self, state: object, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[object, None]:
+    def step(self, state: object, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[object, None, None]:
         self.seen.append((reports, dt, rng.random()))
-        return state, None
+        return state, None, None
 
 
 def spied(*names: str, **changes: Any) -> tuple[Fusion, Memory, dict[str, Any]]:

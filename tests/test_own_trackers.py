@@ -55,7 +55,7 @@ class Still:
 def none_left() -> Iterator[None]:
     """No test leaves a name behind."""
     yield
-    TRACKERS._registered.clear()
+    TRACKERS.registered.clear()
 
 
 def plan_with(*trackers: str, **settings: Any) -> Plan:
@@ -163,7 +163,7 @@ def test_bad_options_end_the_command(trackfield: Call) -> None:
     assert (said.code, said.out) == (2, "")
     assert said.err == (
         "trackfield: fusion.options.spcpf.nominal: unknown option; did you mean nominals?; "
-        "expected one of particles, nominals, weights\n"
+        "expected one of particles, nominals, weights, single\n"
     )
     assert not Path("a").exists()
 
@@ -206,6 +206,21 @@ def test_a_trackers_own_error_has_a_note_that_says_when() -> None:
     assert caught.value.__notes__[0].startswith("in tracker 'wrong', step 1, ")
 
 
+def test_a_tracker_that_tells_its_motion_is_smoothed() -> None:
+    class Foreseeing(Still):
+        def motion(self, before: Any, after: Any, dt: float) -> tuple[Any, Any]:
+            return np.eye(4), np.eye(4) * (1.0 if dt == 1.0 else np.nan)
+
+    register_tracker("still", Still)
+    register_tracker("foreseeing", Foreseeing)
+    plan = plan_with("still", "foreseeing", smooth_lag=2)
+    _, rows = simulated(plan)
+    assert {row.point.tracker for row in rows} == {"still", "foreseeing", "foreseeing+lag2"}
+    Foreseeing.motion = lambda self, before, after, dt: (np.eye(4), np.eye(2))  # type: ignore[assignment,method-assign]
+    with pytest.raises(tf.RunFailed, match=r"tracker 'foreseeing': Q of its motion is of shape \(2, 2\)"):
+        simulated(plan)
+
+
 # --- installed packages ---
 
 
@@ -234,8 +249,7 @@ def command(environment: dict[str, str], *arguments: str) -> subprocess.Complete
 def test_an_entry_point_is_listed_and_loaded_only_when_named(tmp_path: Path) -> None:
     environment = installed(tmp_path, still="tests.test_own_trackers:Still", gone="nowhere:Gone")
     listed = command(environment, "list")
-    assert "trackers: spcpf, " in listed.stdout
-    assert listed.stdout.endswith("still, gone\n")
+    assert listed.stdout.splitlines()[-2:] == [f"trackers: {', '.join(TRACKERS)}, still, gone", "sensors: acoustic"]
     said = command(environment, "validate", "spcpf", "--set", "fusion.trackers=['gone']")
     assert said.returncode == 2
     assert said.stderr == (

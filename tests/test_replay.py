@@ -20,6 +20,7 @@ from launcher.show import Quiet
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at
 from tests.rrd import entities, read
+from trackfield.filters.trackers import TRACKERS
 
 __all__ = ["trackfield"]
 
@@ -135,6 +136,19 @@ def test_without_late_reports_it_is_a_run_in_which_they_do_not_count() -> None:
     assert tf.open(replayed).metrics.bound == tf.open("strict").metrics.bound
 
 
+def test_a_tracker_of_ones_own_sees_recorded_reports_from_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(TRACKERS, "registered", {})
+    tf.register_tracker("mine", TRACKERS["ekf"])
+    run = tf.open(virtual(LATE, steps=10))
+    result = tf.replay(run, ["mine", "ekf"], drop_late=True, out="again")
+    mine, ekf = result.metrics.trackers.values()
+    assert (result.path, mine) == (Path("again"), ekf)
+    command = json.loads(Path("again", "manifest.json").read_text())["command"]
+    assert command == ["trackfield", "replay", "run", "--tracker", "mine", "--tracker", "ekf", "--drop-late"]
+    with pytest.raises(tf.ScenarioError, match=r"^again: out: the folder has something in it"):
+        tf.replay(run, out="again")
+
+
 def test_variants_of_a_tracker_are_known() -> None:
     run = virtual(["fusion.options.n5={tracker='spcpf', nominals=5}"], steps=10)
     assert replay(run, ["n5"]).metrics["trackers"].keys() == {"n5"}
@@ -177,10 +191,15 @@ def test_what_the_machine_did_is_said(trackfield: Call) -> None:
     assert caveats(metrics) == []
     metrics["processes"]["died"] = [{"id": name, "host": "h", "why": "signal 9", "t": 2.0} for name in ("n1", "fusion")]
     metrics["timing"]["host_late"] = 3
+    metrics["frames"]["host_lost"], metrics["recorder"]["dropped"] = 4, 5
     (run / METRICS).write_text(json.dumps(metrics))
-    said = trackfield("replay", "run").err
+    said = trackfield("replay", "run")
+    assert said.code == 0
+    said = said.err
     assert "note: fusion died unplanned in this run; the replay lets it live" in said
     assert "note: 3 events were handled out of order in this run" in said
+    assert "note: 4 frames that the machine lost in this run" in said
+    assert "note: 5 frames of this run never reached the recorder" in said
     assert "n1 died" not in said
 
 

@@ -34,6 +34,13 @@ def test_verdicts(copied: Path) -> None:
     assert first.text.endswith(
         "; 1.50 times the bound of 2.00 m. NEES 9.00, 95 % band 3.00 to 5.00: too sure of itself."
     )
+    table = tables.trackers(read_run(copied))
+    assert dict(zip(table.head, table.rows[0], strict=True)) | {
+        "RMSE [m]": "3.00", "/ bound": "1.50", "median [m]": "1.00",
+        "steps": "12", "lost": "no",
+    } == dict(zip(table.head, table.rows[0], strict=True))  # fmt: skip
+    assert tables.consistency(read_run(copied)).rows[0] == ["fix-imm-ukf", "9.00", "3.00", "5.00"]
+    assert "/ bound" not in tables.trackers(changed(copied, lambda metrics: metrics.update(bound={}))).head
     assert "over 7 of 12 steps" in second.text
     assert "NEES" not in second.text
     assert first.colour != second.colour

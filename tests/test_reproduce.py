@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from launcher.reproduce.cases import CASES, Case
-from launcher.reproduce.claims import JUDGES, claims, verdicts
+from launcher.reproduce.claims import JUDGES, claims
 from launcher.reproduce.realisation import realise, typical
 from launcher.reproduce.records import Record, measure
 from launcher.reproduce.report import FIGURES, claims_table, markdown
@@ -81,34 +81,49 @@ def test_other_code_is_another_study(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert Store(tmp_path, [short()]).file("s1", 1) != before
 
 
-def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "launcher.cli", "reproduce", "zhai", "--runs", "1000", "--out", str(tmp_path)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, process_group=0) as study:
-        until = time.monotonic() + 120
-        while not list(tmp_path.rglob("*.npz")) and time.monotonic() < until:
-            time.sleep(0.1)
-        os.killpg(study.pid, signal.SIGINT)  # as a terminal does
-        out, err = study.communicate(timeout=60)
-    assert (study.returncode, out) == (130, "")
-    done = len(list(tmp_path.rglob("*.npz")))
-    assert 0 < done < 1000
-    assert f"interrupted: {1000 * len(CASES) - done} of {1000 * len(CASES)} runs are left" in err
-    assert "Traceback" not in err
-    assert not (tmp_path / "results.json").exists()
-
-
 # --- the command ------------------------------------------------------------------------------------------------------
 
 
-def test_a_study_from_the_command_line(trackfield: Call, tmp_path: Path) -> None:
+def test_a_study_is_interrupted_and_goes_on(trackfield: Call, tmp_path: Path) -> None:
+    folder = tmp_path / "runs" / "reproduce-zhai"
+    done = interrupted(tmp_path, folder)
     said = trackfield("reproduce", "zhai", "--runs", "1", "--json")
     assert said.code == 0
-    folder = tmp_path / "runs" / "reproduce-zhai"
+    assert f"{min(done, len(CASES))} of {len(CASES)} runs are there from before" in said.err
+    assert said.err.endswith("next: trackfield view runs/reproduce-zhai/run\n")
+
     summary = json.loads(said.out)
     assert said.out == (folder / "results.json").read_text()
     results = Results.of_plain({name: summary[name] for name in ("runs", "scores", "fields", "times")})
+    for case in ("s1-78", "s3"):  # as if it had never been interrupted
+        assert (results.scores[case], results.fields[case]) == scored(CASES[case], [measure(CASES[case], 1)])
     assert (folder / "report.md").read_text() == markdown(results)
     assert [claim["name"] for claim in summary["claims"]] == [claim.name for claim in claims(results)]
+    assert_complete(folder, results)
+
+
+def interrupted(cwd: Path, folder: Path) -> int:
+    """Begins a long study, stops it as a terminal does, and tells how many runs are there."""
+    command = [sys.executable, "-m", "launcher.cli", "reproduce", "zhai", "--runs", "1000"]
+    with subprocess.Popen(
+        command, cwd=cwd, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, process_group=0
+    ) as study:
+        until = time.monotonic() + 120
+        while not list(folder.rglob("*.npz")) and time.monotonic() < until:
+            time.sleep(0.1)
+        os.killpg(study.pid, signal.SIGINT)
+        out, err = study.communicate(timeout=60)
+    done = len(list(folder.rglob("*.npz")))
+    assert (study.returncode, out) == (130, "")
+    assert 0 < done < 1000
+    assert f"interrupted: {1000 * len(CASES) - done} of {1000 * len(CASES)} runs are left" in err
+    assert "Traceback" not in err
+    assert not (folder / "results.json").exists()
+    return done
+
+
+def assert_complete(folder: Path, results: Results) -> None:
+    """Figures, tables and a run are there, and agree with the results."""
     pictures = {f"{name}.png" for name, *_ in FIGURES}
     assert {file.name for file in (folder / "figures").iterdir()} == pictures
     assert pictures > {f"fig{number:02}.png" for number in range(3, 14)}
@@ -116,12 +131,12 @@ def test_a_study_from_the_command_line(trackfield: Call, tmp_path: Path) -> None
     assert {(row["case"], row["tracker"]) for row in runs} == {(c, t) for c in CASES for t in CASES[c].trackers}
     (one,) = [row for row in runs if (row["case"], row["tracker"]) == ("s2", "spcpf")]
     assert one["rmse_position"] == pytest.approx(results.scores["s2"]["spcpf"].position, rel=1e-12)
-    assert json.loads((folder / "run" / "metrics.json").read_text())["seed"] == 1
-    assert said.err.endswith("next: trackfield view runs/reproduce-zhai/run\n")
-
-    again = trackfield("reproduce", "zhai", "--runs", "1", "--json")
-    assert f"{len(CASES)} of {len(CASES)} runs are there from before" in again.err
-    assert json.loads(again.out)["scores"] == summary["scores"]
+    steps = pq.read_table(folder / "steps.parquet").to_pylist()
+    of_one = [row["rmse_x"] for row in steps if (row["case"], row["tracker"]) == ("s2", "spcpf")]
+    assert np.mean(of_one) == pytest.approx(results.scores["s2"]["spcpf"].mean_x, rel=1e-12)
+    run = json.loads((folder / "run" / "metrics.json").read_text())
+    assert run["seed"] == 1
+    assert run["trackers"]["spcpf"]["rmse"]["position"] == pytest.approx(results.scores["s1"]["spcpf"].position)
 
 
 @pytest.mark.parametrize(
@@ -234,6 +249,10 @@ def with_score(results: Results, case: str, tracker: str, **figures: float) -> R
 
 def with_field(results: Results, case: str, **figures: float) -> Results:
     return replace(results, fields={**results.fields, case: replace(results.fields[case], **figures)})
+
+
+def verdicts(results: Results) -> dict[str, str]:
+    return {claim.name: claim.verdict for claim in claims(results)}
 
 
 def test_a_paper_that_is_right_is_said_to_be() -> None:

@@ -139,7 +139,7 @@ def test_editors_get_a_schema() -> None:
     sections = {"field", "sensor", "target", "link", "fusion", "clock", "energy", "faults"}
     assert properties.keys() == {"name", "seed", "restart"} | sections
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
-    layouts = {"grid", "jittered", "random", "ring", "along-path", "file"}
+    layouts = {"grid", "jittered", "random", "ring", "along-path", "beside", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
     sensor = schema()["$defs"]["Acoustic"]
     assert sensor["properties"]["alpha"]["maximum"] == 20
@@ -374,9 +374,9 @@ def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
 
 
 def test_an_unknown_scenario_brings_the_nearest_name() -> None:
-    message = "unknown scenario 'spcfp'; did you mean spcpf?; expected one of bus, spcpf, or a TOML file"
+    message = "unknown scenario 'spcfp'; did you mean spcpf?; expected one of bus, radar, spcpf, or a TOML file"
     assert failure("spcfp") == message
-    assert failure("zzzzz") == "unknown scenario 'zzzzz'; expected one of bus, spcpf, or a TOML file"
+    assert failure("zzzzz") == "unknown scenario 'zzzzz'; expected one of bus, radar, spcpf, or a TOML file"
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

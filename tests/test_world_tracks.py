@@ -133,6 +133,13 @@ def test_a_slow_receiver_has_no_gap_between_all_its_fixes(tmp_path: Path) -> Non
         assert read_track(file).gaps == gaps
 
 
+def test_an_interval_usual_elsewhere_in_the_file_is_a_gap_amid_shorter_ones(tmp_path: Path) -> None:
+    times = [*range(0, 300, 30), *range(300, 420, 10), *range(445, 565, 10), *range(600, 1200, 30)]
+    file = text(tmp_path / "a.csv", "t_s,x,y\n" + "".join(f"{t},{t},0\n" for t in times))
+    assert read_track(file).gaps == ((410.0, 445.0),)
+    assert read_track(file, "400", "430").gaps == ((10.0, 30.0),)  # the window hides nothing of what is usual
+
+
 def test_a_gap_over_the_edge_of_the_window_is_named_as_far_as_it_lies_inside(straight: Path) -> None:
     path = read_track(straight, "08:00:20", "08:00:40")
     assert path.gaps == ((10.0, 20.0),)
@@ -335,6 +342,8 @@ def test_a_parked_bus_stays_where_it_is(data_file: DataFile) -> None:
 
 def test_a_real_flight(data_file: DataFile) -> None:
     path = read_track(data_file("aircraft_survey.csv"))
-    assert path.gaps == ()
+    assert path.gaps[:3] == ((33.0, 59.0), (1012.0, 1059.0), (1139.0, 1172.0))  # in turns, with a fix each 8 s else
+    straight = read_track(data_file("aircraft_survey.csv"), "15:31", "15:41")
+    assert straight.gaps == ()  # a fix each half minute is usual on its straight legs
     assert path.at(0.0)[2:] == pytest.approx((0.0, 66.0), abs=8.0)  # type: ignore[index]  # its log: 65 m/s, 5 degrees
     assert read_track(data_file("aircraft_survey.csv"), "14:40", "15:00").end_s == 1200.0

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from launcher.api import Comparison, Result, compare, open, run, study
+    from launcher.api import Comparison, Result, compare, open, replay, run, study
     from launcher.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
@@ -33,6 +33,7 @@ _HOMES: Final = {
     "open": "launcher.api",
     "register_sensor": "trackfield.world.sensors",
     "register_tracker": "trackfield.filters.trackers",
+    "replay": "launcher.api",
     "run": "launcher.api",
     "study": "launcher.api",
 }
@@ -53,6 +54,7 @@ __all__ = [
     "open",
     "register_sensor",
     "register_tracker",
+    "replay",
     "run",
     "study",
 ]

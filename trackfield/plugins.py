@@ -39,12 +39,12 @@ def importable(place: str) -> bool:
 class Plugins(Mapping[str, Maker]):
     """The makers of one ``kind`` ("tracker") by name, with the entry points of ``group``; ``own`` cannot be replaced.
 
-    An entry point is loaded when it is asked for, not to be listed.
+    ``registered`` are those of this process alone. An entry point is loaded when it is asked for, not to be listed.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Maker], methods: tuple[str, ...]) -> None:
         self.kind, self.group, self.own, self.methods = kind, group, dict(own), methods
-        self._registered: dict[str, Maker] = {}
+        self.registered: dict[str, Maker] = {}
 
     def register(self, name: str, maker: Maker) -> None:
         """Give ``maker`` a name, in this process; the last of a name counts.
@@ -59,18 +59,18 @@ class Plugins(Mapping[str, Maker]):
             what = f"{name!r} is a {self.kind} of Trackfield's own"
             raise ScenarioError(what, key=key, expected="another name")
         self._check(name, maker, key)
-        self._registered[name] = maker
+        self.registered[name] = maker
 
     def place(self, name: str) -> str:
         """Where others find the maker of this name, as ``module:attribute``. Raises as ``[]`` does."""
-        if name not in self._registered and name in self._entries:
+        if name not in self.registered and name in self._entries:
             return self._entries[name].value
         maker = self[name]
         return f"{maker.__module__}:{maker.__qualname__}"
 
     def __getitem__(self, name: str) -> Maker:
         """The maker; raises ``KeyError`` if there is none, ``ScenarioError`` if its package cannot be loaded."""
-        for known in (self.own, self._registered):
+        for known in (self.own, self.registered):
             if name in known:
                 return known[name]
         entry = self._entries[name]
@@ -83,10 +83,10 @@ class Plugins(Mapping[str, Maker]):
         return maker
 
     def __contains__(self, name: object) -> bool:
-        return name in self.own or name in self._registered or name in self._entries
+        return name in self.own or name in self.registered or name in self._entries
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*self.own, *self._registered, *self._entries)))
+        return iter(dict.fromkeys((*self.own, *self.registered, *self._entries)))
 
     def __len__(self) -> int:
         return len(list(iter(self)))

@@ -126,7 +126,8 @@ class TrackPoint:
 
     ``mean`` is (x, y, vx, vy) in metres and metres per second, ``covariance`` its 4x4 covariance row by row,
     ``particles`` little-endian float32 pairs (x, y), at most 200 of them. ``status`` is ``waiting`` (no track yet;
-    mean and covariance empty), ``tracking`` or ``coasting`` (no report was fused in this step).
+    mean and covariance empty), ``tracking`` or ``coasting`` (no report was fused in this step). A point of
+    a smoothed track knows of the reports up to ``lag`` steps later; one of a live track has 0.
     """
 
     tracker: str
@@ -137,6 +138,7 @@ class TrackPoint:
     covariance: tuple[float, ...] = ()
     reports: int = 0
     particles: bytes = b""
+    lag: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,7 +111,7 @@ def _track(axes: Axes, run: Run, track: Track) -> None:
 
 
 def _centre(axes: Axes, run: Run) -> None:
-    axes.plot(*run.site.centre, "^", color=style.CENTRE, ms=8, label="fusion centre", zorder=6)
+    axes.plot(*run.site.centre, "^", color=style.CENTRE, ms=9, label="fusion centre", zorder=1.9)
     if run.site.route:
         axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.CENTRE, lw=1.0, label="its way", zorder=2)
 

@@ -57,6 +57,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
         "verdicts": tables.verdicts(run),
         "trackers": tables.trackers(run),
+        "consistency": tables.consistency(run),
         "fates": tables.fates(run),
         "kinds": tables.kinds(run),
         "latencies": tables.latencies(run),

@@ -32,9 +32,9 @@ def error(run: Run) -> Figure | None:
     figure, (above, below) = style.blank(4.3, 2, ratios=[3.2, 1.0])
     for track in known:
         _line(above, run, track, track.error_m)
-    for track in {track.target: track for track in run.tracks}.values():
-        if np.isfinite(track.bound).any():
-            above.plot(track.t_s, track.bound, "--", color=style.INK, lw=1.3, label="bound for these reports (rms)")
+    bounded = [track for track in run.tracks if np.isfinite(track.bound).any()]  # smoothed ones are not
+    for track in {track.target: track for track in bounded}.values():
+        above.plot(track.t_s, track.bound, "--", color=style.INK, lw=1.3, label="bound for these reports (rms)")
     errors = np.concatenate([track.error_m[np.isfinite(track.error_m)] for track in known] or [np.ones(1)])
     if errors.max() > WIDE * max(float(np.median(errors)), 1e-9):
         above.set_yscale("log")

@@ -90,9 +90,15 @@ def width(points: int) -> float:
     return float(np.clip(1.8 - points / 1200, 0.5, 1.8))
 
 
+ROW: Final = 130
+"""Characters of a legend that fit into one row, with the lines before them."""
+
+
 def legend(axes: Axes, columns: int = 4) -> None:
     """Above the plot, where it hides nothing."""
     handles, labels = axes.get_legend_handles_labels()
+    if sum(len(label) + 8 for label in labels) < ROW:
+        columns = max(len(labels), 1)
     if handles:
         drawn = axes.legend(
             handles,

@@ -90,7 +90,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     steps = f"all {of} steps" if m["steps"] == of else f"{m['steps']} of {of} steps"
     blind = sum(int(track.coasting.sum()) for track in run.tracks if track.tracker == name)
     steps += f", {blind} of them without a report" if blind else ""
-    rmse, bound = m["rmse"]["position"], run.bound_m
+    rmse, bound = m["rmse"]["position"], _bound(run, name)
     error = f"RMSE {number(rmse, 'm')}, median error {number(m['median_error'], 'm')}, over {steps}"
     if bound:
         error += f"; {rmse / bound:.2f} times the bound of {number(bound, 'm')}"
@@ -110,28 +110,40 @@ def _consistency(m: dict[str, Any]) -> str:
     return f"NEES {number(nees)}, 95 % band {number(low)} to {number(high)}: {fit}."
 
 
-def trackers(run: Run) -> Table:
-    """Every figure of every tracker."""
-    bound = run.bound_m
-    head = [
-        "tracker",
-        "RMSE [m]",
-        "east [m]",
-        "north [m]",
-        "median [m]",
-        "velocity [m/s]",
-        "NEES",
-        "steps",
-        "lost",
-    ]
+def _bound(run: Run, name: str) -> float | None:
+    """What this tracker's error is measured by, m; a smoothed track knows of later reports, so it has none."""
+    return run.bound_m if any(np.isfinite(t.bound).any() for t in run.tracks if t.tracker == name) else None
+
+
+def consistency(run: Run) -> Table:
+    """The mean NEES of every tracker beside the band in which it lies if its covariances are right."""
     rows = []
     for name, m in run.metrics["trackers"].items():
-        rmse = m["rmse"]
-        figures = (rmse["position"], rmse["x"], rmse["y"], m["median_error"], rmse["velocity"], m["nees"], m["steps"])
-        rows.append([name, *map(number, figures), "yes" if m["lost"] else "no"])
-        if bound:
-            rows[-1].insert(2, number(rmse["position"] and rmse["position"] / bound))
-    return Table([*head[:2], *(["/ bound"] if bound else []), *head[2:]], rows)
+        low, high = m.get("nees_band") or (None, None)
+        rows.append([name, number(m["nees"]), number(low), number(high)])
+    return Table(["tracker", "mean NEES", "95 % band from", "to"], rows)
+
+
+def trackers(run: Run) -> Table:
+    """How far off every tracker was; the bound only where there is one."""
+    lines = [_line(_bound(run, name), name, m) for name, m in run.metrics["trackers"].items()]
+    head = [column for column in lines[0] if run.bound_m or column != "/ bound"] if lines else []
+    return Table(head, [[line[column] for column in head] for line in lines])
+
+
+def _line(bound_m: float | None, name: str, m: dict[str, Any]) -> dict[str, str]:
+    rmse = m["rmse"]
+    return {
+        "tracker": name,
+        "RMSE [m]": number(rmse["position"]),
+        "/ bound": number(rmse["position"] / bound_m if bound_m and rmse["position"] is not None else None),
+        "east [m]": number(rmse["x"]),
+        "north [m]": number(rmse["y"]),
+        "median [m]": number(m["median_error"]),
+        "velocity [m/s]": number(rmse["velocity"]),
+        "steps": number(m["steps"]),
+        "lost": "yes" if m["lost"] else "no",
+    }
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -178,8 +178,3 @@ JUDGES: Final[tuple[Callable[[Results], Claim], ...]] = (
     _cheaper,
     _radar,
 )
-
-
-def verdicts(results: Results) -> Mapping[str, Verdict]:
-    """The verdict by the claim's name."""
-    return {claim.name: claim.verdict for claim in claims(results)}

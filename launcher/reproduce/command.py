@@ -34,9 +34,8 @@ INTERRUPTED: Final = 130
 
 @dataclass(frozen=True)
 class Study:
-    """A finished one: its folder, what results.json and report.md hold."""
+    """A finished one: what results.json and report.md hold."""
 
-    folder: Path
     summary: Mapping[str, Any]
     report: str
 
@@ -48,8 +47,8 @@ class Study:
 def reproduce(paper: str, runs: int, out: Path | None) -> Study:
     """Do the study, or what is missing of it, and write tables, figures and one run below ``out``.
 
-    Raises ``ScenarioError`` for an unknown paper, for less than one run, and for a
-    folder with something else in it; ``typer.Exit`` with 130 when it is interrupted.
+    Raises ``ScenarioError`` for an unknown paper, for less than one run, and for a folder with something else in it;
+    ``typer.Exit`` with 130 when it is interrupted.
     """
     if paper not in PAPERS:
         what = f"unknown paper {paper!r}{suggestion(paper, PAPERS)}"
@@ -121,4 +120,4 @@ def _conclude(store: Store, cases: Sequence[Case], seeds: Sequence[int]) -> Stud
     (store.folder / "report.md").write_text(report, encoding="utf-8")
     folder = str(store.folder)
     console.print(Text(f"study: {folder} (report.md, results.json, figures)\nnext: trackfield view {run}"))
-    return Study(store.folder, summary, report)
+    return Study(summary, report)

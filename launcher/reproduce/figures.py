@@ -109,7 +109,7 @@ def _field(axes: Axes, run: Realisation, title: str, *, active: bool = True) -> 
 
 def locations(run: Realisation, title: str) -> Figure:
     """Figs. 6, 9 and 11: where the target was, and where it was thought to be."""
-    figure = _figure(5.6, 6.0)
+    figure = _figure(5.6, 6.3)
     axes = figure.subplots()
     _field(axes, run, f"{title}, 75 %, a typical run (seed {run.seed})")
     for name, estimate in run.estimates.items():
@@ -149,10 +149,13 @@ def rmses(records: Records, results: Results, case: str, trackers: Sequence[str]
         for column, axes in enumerate(panels):
             axes.plot(times, over_time[:, column], **LOOK[tracker])
             if case == "s1":
-                published = TABLE_1[tracker][("mean_x", "mean_y")[column]]
-                axes.axhline(published, color=LOOK[tracker]["color"], lw=0.9, ls=":")
-                axes.annotate(f"published mean {published:.1f}", (times[-1], published), ha="right", va="bottom",
-                              fontsize=7.5, color=LOOK[tracker]["color"])  # fmt: skip
+                published, colour = TABLE_1[tracker][("mean_x", "mean_y")[column]], LOOK[tracker]["color"]
+                axes.axhline(published, color=colour, lw=0.9, ls=":")
+                axes.text(
+                    *(times[-1], published, f"published mean {published:.1f}"),
+                    **{"ha": "right", "va": "center", "fontsize": 7.5, "color": colour},
+                    bbox={"fc": "white", "ec": "none", "pad": 1.0},
+                )
     for axis, axes in zip("xy", panels, strict=True):
         axes.set(xlabel="time, s", ylabel=f"RMSE {axis}, m")
         if len(trackers) > 1:
@@ -177,11 +180,11 @@ def sweeps(results: Results) -> Figure:
         found = [scores[name(size)] for size in sizes]
         axes.plot(sizes, [one.position for one in found], "o-", color=RED, label="all runs pooled")
         axes.plot(sizes, [one.median_run for one in found], "s:", color=GREY, mfc="none", label="median run")
-        axes.set(xlabel=label, ylim=(0, None))
+        axes.set_xlabel(label)
     left.axvspan(10, 20, color="#f3e3c8", zorder=0, label="the paper's range")
     right.set(xscale="log", xticks=PARTICLES[::2], xticklabels=map(str, PARTICLES[::2]))
     right.minorticks_off()
-    left.set_ylabel("RMSE of the position, m")
+    left.set(ylabel="RMSE of the position, m", ylim=(0, None))
     left.legend(loc="lower right")
     figure.suptitle(f"SP-CPF in scenario 1, 75 %, {results.runs} runs")
     return figure

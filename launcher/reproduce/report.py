@@ -44,6 +44,7 @@ def markdown(results: Results) -> str:
     """The claims, all tables, and what the figures show."""
     parts = [f"## {TITLES[name]}\n\n{_table(rows)}" for name, rows in tables(results).items()]
     parts.insert(3, f"## What the network does for it\n\n{_network(results)}")
+    parts.insert(1, f"## What trackers cost, in s1\n\n{_costs(results)}")
     parts.append(f"## Figures\n\n{aligned(('file', 'shows', 'the paper has'), FIGURES)}")
     return "\n\n".join([f"## Claims\n\n{claims_table(results)}", *parts]) + "\n"
 
@@ -99,6 +100,14 @@ def _network(results: Results) -> str:
             ]
         )
     return aligned(header, rows)
+
+
+def _costs(results: Results) -> str:
+    rows = [
+        [name, f"{1e3 * time_s:.1f}", f"{time_s / results.times['bootstrap']:.2f}"]
+        for name, time_s in results.times.items()
+    ]
+    return aligned(("tracker", "processor time of a run, ms", "over bootstrap's"), rows)
 
 
 def aligned(header: Sequence[str], rows: Iterable[Sequence[str]], *, align: bool = True) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from launcher.reproduce.cases import ALL, CASES, MAIN, NOMINALS, PARTICLES, SINGLE, nominals, particles
+from launcher.reproduce.cases import ALL, CASES, MAIN, NOMINALS, PARTICLES, SINGLE, TENTH, nominals, particles
 from launcher.reproduce.scores import Results
 
 TABLE_1: Final[Mapping[str, Mapping[str, float]]] = {
@@ -76,8 +76,9 @@ RADAR_SHARE: Final = 0.5
 def tables(results: Results) -> dict[str, list[Row]]:
     """Everything that the paper measures, by table."""
     paths = ("s1", "s2", "s3")
-    filters = (*map(particles, PARTICLES), "bootstrap-200", "bootstrap")
-    compared = (*MAIN, *SINGLE)
+    filters = (*map(particles, PARTICLES), *TENTH, "bootstrap")
+    rivals = ("spcpf", "bootstrap", *TENTH)
+    compared = ("spcpf", *SINGLE, *MAIN[1:])
     causes = ("s1", "s1-narrow", "s2", "s2-agile", "s3", "s3-agile")
     return {
         "table I": list(_table_1(results)),
@@ -88,7 +89,9 @@ def tables(results: Results) -> dict[str, list[Row]]:
         "nominals": [_position(results, "s1", nominals(n)) for n in NOMINALS],
         "particles": [_position(results, "s1", name) for name in filters],
         "radar": [_radar(results, name) for name in CASES["radar"].trackers],
-        "causes": [_position(results, case, name) for case in causes for name in ("spcpf", "bootstrap")],
+        "causes": [
+            _position(results, case, name) for case in causes for name in rivals if name in CASES[case].trackers
+        ],
     }
 
 

@@ -7,7 +7,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import moments
+from trackfield.filters.gaussian import Motion, constant_velocity, moments
 from trackfield.filters.measurement import log_likelihood
 from trackfield.filters.particles import draw, propagate
 from trackfield.filters.resampling import due, normalised, residual, systematic
@@ -61,3 +61,7 @@ class Bootstrap:
         else:
             kept = weights if len(reports) else before
         return BootstrapState(model, prior, particles, kept), Estimate(mean, covariance, particles[:, :2])
+
+    def motion(self, before: BootstrapState, after: BootstrapState, dt: float) -> Motion:
+        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        return constant_velocity(dt, after.model.sigma_v)

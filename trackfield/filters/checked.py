@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
 from trackfield.errors import RunFailed
+from trackfield.filters.gaussian import Motion
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, Tracker
 
 S = TypeVar("S")
@@ -44,6 +45,23 @@ class Checked(Generic[S]):
         if estimate.particles is not None:
             _check(estimate.particles, (len(estimate.particles), 2), f"{where}: particles")
         return after, estimate
+
+
+class CheckedForesees(Checked[S]):
+    """The same of a tracker that tells how it expected the target to move, so that its track can be smoothed."""
+
+    def motion(self, before: Any, after: Any, dt: float) -> Motion:
+        """See ``fusion.smoothing.Foresees``."""
+        foresees: Any = self.tracker
+        F, Q = foresees.motion(before, after, dt)
+        for what, matrix in (("F", F), ("Q", Q)):
+            _check(matrix, (4, 4), f"tracker '{self.name}': {what} of its motion")
+        return Motion(F, Q)
+
+
+def checked(name: str, tracker: Tracker[S]) -> Checked[S]:
+    """The tracker with its estimates looked at, under this name in messages."""
+    return CheckedForesees(name, tracker) if hasattr(tracker, "motion") else Checked(name, tracker)
 
 
 def _check(array: Array, shape: tuple[int, ...], what: str) -> None:

@@ -1,7 +1,8 @@
 """A position from the bearings of one instant: the maximum a posteriori (MAP) point by Gauss-Newton.
 
 With x = m + L u and P = L L^T, the MAP point minimises |u|^2 / 2 + |wrap(z - h(x))|^2 / (2 sigma_w^2). Its
-normal matrix I + J^T J is never singular, even where P is, and its inverse gives the covariance.
+normal matrix I + J^T J is never singular, even where P is, and its inverse gives the covariance. Next to a sensor
+J is so steep that the I would drown in rounding, so J over I is factorised instead of their product.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     def descend(point: _Point) -> _Point:
         for _ in range(_STEPS):
             J = slopes(point.u)
-            step = np.linalg.solve(eye + J.T @ J, J.T @ point.misses - point.u)
+            step = np.linalg.lstsq(np.vstack((J, eye)), np.append(point.misses, -point.u))[0]
             better = next((p for k in range(10) if (p := at(point.u + step / 2**k)).cost < point.cost), None)
             if better is None or np.abs(better.u - point.u).max() < _SETTLED:
                 return better or point
@@ -124,7 +125,8 @@ def _trust(J: Array, L: Array, apart: Array) -> Array:
     The slope falls as 1/r with the distance r to the sensor. Over a region of extent s it counts as
     r / (r^2 + s^2): else a fix next to a sensor would be certain to millimetres.
     """
-    region = L[:2] @ np.linalg.solve(np.eye(J.shape[1]) + J.T @ J, L[:2].T)
+    _, R = np.linalg.qr(np.vstack((J, np.eye(J.shape[1]))))  # R^T R = I + J^T J
+    region = np.square(np.linalg.solve(R.T, L[:2].T)).sum()
     square = np.square(apart).sum(axis=-1)
-    share: Array = square / (square + np.trace(region))
+    share: Array = square / (square + region)
     return share

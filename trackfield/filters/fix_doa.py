@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters.fix import map_fix
-from trackfield.filters.gaussian import constant_velocity, log_density, moments, predict
+from trackfield.filters.gaussian import Motion, constant_velocity, log_density, moments, predict
 from trackfield.filters.particles import draw, log_likelihood
 from trackfield.filters.resampling import normalised, systematic
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
@@ -53,3 +53,7 @@ class FixDoa:
         belief = moments(weights, particles)
         particles = particles.take(systematic(weights, self.particles, rng), axis=0)
         return FixDoaState(state.model, belief), Estimate(*belief, particles[:, :2])
+
+    def motion(self, before: FixDoaState, after: FixDoaState, dt: float) -> Motion:
+        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        return constant_velocity(dt, self.sigma_v)

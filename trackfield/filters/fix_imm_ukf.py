@@ -38,23 +38,26 @@ _ASTRAY, _WIDER = np.log(1e-2), 10.0
 
 
 class FixImmUkfState(NamedTuple):
-    """The bank of M=3 models; ``fixed`` once bearings have been taken in; what sensors are suspected of."""
+    """The bank of M=3 models; ``fixed`` once bearings have been taken in; what sensors are suspected of; whether the
+    track was taken for ``astray`` in the last step."""
 
     model: Model
     bank: imm.Bank
     fixed: bool
     suspicion: Suspicion = Map()
+    astray: bool = False
 
 
 Take = Callable[[Gaussian, Reports, float], Update]
 
 
 class _Plan(NamedTuple):
-    """What to do with the bearings of a step: from which bank to ``take`` in which of them."""
+    """What to do with the bearings of a step: from which bank to ``take`` in which of them, ``astray`` or not."""
 
     bank: imm.Bank
     take: Take
     believed: Indices
+    astray: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class FixImmUkf:
         """Mix, predict, take in the bearings; the first bearings by a fix, since the prior may be wide."""
         bank = imm.mix(state.bank, _SWITCHING)
         bank = imm.Bank(bank.probability, *predict(Gaussian(bank.mean, bank.covariance), _motions(dt)))
-        bank, take, believed = self._plan(state, bank, reports)
+        bank, take, believed, astray = self._plan(state, bank, reports)
         suspicion = learn(state.suspicion, reports.sensors, believed)
         if len(believed) == 0:
             after = FixImmUkfState(state.model, bank, state.fixed, suspicion)
@@ -83,7 +86,15 @@ class FixImmUkf:
         belief = Gaussian(bank.mean, bank.covariance)
         posterior, log_evidence = take(belief, reports.only(believed), state.model.sigma_w)
         bank = imm.Bank(imm.reweigh(bank.probability, log_evidence), *posterior)
-        return FixImmUkfState(state.model, bank, True, suspicion), Estimate(*imm.combined(bank))
+        return FixImmUkfState(state.model, bank, True, suspicion, astray), Estimate(*imm.combined(bank))
+
+    def motion(self, before: FixImmUkfState, after: FixImmUkfState, dt: float) -> Motion:
+        """How the target was expected to move between two states ``dt`` seconds apart, over all models."""
+        F, Q = imm.expected(before.bank, _SWITCHING, _motions(dt))
+        if after.astray:
+            ahead = predict(imm.combined(before.bank), Motion(F, Q)).covariance
+            Q = Q + (_WIDER**2 - 1.0) * ahead
+        return Motion(F, Q)
 
     def _plan(self, state: FixImmUkfState, bank: imm.Bank, reports: Reports) -> _Plan:
         take = _track if state.fixed else _fix
@@ -100,7 +111,7 @@ class FixImmUkf:
             likelier = other.log_odds + _ASTRAY > story.log_odds
             # going where no fix says would make the track only wider, step after step
             if likelier and certain_fix(anywhere, reports.only(other.believed), sigma_w) is not None:
-                return _Plan(wide, _fix, other.believed)
+                return _Plan(wide, _fix, other.believed, astray=True)
         return _Plan(bank, take, story.believed)
 
 

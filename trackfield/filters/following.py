@@ -34,11 +34,13 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 
 
 class Followed(NamedTuple, Generic[S]):
-    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior."""
+    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``new``: it
+    began with the reports of this very step."""
 
     track: S | None
     doubt: float
     alone: bool
+    new: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,10 @@ class Following(Generic[S]):
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
         model = self.model
-        fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports)
+        fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports, self.lost_m)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
-        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True), Estimate(*fix)
+        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, new=True), Estimate(*fix)
 
 
 def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import collapse
+from trackfield.filters.gaussian import Motion, collapse
 from trackfield.filters.resampling import normalised
 from trackfield.filters.types import Array, Gaussian
 
@@ -34,6 +34,21 @@ def mix(bank: Bank, switching: Array) -> Bank:
     origin = np.swapaxes(joint / likely[..., None, :], -1, -2)
     mixed = collapse(origin, bank.mean[..., None, :, :], bank.covariance[..., None, :, :, :])
     return Bank(predicted, mixed.mean, mixed.covariance)
+
+
+def expected(bank: Bank, switching: Array, motions: Motion) -> Motion:
+    """One linear motion for the step to come, of the moments that the bank's prediction has.
+
+    ``switching`` as for ``mix``; ``motions`` has each model's F and Q, (M, n, n). With J the model of the step, x the
+    state and both taken as independent, F is the mean of F_J, and Q the mean of Q_J and cov(F_J x - F x).
+    """
+    likely = bank.probability @ switching
+    F = np.einsum("...m,mij->...ij", likely, motions.F)
+    belief = combined(bank)
+    square = belief.covariance + belief.mean[..., :, None] * belief.mean[..., None, :]
+    apart = motions.F - F[..., None, :, :]
+    noise = motions.Q + apart @ square[..., None, :, :] @ np.swapaxes(apart, -1, -2)
+    return Motion(F, np.einsum("...m,...mij->...ij", likely, noise))
 
 
 def reweigh(predicted: Array, log_evidence: Array) -> Array:

@@ -55,7 +55,9 @@ def measured(reports: Reports) -> Array:
 
 def noise_sd(model: Model, reports: Reports) -> Array:
     """The noise's sd of each of them (K m,)."""
-    return np.tile(np.asarray(model.sensor.sd, float), len(reports))
+    if model.own is None:
+        return np.full(len(reports), model.sigma_w)
+    return np.tile(np.asarray(model.own.sd, float), len(reports))
 
 
 def expected(model: Model, states: Array, reports: Reports) -> Array:

@@ -10,7 +10,6 @@ import numpy as np
 
 from trackfield.filters.gaussian import extent, symmetric
 from trackfield.filters.measurement import innovations, jacobians, noise_sd
-from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Array, Gaussian, Model, Reports
 
 _GRID = np.stack(np.meshgrid(*2 * (np.linspace(-0.8, 0.8, 5),)), axis=-1).reshape(-1, 2)
@@ -22,10 +21,10 @@ _AS_LIKELY = 13.8
 """A place costs at most so much more than the best (twice the log of 1000) not to be ruled out."""
 
 
-def own_fix(anywhere: Array, model: Model, reports: Reports) -> Gaussian | None:
+def own_fix(anywhere: Array, model: Model, reports: Reports, lost_m: float) -> Gaussian | None:
     """The belief over (x, y, vx, vy) from readings alone; ``anywhere`` (4, 4) is the covariance of not knowing.
 
-    None if they fit several places, or leave the target anywhere within ``LOST_M``.
+    None if they fit several places, or leave the position's sd above ``lost_m``.
     """
     if len(reports) == 0 or model.own is None:
         return None
@@ -52,6 +51,6 @@ def own_fix(anywhere: Array, model: Model, reports: Reports) -> Gaussian | None:
     mean = x[costs.argmin()]
     covariance = symmetric(scale[:, None] * np.linalg.inv(normal(mean)[0]) * scale)
     apart = np.hypot(*(x[costs < costs.min() + _AS_LIKELY] - mean)[:, :2].T)
-    if extent(covariance) > LOST_M or apart.max() > 3.0 * extent(covariance):
+    if extent(covariance) > lost_m or apart.max() > 3.0 * extent(covariance):
         return None
     return Gaussian(mean, covariance)

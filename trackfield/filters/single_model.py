@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters import ekf, ukf
-from trackfield.filters.gaussian import constant_velocity, predict
+from trackfield.filters.gaussian import Motion, constant_velocity, predict
 from trackfield.filters.measurement import expected, jacobians, measured, noise_sd, residual
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 
@@ -37,6 +37,10 @@ class PredictOnly:
             belief = self._take(belief, reports, state.model)
         return SingleState(state.model, belief), Estimate(*belief)
 
+    def motion(self, before: SingleState, after: SingleState, dt: float) -> Motion:
+        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        return constant_velocity(dt, after.model.sigma_v)
+
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return belief
 
@@ -45,24 +49,24 @@ class Ekf(PredictOnly):
     """Extended Kalman filter; all readings of a step in one update, with slopes at the predicted place."""
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return ekf.update(
+        return ekf.posterior(
             belief,
             measured(reports),
             noise_sd(model, reports),
             lambda x: expected(model, x, reports),
             lambda x: jacobians(model, x, reports),
             lambda difference: residual(model, difference),
-        ).posterior
+        )
 
 
 class Ukf(PredictOnly):
     """Unscented Kalman filter; all readings of a step in one update."""
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return ukf.update(
+        return ukf.posterior(
             belief,
             measured(reports),
             noise_sd(model, reports),
             lambda x: expected(model, x, reports),
             lambda difference: residual(model, difference),
-        ).posterior
+        )

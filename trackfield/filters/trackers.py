@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from trackfield.filters.bootstrap import Bootstrap
-from trackfield.filters.checked import Checked
+from trackfield.filters.checked import checked
 from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
@@ -62,4 +62,4 @@ def make_tracker(
     else:
         raise TRACKERS.unknown(kind, f"{key}.tracker" if kind != name else "fusion.trackers")
     tracker: Tracker[Any] = made(maker, fields, key)
-    return tracker if kind in TRACKERS.own else Checked(name, tracker)
+    return tracker if kind in TRACKERS.own else checked(name, tracker)

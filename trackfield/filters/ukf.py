@@ -3,12 +3,14 @@
 With B the weighted deviations of the sigma points from their mean, and A those of their predicted
 measurements in units of the noise, P = B^T B and the update is P+ = B^T (I + A A^T)^-1 B: symmetric and never
 negative, and its cost grows only linearly with the number of measurements (the transform of ensemble filters;
-Bishop et al. 2001). In the linear case it is the Kalman filter.
+Bishop et al. 2001). For fewer measurements than sigma points P - B^T A (I + A^T A)^-1 A^T B is the same and takes
+less time. In the linear case it is the Kalman filter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,12 +24,21 @@ _KAPPA = 1.0
 
 def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
     """Points (..., 2n+1, n), the mean first, and weights (2n+1,) that have the moments of the belief."""
-    n = belief.mean.shape[-1]
-    axes = np.sqrt(n + _KAPPA) * np.swapaxes(root(belief.covariance), -1, -2)
-    offsets = np.concatenate((np.zeros_like(axes[..., :1, :]), axes, -axes), axis=-2)
+    return belief.mean[..., None, :] + _offsets(belief), _weights(belief.mean.shape[-1])
+
+
+def _offsets(belief: Gaussian) -> Array:
+    """Of the points from the mean."""
+    axes = np.sqrt(belief.mean.shape[-1] + _KAPPA) * np.swapaxes(root(belief.covariance), -1, -2)
+    return np.concatenate((np.zeros_like(axes[..., :1, :]), axes, -axes), axis=-2)
+
+
+@lru_cache
+def _weights(n: int) -> Array:
     weights = np.full(2 * n + 1, 0.5 / (n + _KAPPA))
     weights[0] = _KAPPA / (n + _KAPPA)
-    return belief.mean[..., None, :] + offsets, weights
+    weights.flags.writeable = False
+    return weights
 
 
 class _Ensemble(NamedTuple):
@@ -57,16 +68,42 @@ def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual:
     differences into the range where they mean something (for angles, to [-pi, pi)). ``prior`` may have leading
     batch axes. A measurement of infinite ``sd`` is none, so steps with fewer reports fit into one array.
     """
+    after, told = _update(prior, z, sd, measure, residual)
+    log_evidence = -0.5 * (told.nis + np.linalg.slogdet(told.system)[1] + log_scale(np.broadcast_to(sd, z.shape)))
+    return Update(after, log_evidence)
+
+
+def posterior(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Gaussian:
+    """That of ``update`` alone, which takes less time than with the evidence."""
+    return _update(prior, z, sd, measure, residual)[0]
+
+
+class _Told(NamedTuple):
+    """The normalised innovation squared (...,), and the ``system`` whose determinant the evidence needs."""
+
+    nis: Array
+    system: Array
+
+
+def _update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map) -> tuple[Gaussian, _Told]:
+    """Of I + A A^T and I + A^T A, which have the same determinant, the smaller one is solved (Woodbury)."""
     ensemble = _ensemble(prior, z, sd, measure, residual)
     A, B, innovation = ensemble
-    precision = ensemble.precision
-    shadow = np.einsum("...pk,...k->...p", A, innovation)
-    solved = np.linalg.solve(precision, np.concatenate((shadow[..., None], B), axis=-1))
+    AT = np.swapaxes(A, -1, -2)
+    if A.shape[-1] < A.shape[-2]:
+        system = AT @ A
+        system += np.eye(system.shape[-1])
+        AB = AT @ B
+        solved = np.linalg.solve(system, np.concatenate((innovation[..., None], AB), axis=-1))
+        moved = np.swapaxes(AB, -1, -2) @ solved
+        nis = (innovation * solved[..., 0]).sum(axis=-1)
+        return Gaussian(prior.mean + moved[..., 0], symmetric(prior.covariance - moved[..., 1:])), _Told(nis, system)
+    system = ensemble.precision
+    shadow = A @ innovation[..., None]
+    solved = np.linalg.solve(system, np.concatenate((shadow, B), axis=-1))
     moved = np.swapaxes(B, -1, -2) @ solved
-    posterior = Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:]))
-    nis = np.square(innovation).sum(axis=-1) - np.einsum("...p,...p->...", shadow, solved[..., 0])
-    log_evidence = -0.5 * (nis + np.linalg.slogdet(precision)[1] + log_scale(np.broadcast_to(sd, z.shape)))
-    return Update(posterior, log_evidence)
+    nis = np.square(innovation).sum(axis=-1) - (shadow * solved[..., :1]).sum(axis=(-2, -1))
+    return Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:])), _Told(nis, system)
 
 
 def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Array:
@@ -87,12 +124,11 @@ def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, resid
 
 
 def _ensemble(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map) -> _Ensemble:
-    points, weights = sigma_points(prior)
+    offsets, weights = _offsets(prior), _weights(prior.mean.shape[-1])
     share = np.sqrt(weights)[:, None]
-    predicted = measure(points)
+    predicted = measure(prior.mean[..., None, :] + offsets)
     around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
-    centre = np.einsum("p,...pk->...k", weights, around)
-    sd = np.broadcast_to(sd, z.shape)
-    A = share * (around - centre[..., None, :]) / sd[..., None, :]
-    B = share * (points - prior.mean[..., None, :])
-    return _Ensemble(A, B, residual(z - predicted[..., 0, :] - centre) / sd)
+    centre = weights @ around
+    A = around - centre[..., None, :]
+    A *= share / np.broadcast_to(sd, z.shape)[..., None, :]
+    return _Ensemble(A, share * offsets, residual(z - predicted[..., 0, :] - centre) / sd)

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Final, get_args, get_origin
 from pydantic import Discriminator
 
 from trackfield.scenario.section import Section
-from trackfield.scenario.sections import OTHER, Contents
+from trackfield.scenario.sections import Contents
+from trackfield.scenario.sensing import OTHER
 
 _UNITS: Final = {
     "m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm", "ppm": "ppm", "j": "J", "mj": "mJ"

@@ -15,7 +15,8 @@ from trackfield.models.sound import audible_radius
 from trackfield.scenario.layout import believed, layout
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
-from trackfield.scenario.sections import MAX_STEPS, Acoustic, FromFile, Manoeuvre
+from trackfield.scenario.sections import MAX_STEPS, FromFile, Manoeuvre
+from trackfield.scenario.sensing import Acoustic
 from trackfield.world import targets
 from trackfield.world.acoustic import AcousticSensor, Window
 from trackfield.world.own import PlacedSensor, plain

@@ -23,7 +23,7 @@ from trackfield.world.fixes import Array, Fixes, read_fixes
 from trackfield.world.path import Interval, Knot, Path
 
 GAP_S: Final = 5.0
-"""Fixes further apart than this, and than three of the intervals usual around them, have a gap between them."""
+"""Fixes further apart than this, and than three intervals usual in the file or around them, have a gap between them."""
 
 _AROUND: Final = 10
 """So many intervals on either side tell what is usual: some receivers note more fixes in turns."""
@@ -75,7 +75,8 @@ def _gaps(t: Array) -> NDArray[np.bool_]:
     """Which of the intervals (n-1,) between the times ``t`` (n,) of a whole file are gaps."""
     intervals = np.diff(t)
     padded = np.pad(intervals, _AROUND, constant_values=np.nan)
-    usual = np.nanmedian(sliding_window_view(padded, 2 * _AROUND + 1), axis=-1)
+    around = np.nanmedian(sliding_window_view(padded, 2 * _AROUND + 1), axis=-1)
+    usual = np.minimum(around, np.median(intervals))
     return np.asarray(intervals > np.maximum(GAP_S, 3 * usual))
 
 

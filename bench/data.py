@@ -1,0 +1,58 @@
+"""What all filters of the benchmark are given: the paper's first scenario, four bearings in each step."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from trackfield.filters.types import Array, Gaussian, Model, Reports
+from trackfield.scenario import Scenario, plan
+
+STEPS: Final = 60
+BEARINGS: Final = 4
+"""Of the sensors nearest to the target, as many as report on average at the scenario's own threshold."""
+DT: Final = 1.0
+SD_DEG: Final = 3.0
+"""Of a bearing."""
+
+
+class Track(NamedTuple):
+    """``truth`` (T, 4) and, of each step, ``sensors`` (T, K, 2) m and ``bearings`` (T, K) rad; T=60, K=4."""
+
+    truth: Array
+    sensors: Array
+    bearings: Array
+    prior: Gaussian
+    model: Model
+
+    @property
+    def reports(self) -> list[Reports]:
+        """The same as a tracker gets them, all of one level."""
+        names, levels = tuple("abcd"[:BEARINGS]), np.full(BEARINGS, 55.0)
+        steps = zip(self.sensors, self.bearings, strict=True)
+        return [Reports(k, names, where, angles, levels) for k, (where, angles) in enumerate(steps, start=1)]
+
+
+def track(seed: int = 1) -> Track:
+    """The track and its bearings, as the sensors of ``spcpf`` hear them."""
+    scenario = Scenario.load(
+        "spcpf", {"seed": seed, "target.path": "s1", "sensor.threshold": 0.5, "sensor.doa_sd_deg": SD_DEG}
+    )
+    site = plan(scenario)
+    places = np.array([place[1:] for place in site.sensors])
+    truth, sensors, bearings = [], [], []
+    for step in range(1, STEPS + 1):
+        state = site.path.at(step * DT)
+        if state is None:
+            raise ValueError(f"no target at step {step}")
+        near = np.argsort(np.hypot(*(places - state[:2]).T))[:BEARINGS]
+        heard = [site.acoustic(int(i)).sample(step * site.step_ns) for i in near]
+        truth.append(state)
+        sensors.append(places[near])
+        bearings.append([radians(one.bearing_deg) for one in heard if one is not None])
+    begin, sd = site.path.at(0.0), np.array(scenario.fusion.prior_sd)
+    prior = Gaussian(np.array(begin), np.diag(np.square(sd)))
+    model = Model(radians(SD_DEG), scenario.fusion.sigma_v)
+    return Track(np.array(truth), np.array(sensors), np.array(bearings), prior, model)

@@ -1,0 +1,116 @@
+"""Fixed-lag smoothing: where the target was some steps ago, now that the reports since then are known.
+
+A track's last beliefs are kept, and the smoother of Rauch, Tung & Striebel goes back over them
+(``trackfield/filters/rts.py``) with the motion that the tracker itself expected at each step. So only trackers can be
+smoothed that have one to tell (``motion``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+
+import numpy as np
+
+from trackfield.filters import rts
+from trackfield.filters.following import Followed, Following
+from trackfield.filters.gaussian import Motion
+from trackfield.filters.types import Estimate, Gaussian, Reports
+
+S = TypeVar("S")
+
+
+@runtime_checkable
+class Foresees(Protocol):
+    """A tracker that tells how it expected the target to move."""
+
+    def motion(self, before: Any, after: Any, dt: float) -> Motion:
+        """The linear motion between two of its states, ``dt`` seconds apart, with moments as it predicted them."""
+        ...
+
+
+class Filtered(NamedTuple):
+    """What was believed of a step, the reports it came from, and the motion that led there (None: the track began)."""
+
+    reports: Reports
+    belief: Gaussian
+    motion: Motion | None
+
+
+class Lagged(NamedTuple, Generic[S]):
+    """A track, and its last beliefs: at most one more than the lag, all of them since the track began."""
+
+    followed: Followed[S]
+    window: tuple[Filtered, ...] = ()
+
+    @property
+    def track(self) -> S | None:
+        """The tracker's state; None while waiting."""
+        return self.followed.track
+
+
+class Earlier(NamedTuple):
+    """The smoothed estimate of a step, and the reports of that step."""
+
+    reports: Reports
+    estimate: Estimate
+
+
+class Advanced(NamedTuple, Generic[S]):
+    """After a step: the state, the estimate of the step (None without a track), that of ``lag`` steps before."""
+
+    state: Lagged[S]
+    estimate: Estimate | None
+    earlier: Earlier | None
+
+
+@dataclass(frozen=True)
+class Smoothing(Generic[S]):
+    """Follows a target, and smooths the track over ``lag`` steps; 0: does not."""
+
+    following: Following[S]
+    lag: int = 0
+
+    def begin(self, prior: Gaussian | None) -> Lagged[S]:
+        """As ``Following.begin``."""
+        return Lagged(self.following.begin(prior))
+
+    def resume(self, belief: Gaussian) -> Lagged[S]:
+        """As ``Following.resume``: what was known before the pause is no longer smoothed."""
+        return Lagged(self.following.resume(belief))
+
+    def step(self, state: Lagged[S], reports: Reports, dt: float, rng: np.random.Generator) -> Advanced[S]:
+        """As ``Following.step``; the earlier estimate is there as soon as the track is older than the lag."""
+        tracker, before = self.following.tracker, state.track
+        followed, estimate = self.following.step(state.followed, reports, dt, rng)
+        if not self.lag or not isinstance(tracker, Foresees) or estimate is None or not _finite(estimate):
+            return Advanced(Lagged(followed), estimate, None)
+        motion = None if followed.new else tracker.motion(before, followed.track, dt)
+        now = Filtered(reports, Gaussian(estimate.mean, estimate.covariance), motion)
+        window = (now,) if motion is None else (*state.window, now)[-self.lag - 1 :]
+        earlier = smoothed(window) if len(window) > self.lag else None
+        return Advanced(Lagged(followed, window), estimate, earlier)
+
+
+def smoothed(window: tuple[Filtered, ...]) -> Earlier:
+    """The oldest of the window's steps, given the reports of all."""
+    beliefs = Gaussian(*(np.stack(parts) for parts in zip(*(one.belief for one in window), strict=True)))
+    ways = [one.motion for one in window[1:] if one.motion is not None]
+    motions = Motion(*(np.stack(parts) for parts in zip(*ways, strict=True)))
+    mean, covariance = rts.smooth(beliefs, motions)
+    return Earlier(window[0].reports, Estimate(mean[0], covariance[0]))
+
+
+def lagged_name(tracker: str, lag: int) -> str:
+    """What the smoothed track of a tracker is called."""
+    return f"{tracker}+lag{lag}"
+
+
+def lagged_names(trackers: Iterable[tuple[str, object]], lag: int) -> tuple[str, ...]:
+    """The smoothed tracks of these (name, tracker)."""
+    return tuple(lagged_name(name, lag) for name, tracker in trackers if lag and isinstance(tracker, Foresees))
+
+
+def _finite(estimate: Estimate) -> bool:
+    return bool(np.isfinite(estimate.mean).all() and np.isfinite(estimate.covariance).all())

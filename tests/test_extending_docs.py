@@ -1,0 +1,118 @@
+"""The examples of docs/extending.md, run as they are printed: alone, together, over processes, and installed."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+from launcher.compare import differences
+from tests.command_line import Call, trackfield
+
+__all__ = ["trackfield"]
+
+ROOT: Final = Path(__file__).parents[1]
+DOCS: Final = (ROOT / "docs" / "extending.md").read_text()
+EXAMPLES: Final = dict(re.findall(r"`(\w+\.py)`:\n\n```python\n(.*?)```", DOCS, re.DOTALL))
+PROMISED: Final = {name: ast.literal_eval(said) for name, said in re.findall(r"python (\w+\.py) +# (\{.*?\})", DOCS)}
+
+TOGETHER: Final = """
+import sys
+import trackfield as tf
+from kalman import Kalman
+from sonar import Sonar
+
+tf.register_tracker("kalman", Kalman)
+tf.register_sensor("sonar", Sonar)
+settings = {"sensor.kind": "sonar", "fusion.trackers": ["kalman", "ekf"], "field.nodes": 16, "target.steps": 4}
+scenario = tf.Scenario.load("spcpf", settings)
+tf.run(scenario, driver=sys.argv[1], out=sys.argv[1])
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A directory that holds the examples."""
+    assert EXAMPLES.keys() == PROMISED.keys() == {"kalman.py", "sonar.py"}
+    for name, code in EXAMPLES.items():
+        (tmp_path / name).write_text(code)
+    return tmp_path
+
+
+def python(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    paths = os.pathsep.join(filter(None, (environment.pop("PYTHONPATH", ""), str(ROOT))))
+    return subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={**os.environ, **environment, "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_gives_what_the_document_says(name: str, folder: Path) -> None:
+    said = python(folder, name)
+    assert said.returncode == 0, said.stderr
+    assert ast.literal_eval(said.stdout) == pytest.approx(PROMISED[name], rel=1e-6)
+
+
+def test_both_together_are_the_same_over_processes(folder: Path) -> None:
+    """A program elsewhere, with the examples on PYTHONPATH."""
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "together.py").write_text(TOGETHER)
+    for driver in ("virtual", "processes"):
+        said = python(elsewhere, "together.py", driver, PYTHONPATH=str(folder))
+        assert said.returncode == 0, said.stderr
+    metrics = json.loads((elsewhere / "processes" / "metrics.json").read_text())
+    assert metrics["trackers"]["kalman"]["steps"] == 4
+    assert metrics["frames"]["by_kind"]["measurement"]["sent"] > 4
+    if metrics["timing"]["host_late"] == metrics["frames"]["host_lost"] == 0:  # the machine kept up
+        assert list(differences(elsewhere / "virtual", elsewhere / "processes", 0.0)) == []
+
+
+def test_a_class_of_the_main_program_is_refused_before_anything_starts(folder: Path) -> None:
+    (folder / "main.py").write_text(EXAMPLES["kalman.py"].replace("    from kalman import Kalman", "    #"))
+    said = python(folder, "main.py", "processes")
+    assert said.returncode == 1
+    assert "ScenarioError: tracker 'kalman': is defined in the main program, where other processes " in said.stderr
+    assert not (folder / "runs").exists()
+
+
+def test_installed_they_are_there_by_name(folder: Path) -> None:
+    """The entry points of the document, as pip writes them down."""
+    (snippet,) = (text for text in re.findall(r"```toml\n(.*?)```", DOCS, re.DOTALL) if "entry-points" in text)
+    info = folder / "mine-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    groups: dict[str, Any] = tomllib.loads(snippet)["project"]["entry-points"]
+    lines = [
+        f"[{group}]\n" + "".join(f"{n} = {place}\n" for n, place in some.items()) for group, some in groups.items()
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+    elsewhere = folder / "elsewhere"
+    elsewhere.mkdir()
+    listed = python(elsewhere, "-m", "launcher.cli", "list", PYTHONPATH=str(folder))
+    assert listed.stdout.splitlines()[-2].endswith(", kalman")
+    assert listed.stdout.splitlines()[-1] == "sensors: acoustic, sonar"
+    (command,) = re.findall(r"^trackfield (run spcpf .* sensor.kind=sonar .*)$", DOCS, re.MULTILINE)
+    options = ("--set", "target.steps=5", "--json", "--quiet")
+    said = python(elsewhere, "-m", "launcher.cli", *command.split(), *options, PYTHONPATH=str(folder))
+    assert said.returncode == 0, said.stderr
+    assert json.loads(said.stdout)["trackers"].keys() == {"kalman", "ekf"}
+
+
+def test_the_variant_of_the_document_runs(trackfield: Call) -> None:
+    (command,) = re.findall(r"^trackfield (run .*) --set \"(fusion.options.few=.*)\"$", DOCS, re.MULTILINE)
+    said = trackfield(*command[0].split(), "--set", command[1], "--set", "target.steps=3", "--json", "--quiet")
+    assert json.loads(said.out)["trackers"].keys() == {"spcpf", "few"}
