@@ -8,6 +8,7 @@ J is so steep that the I would drown in rounding, so J over I is factorised inst
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ class _Point(NamedTuple):
 
 def intensity_weights(levels: Array) -> Array:
     """Each sensor's share (..., K) in the received power, from levels in dB (Zhai et al. 2009, sec. III-A)."""
-    power: Array = np.exp((levels - levels.max(axis=-1, keepdims=True)) * (np.log(10.0) / 10.0))
+    power: Array = np.exp((levels - levels.max(axis=-1, keepdims=True)) * (log(10.0) / 10.0))
     power /= power.sum(axis=-1, keepdims=True)
     return power
 

@@ -39,7 +39,7 @@ def predict(belief: Gaussian, model: Motion) -> Gaussian:
     """The belief after one step of the motion: F m, F P F^T + Q."""
     F, Q = model
     mean = (F @ belief.mean[..., None])[..., 0]
-    return Gaussian(mean, F @ belief.covariance @ np.swapaxes(F, -1, -2) + Q)
+    return Gaussian(mean, F @ belief.covariance @ F.mT + Q)
 
 
 def collapse(weights: Array, means: Array, covariances: Array) -> Gaussian:
@@ -55,15 +55,15 @@ def collapse(weights: Array, means: Array, covariances: Array) -> Gaussian:
 
 def moments(weights: Array, points: Array) -> Gaussian:
     """Mean and covariance of weighted points: ``weights`` (..., n) sum to 1, ``points`` (..., n, d)."""
-    mean = np.einsum("...i,...ij->...j", weights, points)
+    mean = (weights[..., None, :] @ points)[..., 0, :]
     apart = np.subtract(points, mean[..., None, :], order="F")  # long loops over points, not short ones over axes
     apart *= np.sqrt(weights)[..., None]
-    return Gaussian(mean, np.swapaxes(apart, -1, -2) @ apart)
+    return Gaussian(mean, apart.mT @ apart)
 
 
 def symmetric(covariance: Array) -> Array:
     """``covariance`` (..., n, n) without the asymmetry that rounding leaves."""
-    half: Array = (covariance + np.swapaxes(covariance, -1, -2)) / 2.0
+    half: Array = (covariance + covariance.mT) * 0.5
     return half
 
 

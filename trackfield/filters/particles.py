@@ -20,7 +20,7 @@ def draw(belief: Gaussian, n: int, rng: np.random.Generator) -> Array:
 
 def placed(belief: Gaussian, normals: Array) -> Array:
     """Points (..., n, d) of a Gaussian, out of independent ``normals`` (..., n, d)."""
-    points = normals @ np.swapaxes(root(belief.covariance), -1, -2)
+    points = normals @ root(belief.covariance).mT
     points += belief.mean[..., None, :]
     return points
 
@@ -53,7 +53,7 @@ def log_likelihood(particles: Array, reports: Reports, sigma_w: float) -> Array:
     misses = wrap(reports.bearings[..., None, :] - doa.measure(particles, reports.positions[..., None, :, :]))
     if reports.levels.ndim > 1:
         misses *= np.isfinite(reports.levels)[..., None, :]
-    log_weights: Array = np.square(misses, out=misses).sum(axis=-1)
+    log_weights: Array = np.vecdot(misses, misses)
     log_weights *= -0.5 / sigma_w**2
     return log_weights
 

@@ -30,12 +30,14 @@ def evenly(weights: Array, n: int, u: Array | float) -> Indices:
     """The same (..., n) of ``weights`` (..., m), with the one random number ``u`` (...,) in [0, 1) as an argument."""
     cumulative = _cumulative(weights)
     # how many points (k + u) total / n are not below each sum, counted from the end: there rounding does no harm
-    beyond = np.floor((1.0 - cumulative / cumulative[..., -1:]) * n + np.asarray(u)[..., None])
-    left = np.minimum(beyond, n).astype(np.intp)
+    beyond = (1.0 - cumulative / cumulative[..., -1:]) * n
+    beyond += np.asarray(u)[..., None]
+    left = beyond.astype(np.intp)  # never negative, so this is the floor
+    np.minimum(left, n, out=left)
     counts = np.empty_like(left)
     counts[..., 0] = n - left[..., 0]
     np.subtract(left[..., :-1], left[..., 1:], out=counts[..., 1:])
-    chosen = np.repeat(np.arange(counts.size), counts.ravel())
+    chosen = np.arange(counts.size).repeat(counts.ravel())
     return chosen if counts.ndim == 1 else chosen.reshape(*counts.shape[:-1], n) % counts.shape[-1]
 
 
@@ -78,7 +80,7 @@ def normalised(log_weights: Array) -> Array:
 
 
 def _cumulative(weights: Array) -> Array:
-    cumulative = np.cumsum(weights, axis=-1, dtype=np.float64)
+    cumulative = weights.cumsum(axis=-1, dtype=np.float64)
     if not cumulative[..., -1].min() > 0.0:
         raise ValueError("cannot resample: no weight is positive")
     return cumulative

@@ -45,17 +45,17 @@ def advance(
     expected = nominals @ F.T  # eq. 15: what the nominal gained by noise, the residual loses
     R = F @ carried @ F.T + Q  # eq. 18
     sensors = reports.positions[..., None, :, :]
-    H = doa.jacobian(noisy, sensors)  # (..., N, K, 4), eq. 14
-    RH = H @ R[..., None, :, :]
-    S = np.einsum("...i,...i->...", RH, H) + sigma_w**2
-    innovation = wrap(reports.bearings[..., None, :] - doa.measure(expected, sensors))  # eq. 20
-    gain = RH / S[..., None]  # eq. 17
-    estimates = expected[..., None, :] + gain * innovation[..., None]  # eq. 16
+    innovation = wrap(reports.bearings[..., None, :] - doa.measure(expected, sensors))  # (..., N, K), eq. 20
+    H = _rows(doa.jacobian(noisy, sensors))  # (..., N * K, 4), eq. 14
+    RH = H @ R
+    S = np.vecdot(RH, H).reshape(innovation.shape) + sigma_w**2
+    gain = RH / _flat(S)[..., None]  # eq. 17
+    estimates = gain * _flat(innovation)[..., None] + expected.repeat(innovation.shape[-1], axis=-2)  # eq. 16
     # eqs. 21 and 23 per sensor and then the weighted sum over sensors have the moments of one mixture
     weights = _flat(_likelihoods(S, innovation, shares))
-    gained = (np.swapaxes(_rows(gain), -1, -2) * weights[..., None, :]) @ _rows(RH)  # of eq. 19, R - gain RH^T
+    gained = (gain.mT * weights[..., None, :]) @ RH  # of eq. 19, R - gain RH^T
     updated = symmetric(R - gained)
-    mean, spread = moments(weights, _rows(estimates))
+    mean, spread = moments(weights, estimates)
     return Fused(Gaussian(mean, updated + spread), updated)
 
 

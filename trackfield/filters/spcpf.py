@@ -136,5 +136,5 @@ def fuse(
 
 def _posterior(weights: Array, particles: Array, proposal: Gaussian) -> Gaussian:
     mean, covariance = moments(weights, particles)
-    effective = 1.0 / np.einsum("...i,...i->...", weights, weights)[..., None, None]
+    effective = 1.0 / np.vecdot(weights, weights)[..., None, None]
     return Gaussian(mean, (effective * covariance + proposal.covariance) / (effective + 1.0))
