@@ -33,10 +33,12 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, the tables of docs/studies.md, those of docs/papers.md (half an hour)
 	$(BIN)/python -m tests.campaign
 	$(BIN)/python -m tests.studies
-	$(BIN)/trackfield reproduce zhai --runs 400
+	$(BIN)/trackfield reproduce zhai --runs 300
 
 bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)
 	$(BIN)/python -m bench.scale
+	$(BIN)/python -m bench.latency
+	$(BIN)/python -m bench.recorder
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=build/peers $(BIN)/python -m bench.kernels
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.growth
 

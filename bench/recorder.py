@@ -37,8 +37,11 @@ TARGET: Final = 20_000
 """Messages a second."""
 CHUNK: Final = 100
 """Reports that are put in one go, when they are put at a rate."""
-PATIENCE_S: Final = 120.0
+PATIENCE_S: Final = 60.0
 POLL_S: Final = 0.02
+PROBE: Final = "data/probe"
+SETTLE_S: Final = 0.5
+"""For probes that are still on their way."""
 
 Figures = dict[str, Any]
 
@@ -94,9 +97,13 @@ def counted(bench: Bench, messages: int) -> float:
             counter.send(True)
             return int(counter.recv())
 
-        begun = time.monotonic()
+        while not heard():  # until the router knows of it
+            bench.session.put(PROBE, b"")
+            time.sleep(POLL_S)
+        time.sleep(SETTLE_S)
+        probes, begun = heard(), time.monotonic()
         bench.feed(messages)
-        _until(lambda: heard() >= messages)
+        _until(lambda: heard() >= probes + messages)
         return messages / (time.monotonic() - begun)
 
 
@@ -113,7 +120,9 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
     key = keys.telemetry(RECORDER, "status")
     told = bench.session.declare_subscriber(key, Callback(on_status, indirect=False))
     bench.children.fork(RECORDER, zygote.run_recorder, bench.endpoint, folder / "log", (bench.plan, folder))
-    _until(lambda: len(heard) > 1)
+    _until(lambda: len(heard) > 1 or not bench.children.alive(RECORDER))
+    if len(heard) == 1:
+        raise RuntimeError(f"the recorder died: {(folder / 'log').read_text()}")
     bench.session.put(keys.START, str(time.monotonic_ns()))
     begun, cpu_s = time.monotonic(), bench.children.cpu_s(RECORDER)
     took_s = bench.feed(messages, rate)

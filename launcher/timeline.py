@@ -17,6 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 import rerun as rr
+import rerun_bindings
 
 from launcher import blueprint as look
 from launcher import rows, scenery
@@ -184,6 +185,8 @@ class Timeline:
         if self._live:
             time.sleep(LINGER_S)
         self._rec.disconnect()
+        del self._rec
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()  # else its threads stay as long as the program
 
     # --- what happens -------------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from typing import Any, get_args
 
 import joblib
 import numpy as np
+import psutil
 import pyarrow.parquet as pq
 import pytest
 from pydantic import BaseModel
@@ -159,6 +160,17 @@ def test_ctrl_c_leaves_a_whole_folder(monkeypatch: pytest.MonkeyPatch) -> None:
     result = tf.open("early")
     assert 0 < max(result.tracks["step"].to_pylist()) < 49
     assert result.metrics.frames.sent == 20
+
+
+def test_a_program_may_run_often() -> None:
+    """What stays of a run in a program: Rerun keeps two threads of each timeline's layout asleep, and no file open."""
+    process = psutil.Process()
+    tf.run(SMALL)
+    threads, files = process.num_threads(), process.num_fds()
+    for seed in range(3):
+        tf.run(SMALL, seed=seed)
+    assert process.num_fds() == files
+    assert process.num_threads() <= threads + 3 * 2
 
 
 # --- studies ----------------------------------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ from math import dist
 
 import pytest
 
+from bench import latency, recorder
 from bench.processes import GROUPS
 from bench.scale import PROCESS_COLUMNS, VIRTUAL_COLUMNS, Column, measured, table
 from bench.virtual import SPEED_M_S, route, scenario
@@ -38,6 +39,24 @@ def test_a_run_as_processes() -> None:
     assert (row["nodes"], row["host_lost"], row["recorder dropped"]) == ("4", "0", "0")
     assert set(figures["shares"]) == set(GROUPS)
     assert 0.0 < sum(figures["shares"].values()) <= 1.0
+
+
+def test_latencies_beside_bare_puts() -> None:
+    found = latency.measure(0.75, seconds=11)
+    assert found["run"]["frames"] > 33
+    assert all(found[name]["frames"] > 4 for name in ("1", "4"))
+    assert all(0.0 < found[name]["p50"] <= found[name]["p99"] for name in ("run", "1", "4"))
+    head, line, row = latency.table([found]).splitlines()
+    assert head.count("|") == line.count("|") == row.count("|")
+
+
+def test_the_recorder_beside_a_bare_subscriber() -> None:
+    found = recorder.measure(messages=2000, rate=4000)
+    assert found["ratio"] == found["fast"]["per_s"] / found["bare_per_s"]
+    for figures in (found["fast"], found["steady"]):
+        assert figures["dropped"] == 0
+        assert 0.0 < figures["per_s"] <= 2000 / figures["behind_s"]
+    assert "recorder, 4,000 a second" in recorder.table(found)
 
 
 @pytest.mark.parametrize("side_m", [50.0, 450.0, 15_750.0])

@@ -50,6 +50,18 @@ def test_a_bearing_is_taken_in_at_its_slope():
     assert log_evidence == pytest.approx(exact.log_evidence)
 
 
+def test_the_posterior_alone_is_that_of_the_update():
+    prior, z = belief(np.random.default_rng(2)), np.array([0.1, -0.4, 1.0])
+    measure, slopes = (lambda x: doa.measure(x, SENSORS)), (lambda x: doa.jacobian(x, SENSORS))
+    pairs = (
+        (ekf.posterior(prior, z, 0.05, measure, slopes, wrap), ekf.update(prior, z, 0.05, measure, slopes, wrap)),
+        (ukf.posterior(prior, z, 0.05, measure, wrap), ukf.update(prior, z, 0.05, measure, wrap)),
+    )
+    for alone, whole in pairs:
+        assert np.array_equal(alone.mean, whole.posterior.mean)
+        assert np.array_equal(alone.covariance, whole.posterior.covariance)
+
+
 @pytest.mark.parametrize("kernel", [ekf, ukf])
 def test_a_batch_of_reports_of_different_number_is_its_parts(kernel):
     """Padded by measurements of infinite noise; each with sensors of its own."""

@@ -184,6 +184,7 @@ def sweeps(results: Results) -> Figure:
     left.axvspan(10, 20, color="#f3e3c8", zorder=0, label="the paper's range")
     right.set(xscale="log", xticks=PARTICLES[::2], xticklabels=map(str, PARTICLES[::2]))
     right.minorticks_off()
+    left.margins(y=0.1)
     left.set(ylabel="RMSE of the position, m", ylim=(0, None))
     left.legend(loc="lower right")
     figure.suptitle(f"SP-CPF in scenario 1, 75 %, {results.runs} runs")
