@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from launcher.view import MAGIC
 from tests.command_line import Call, Said, trackfield
 
 __all__ = ["trackfield"]
@@ -298,12 +299,12 @@ def test_a_folder_without_a_timeline_is_not_viewed(trackfield: Call, tmp_path: P
 
 
 def test_a_picture_that_cannot_be_written_is_refused_before_it_is_made(trackfield: Call, tmp_path: Path) -> None:
-    (tmp_path / "run.rrd").write_text("never opened")
+    (tmp_path / "run.rrd").write_bytes(MAGIC + b" never read further")
     for png in (".", "run.rrd/a.png", "no/such/folder/a.png", f"{UNWRITABLE}.png"):
         said = trackfield("view", ".", "--png", png)
         assert_refused(said, f"{png}: --png: cannot be written (", "a file in a writable folder")
     assert everything(tmp_path) == {tmp_path / "run.rrd"}
-    assert (tmp_path / "run.rrd").read_text() == "never opened"
+    assert (tmp_path / "run.rrd").read_bytes() == MAGIC + b" never read further"
 
 
 # --- commands and options ---------------------------------------------------------------------------------------------
