@@ -91,9 +91,9 @@ def run(
     seed: int | None = None,
     driver: Driver = "virtual",
     speed: float = 1.0,
-    out: Folder | None = None,
+    out: Folder = "runs/",
 ) -> Result:
-    """Run a scenario and leave a run folder, ``out`` or ``runs/<scenario>-<seed>-<date and time>``.
+    """Run a scenario and leave a run folder: ``out``, or, if that ends with a slash, one of its own name below it.
 
     ``seed`` decides every random draw (None: the scenario's own); ``speed`` is emulated seconds per second of a run
     over processes. Needs no ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
@@ -109,7 +109,8 @@ def run(
         plan = planned(chosen, speed)
         if driver == "processes":
             check_importable(plan)
-        folder = prepare_folder(None if out is None else Path(out), chosen.name, chosen.seed)
+        inside = isinstance(out, str) and out.endswith("/")
+        folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)
     again = ["trackfield", "run", str(folder / "scenario.toml")]
     if driver == "virtual":

@@ -64,10 +64,10 @@ class Outcome:
         return 0 if self.signal is None else 128 + self.signal
 
 
-def prepare_folder(out: Path | None, scenario: str, seed: int) -> Path:
-    """An empty folder for the run. Raises ``ScenarioError`` as ``begin_folder`` does."""
+def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Path("runs")) -> Path:
+    """An empty folder for the run: ``out``, or one ``below``. Raises ``ScenarioError`` as ``begin_folder`` does."""
     stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
-    folder = out or Path("runs") / f"{scenario}-{seed}-{stamp}"
+    folder = out or below / f"{scenario}-{seed}-{stamp}"
     begin_folder(folder, "logs")
     return folder
 

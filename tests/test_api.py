@@ -108,6 +108,12 @@ def test_a_run_is_that_of_the_command_line(trackfield: Call, tmp_path: Path) -> 
     assert result.messages.num_rows == result.metrics.frames.expected
 
 
+def test_runs_below_a_folder_get_names_of_their_own(tmp_path: Path) -> None:
+    one, other = (tf.run(SMALL, seed=seed, out=f"{tmp_path}/") for seed in (1, 2))
+    assert [run.path.parent for run in (one, other)] == [tmp_path] * 2
+    assert (one.path.name[:8], other.path.name[:8]) == ("spcpf-1-", "spcpf-2-")
+
+
 def test_a_folder_tells_how_to_repeat_its_run() -> None:
     result = tf.run(SMALL, seed=5)
     assert result.path.parent == Path("runs")
