@@ -112,8 +112,8 @@ def announce(plan: Plan) -> None:
     nodes = sum(p.role == "node" for p in plan.info.places)
     link = plan.run.link["model"]
     console.print(
-        f"{plan.info.scenario}: {nodes} sensor node{'s' * (nodes != 1)}, {plan.info.end_s:.0f} s, link {link}, seed {plan.run.seed}, "
-        f"trackers {', '.join(plan.info.trackers)}"
+        f"{plan.info.scenario}: {nodes} sensor node{'s' * (nodes != 1)}, {plan.info.end_s:.0f} s, link {link}, "
+        f"seed {plan.run.seed}, trackers {', '.join(plan.info.trackers)}"
     )
     for remark in remarks(plan):
         note(remark)
