@@ -42,8 +42,8 @@ def scenario_bound(plan: Plan, rows: Iterable[MessageRow]) -> Series:
 
 def bound_metrics(plan: Plan, rows: Iterable[MessageRow], steps: Collection[int]) -> dict[str, float | None]:
     """The bounds over these steps as they stand in metrics.json: root mean squares, null where there is none."""
-    heard = came(plan, rows)
-    series = {"position": _series(plan, _all(plan, heard)), "trajectory": _series(plan, heard)}
+    kept = list(rows)
+    series = {"position": scenario_bound(plan, kept), "trajectory": run_bound(plan, kept)}
     return {name: _rms([sd for step, sd in one.items() if step in steps]) for name, one in series.items()}
 
 

@@ -47,6 +47,7 @@ RECORDER: Final = "recorder"
 LIVE: Final = "live"
 """The id of the one that shows it while it goes on."""
 Payload = bytes
+"""``MessageRow`` has a field named ``bytes``."""
 ARRIVED: Final = ("delivered", "late", "ignored")
 """Outcomes of frames that reached their hearer, of use or not."""
 

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.special import chdtri
 
 from launcher.report import style
 from launcher.report.folder import Run, Track
+from trackfield.filters.metrics import nees_band
 
 DIMENSIONS: Final = 4
 """Of the state (x, y, vx, vy)."""
-BAND: Final = (float(chdtri(DIMENSIONS, 0.975)), float(chdtri(DIMENSIONS, 0.025)))
+BAND: Final = nees_band(DIMENSIONS, 1)
 """Where the NEES of one step lies with 95 % if the covariance is right: chi-square of 4 degrees of freedom."""
 NEES_SHOWN: Final = (1e-2, 1e4)
 """A filter that diverged may have any."""
