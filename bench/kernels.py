@@ -22,8 +22,8 @@ import numpy as np
 from bench import bare, peers
 from bench.data import DT, Track, track
 from bench.scale import machine
-from launcher.prepare import load
-from launcher.studies import study
+from launcher.plan.prepare import load
+from launcher.study.studies import study
 from trackfield.filters import ekf, ukf
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.gaussian import constant_velocity, predict

@@ -22,9 +22,9 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bench import bare_zenoh
-from launcher import zygote
-from launcher.children import Children
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
+from launcher.processes.children import Children
+from launcher.processes.zygote import Child
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.session import open_client
 from trackfield.scenario.places import CENTRE
@@ -56,7 +56,9 @@ class Bench:
 
     def __enter__(self) -> Bench:
         self.children = Children(2)
-        self.children.fork("router", zygote.run_router, self.endpoint, self.folder / "router.log")
+        self.children.fork(
+            "router", Child("launcher.processes.bodies:router", "router", self.folder / "router.log"), self.endpoint
+        )
         self.session = open_client(self.endpoint, self.plan.run.run)
         return self
 
@@ -119,7 +121,8 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
 
     key = keys.telemetry(RECORDER, "status")
     told = bench.session.declare_subscriber(key, Callback(on_status, indirect=False))
-    bench.children.fork(RECORDER, zygote.run_recorder, bench.endpoint, folder / "log", (bench.plan, folder))
+    recorder = Child("launcher.record.recorder:record", RECORDER, folder / "log", graceful=True)
+    bench.children.fork(RECORDER, recorder, bench.endpoint, bench.plan, folder)
     _until(lambda: len(heard) > 1 or not bench.children.alive(RECORDER))
     if len(heard) == 1:
         raise RuntimeError(f"the recorder died: {(folder / 'log').read_text()}")

@@ -20,10 +20,10 @@ from typing import Any, Final
 
 import psutil
 
-from launcher.garbage import look_seldom
-from launcher.ledger import Ledger
-from launcher.prepare import load, planned
-from launcher.result import Journal
+from launcher.plan.prepare import load, planned
+from launcher.processes.garbage import look_seldom
+from launcher.record.journal import Journal
+from launcher.record.ledger import Ledger
 from trackfield.drivers.virtual import Virtual
 from trackfield.role import NS
 from trackfield.scenario import Scenario

@@ -14,16 +14,17 @@ from typing import Any, Final, Literal, get_args
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.compare import check_runs
-from launcher.extensions import check_importable
-from launcher.measures import RunFigures
-from launcher.prepare import checked, keep, planned
-from launcher.result import METRICS
-from launcher.run import Outcome, prepare_folder, run_processes, run_virtual
+from launcher.plan.extensions import check_importable
+from launcher.plan.prepare import checked, planned
+from launcher.record.folder import keep, prepare_folder
+from launcher.record.journal import METRICS
+from launcher.record.measures import RunFigures
+from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
-from launcher.side_by_side import side_by_side
-from launcher.studies import Study, figures_table
-from launcher.studies import study as run_study
+from launcher.study.compare import check_runs
+from launcher.study.side_by_side import side_by_side
+from launcher.study.studies import Study, figures_table
+from launcher.study.studies import study as run_study
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.scenario.nearest import suggestion
@@ -58,7 +59,7 @@ class Result:
 
     def view(self, *, web: bool = False) -> None:
         """Open the timeline in the viewer, or in a browser, and wait until it is closed."""
-        from launcher.view import open_viewer
+        from launcher.timeline.view import open_viewer
 
         open_viewer(self.path, web)
 
@@ -143,7 +144,7 @@ def replay(
 
     With ``drop_late`` reports that came after their deadline do not count. Raises ``ScenarioError``.
     """
-    from launcher.replay import replay as fuse
+    from launcher.study.replay import replay as fuse
 
     folder = run.path if isinstance(run, Result) else Path(run)
     flags = [*(part for name in trackers for part in ("--tracker", name)), *(["--drop-late"] if drop_late else [])]

@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from launcher.garbage import look_seldom
+from launcher.processes.garbage import look_seldom
 from trackfield.errors import ScenarioError, TrackfieldError
 
 app = typer.Typer(
@@ -57,8 +57,10 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a scenario and leave a run folder with its timeline, tables and metrics."""
-    from launcher.prepare import check_driver, check_endpoint, keep, load, planned
-    from launcher.run import prepare_folder, run_processes, run_virtual
+    from launcher.options import check_driver, check_endpoint
+    from launcher.plan.prepare import load, planned
+    from launcher.record.folder import keep, prepare_folder
+    from launcher.run import run_processes, run_virtual
     from launcher.show import announce, conclude, observing, tell
 
     resolved = load(
@@ -103,9 +105,9 @@ def replay(
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")] = False,
 ) -> None:
     """Fuse the reports of a run again, by other trackers (or its own), into a folder of their own."""
-    from launcher.replay import caveats
-    from launcher.replay import replay as fuse
     from launcher.show import conclude, note
+    from launcher.study.replay import caveats
+    from launcher.study.replay import replay as fuse
 
     outcome = fuse(run, tracker or (), drop_late=drop_late, out=out, command=sys.argv)
     if as_json:
@@ -123,8 +125,8 @@ def router(
     ],
 ) -> None:
     """Be a router for runs whose processes start elsewhere, until Ctrl-C."""
-    from launcher.prepare import check_endpoint
-    from launcher.router import serve
+    from launcher.options import check_endpoint
+    from launcher.processes.router import serve
 
     for endpoint in listen:
         check_endpoint(endpoint, "--listen")
@@ -154,7 +156,7 @@ def list_scenarios(
 @app.command()
 def validate(scenario: Name, overrides: Set = None, sensors: Sensors = None) -> None:
     """Check a scenario and say what it comes to."""
-    from launcher.prepare import load, planned
+    from launcher.plan.prepare import load, planned
     from launcher.show import announce, foresee
 
     plan = planned(load(scenario, settings=overrides or (), sensors=sensors))
@@ -170,7 +172,7 @@ def view(
     at: Annotated[float | None, typer.Option(help="The emulated second that the picture shows.")] = None,
 ) -> None:
     """Open a run's timeline."""
-    from launcher.view import open_viewer, picture
+    from launcher.timeline.view import open_viewer, picture
 
     if png is None:
         open_viewer(run, web)
@@ -201,8 +203,8 @@ def compare(
     """Show runs side by side, or whether they are the same."""
     from rich.console import Console
 
-    from launcher.compare import check_runs, differences
-    from launcher.side_by_side import side_by_side
+    from launcher.study.compare import check_runs, differences
+    from launcher.study.side_by_side import side_by_side
 
     if len(runs) < 2:
         raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import json
-import platform
 import signal
 import statistics
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import psutil
 
-from launcher.deployment import ROUTER, Deployment
-from launcher.gathering import Gathering
-from launcher.ledger import Ledger
-from launcher.live import LiveView
-from launcher.metrics import Metrics, run_metrics
+from launcher.processes.deployment import ROUTER, Deployment
+from launcher.processes.gathering import Gathering
+from launcher.processes.live import LiveView
+from launcher.processes.watch import Death, Stop
+from launcher.record.folder import write_manifest
+from launcher.record.journal import METRICS, Journal, write_json
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import Metrics, run_metrics
 from launcher.records import Plan
-from launcher.result import METRICS, Journal, write_json
-from launcher.watch import Death, Stop
 from trackfield.drivers.virtual import Virtual
-from trackfield.errors import ScenarioError
 from trackfield.scenario.places import CENTRE
 
 PSS_SAMPLE: Final = 20
@@ -62,53 +59,6 @@ class Outcome:
         if self.complaints:
             return 1
         return 0 if self.signal is None else 128 + self.signal
-
-
-def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Path("runs")) -> Path:
-    """An empty folder for the run: ``out``, or one ``below``. Raises ``ScenarioError`` as ``begin_folder`` does."""
-    stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
-    folder = out or below / f"{scenario}-{seed}-{stamp}"
-    begin_folder(folder, "logs")
-    return folder
-
-
-def begin_folder(folder: Path, inside: str) -> None:
-    """A folder with an empty one inside. Raises ``ScenarioError`` if it has something in it or cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise ScenarioError(
-                "the folder has something in it",
-                file=str(folder),
-                key="--out",
-                expected="an empty or new one",
-            )
-        (folder / inside).mkdir()
-    except OSError as error:
-        raise ScenarioError(
-            f"cannot write there ({error.strerror})",
-            file=str(folder),
-            key="--out",
-            expected="a writable folder",
-        ) from None
-
-
-def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """Versions, machine and command; ``run`` and ``endpoint`` are what others join it by."""
-    packages = ("trackfield", "eclipse-zenoh", "numpy", "scipy", "rerun-sdk")
-    manifest = {
-        "command": list(command),
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": {"python": platform.python_version(), **{p: version(p) for p in packages}},
-        "machine": {
-            "system": platform.platform(),
-            "cores": psutil.cpu_count(),
-            "memory_gb": round(psutil.virtual_memory().total / 1e9, 1),
-        },
-        "run": plan.run.run,
-        "endpoint": endpoint,
-    }
-    write_json(manifest, folder / "manifest.json")
 
 
 def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcome:

@@ -16,11 +16,11 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from launcher.prepare import remarks
-from launcher.reception import receptions
+from launcher.plan.prepare import remarks
+from launcher.plan.reception import receptions
+from launcher.record.words import alarms, span
 from launcher.records import ARRIVED, Plan
 from launcher.run import Observer, Outcome
-from launcher.words import alarms, span
 from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0

@@ -24,14 +24,14 @@ from random import Random
 from typing import Any, Final, TypeVar
 
 from fusion.role import Phase as CentrePhase
-from launcher.compare import differences
-from launcher.ledger import Ledger
-from launcher.metrics import Metrics, run_metrics
-from launcher.prepare import planned
+from launcher.plan.prepare import planned
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import Metrics, run_metrics
+from launcher.record.tables import TrackRow, track_rows
 from launcher.records import Plan
 from launcher.run import run_processes, run_virtual
 from launcher.show import Quiet
-from launcher.tables import TrackRow, track_rows
+from launcher.study.compare import differences
 from node.role import Phase as NodePhase
 from trackfield.drivers.frames import Charge, Died
 from trackfield.drivers.spec import life_name

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from launcher.records import FieldInfo, MessageRow, Place
-from launcher.timeline import Timeline
+from launcher.timeline.timeline import Timeline
 from trackfield.role import NS, TrackPoint
 
 TRACKERS = ("fix-imm-ukf", "spcpf")

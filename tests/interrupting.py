@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from launcher.ledger import Ledger
+from launcher.record.ledger import Ledger
 from trackfield.drivers.frames import Frame
 
 

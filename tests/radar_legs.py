@@ -15,8 +15,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from launcher.prepare import load
-from launcher.studies import study
+from launcher.plan.prepare import load
+from launcher.study.studies import study
 
 STRAIGHT: Final = (
     *("15:03", "15:17", "15:31", "15:47", "16:02", "16:19", "16:36", "16:52"),

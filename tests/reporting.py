@@ -14,7 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from launcher import report
-from launcher.prepare import keep, load, planned
+from launcher.plan.prepare import load, planned
+from launcher.record.folder import keep
 from launcher.report.folder import Run, read_run
 from launcher.run import run_virtual
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
+from launcher.record.virtually import simulate as simulated
 from launcher.records import Plan
-from launcher.virtually import simulate as simulated
 
 __all__ = ["simulated", "spcpf"]
 

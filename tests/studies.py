@@ -19,9 +19,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from fusion.threshold import position_sd
-from launcher.ledger import Ledger
-from launcher.metrics import Metrics, run_metrics
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import Metrics, run_metrics
 from tests.simulated import simulated
 from trackfield.role import Corrected
 

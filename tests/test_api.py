@@ -19,7 +19,7 @@ from pydantic import BaseModel
 
 import trackfield as tf
 from launcher import api
-from launcher.measures import RunFigures
+from launcher.record.measures import RunFigures
 from launcher.run import Outcome
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at

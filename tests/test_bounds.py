@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.bounds import bound_metrics, came, run_bound, scenario_bound
-from launcher.ledger import Ledger
-from launcher.metrics import run_metrics, tracker_metrics
+from launcher.record.bounds import bound_metrics, came, run_bound, scenario_bound
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import run_metrics, tracker_metrics
 from launcher.records import MessageRow, Plan
 from launcher.run import run_virtual
 from tests import kalman

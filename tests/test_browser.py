@@ -8,8 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from launcher import blueprint as look
-from launcher.timeline import Timeline
+from launcher.timeline import blueprint as look
+from launcher.timeline.timeline import Timeline
 from tests import fake_run
 from tests.browser import count, page, shows, with_browser
 from tests.running import Run

@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from launcher.compare import check_runs, differences
-from launcher.metrics import run_metrics
-from launcher.prepare import keep, load, planned
+from launcher.plan.prepare import load, planned
+from launcher.record.folder import keep
+from launcher.record.journal import write_json
+from launcher.record.metrics import run_metrics
+from launcher.record.tables import TrackRow, write_messages, write_tracks
 from launcher.records import MessageRow
-from launcher.result import write_json
-from launcher.side_by_side import Row, side_by_side
-from launcher.tables import TrackRow, write_messages, write_tracks
+from launcher.study.compare import check_runs, differences
+from launcher.study.side_by_side import Row, side_by_side
 from tests.simulated import simulated
 from trackfield.errors import ScenarioError
 from trackfield.role import NS, TrackPoint

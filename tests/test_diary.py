@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from launcher.diary import Diary, Event
-from launcher.ledger import Ledger
+from launcher.record.diary import Diary, Event
+from launcher.record.ledger import Ledger
 from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.role import NS, Corrected, Note, Radio, State

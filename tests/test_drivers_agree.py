@@ -12,11 +12,11 @@ from typing import Any
 import psutil
 import pytest
 
-from launcher.compare import differences
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
 from launcher.records import FieldInfo, Place, Plan
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
+from launcher.study.compare import differences
 from tests.mortals import hard_times
 from tests.toys import party
 from trackfield.drivers.spec import ProcessSpec, RunSpec

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from launcher.energy import energy_metrics, lifetime_metrics, nodes_of
-from launcher.ledger import Ledger
+from launcher.record.energy import energy_metrics, lifetime_metrics, nodes_of
+from launcher.record.ledger import Ledger
 from launcher.records import FieldInfo, Plan
 from tests.simulated import simulated, spcpf
 from trackfield.drivers.frames import Died, Frame, Overflowed, Told

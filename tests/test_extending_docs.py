@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import pytest
 
-from launcher.compare import differences
+from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 
 __all__ = ["trackfield"]

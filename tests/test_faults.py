@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from launcher.faults import Faults, Life, resolve
+from launcher.plan.faults import Faults, Life, resolve
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 

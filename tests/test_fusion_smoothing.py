@@ -11,7 +11,7 @@ import pytest
 from fusion.role import Fusion
 from fusion.smoothing import Smoothing, lagged_name
 from fusion.stored import unpack
-from launcher.prepare import load, planned, remarks
+from launcher.plan.prepare import load, planned, remarks
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import entities, read

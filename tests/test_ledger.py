@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from launcher.ledger import Ledger, describe
+from launcher.record.ledger import Ledger, describe
 from launcher.records import MessageRow
 from trackfield.drivers.frames import EventKey, Frame, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from launcher.ledger import Ledger
-from launcher.metrics import CAUSES
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import CAUSES
 from launcher.records import ARRIVED
 from tests.simulated import simulated, spcpf
 from trackfield.drivers.frames import Frame, Refused, Told, Undone

@@ -13,10 +13,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from launcher import live, timeline, view
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
+from launcher.processes import live
 from launcher.records import LIVE, MessageRow
-from launcher.timeline import LINES, Timeline
+from launcher.timeline import timeline, view
+from launcher.timeline.timeline import LINES, Timeline
 from tests import fake_run
 from tests.command_line import Call, trackfield  # noqa: F401  a fixture
 from tests.rrd import read, verify

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from launcher.ledger import Ledger
-from launcher.metrics import CAUSES
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import CAUSES
 from trackfield.drivers.frames import Died
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
 from trackfield.drivers.virtual import Virtual

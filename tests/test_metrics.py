@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from launcher.ledger import Ledger
-from launcher.metrics import Metrics, run_metrics, tracker_metrics
+from launcher.record.journal import write_json
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import Metrics, run_metrics, tracker_metrics
+from launcher.record.tables import TrackRow
 from launcher.records import FieldInfo, MessageRow, Plan
-from launcher.result import write_json
-from launcher.tables import TrackRow
 from tests.simulated import simulated, spcpf
 from trackfield.drivers.frames import Frame, Refused
 from trackfield.drivers.histogram import Histogram
@@ -108,7 +108,7 @@ def test_the_document_tells_each_key_in_their_order() -> None:
 def test_the_document_tells_each_column_of_the_tables(tmp_path: FilePath, file: str, which: str) -> None:
     import pyarrow.parquet as pq
 
-    from launcher.tables import write_messages, write_tracks
+    from launcher.record.tables import write_messages, write_tracks
 
     plan = spcpf(1, ["target.steps=3"])
     ledger, tracks = simulated(plan)

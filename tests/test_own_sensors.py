@@ -14,8 +14,8 @@ import pytest
 
 import trackfield as tf
 from fusion.role import Fusion
-from launcher.prepare import planned
-from launcher.reception import receptions
+from launcher.plan.prepare import planned
+from launcher.plan.reception import receptions
 from launcher.records import Plan
 from node.role import Node
 from tests.simulated import simulated

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import trackfield as tf
-from launcher.extensions import check_importable
-from launcher.prepare import planned
+from launcher.plan.extensions import check_importable
+from launcher.plan.prepare import planned
 from launcher.records import Plan
 from tests.command_line import Call, trackfield
 from tests.running import Run

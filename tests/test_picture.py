@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from launcher import blueprint as look
-from launcher import rows
-from launcher.picture import PACE_NS
 from launcher.records import FieldInfo, MessageRow, Place
-from launcher.timeline import Timeline
+from launcher.timeline import blueprint as look
+from launcher.timeline import rows
+from launcher.timeline.picture import PACE_NS
+from launcher.timeline.timeline import Timeline
 from tests.rrd import entities, read
 from trackfield.role import NS
 

@@ -13,8 +13,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.children import Children
-from launcher.ledger import Ledger
+from launcher.processes.children import Children
+from launcher.record.ledger import Ledger
 from launcher.records import Plan
 from launcher.run import Outcome, run_processes
 from launcher.show import Quiet

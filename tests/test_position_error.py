@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from launcher.metrics import tracker_metrics
+from launcher.record.metrics import tracker_metrics
 from launcher.records import Place as Spot
 from launcher.records import Plan
 from tests.simulated import simulated, spcpf

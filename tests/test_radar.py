@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
 from tests.radar_legs import leg, table, ten_minutes_on
 from trackfield.scenario import Scenario, plan
 from trackfield.scenario.layout import layout
@@ -101,7 +101,7 @@ def test_the_default_tracker_halves_the_error_of_predicting_alone(data_file: Dat
 
 def test_a_track_is_lost_on_the_scale_of_its_field(data_file: DataFile) -> None:
     """Off by 0.7 km on average, which is no loss 15 km away."""
-    from launcher.studies import study_run
+    from launcher.study.studies import study_run
 
     scenario = load("radar", target=data_file("aircraft_survey.csv"), start="16:52", end="17:02", trackers=[DEFAULT])
     (run,) = study_run(scenario).metrics.trackers.values()

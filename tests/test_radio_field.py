@@ -7,8 +7,8 @@ from typing import Any
 import msgpack
 import pytest
 
-from launcher.ledger import Ledger
-from launcher.reception import receptions
+from launcher.plan.reception import receptions
+from launcher.record.ledger import Ledger
 from tests.simulated import simulated, spcpf
 from tests.toys import party
 from trackfield.drivers.spec import ProcessSpec, places_of

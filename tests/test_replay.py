@@ -11,12 +11,13 @@ import pyarrow.parquet as pq
 import pytest
 
 import trackfield as tf
-from launcher.compare import differences
-from launcher.prepare import keep, load, planned
-from launcher.replay import caveats, replay
-from launcher.result import METRICS
-from launcher.run import prepare_folder, run_processes, run_virtual
+from launcher.plan.prepare import load, planned
+from launcher.record.folder import keep, prepare_folder
+from launcher.record.journal import METRICS
+from launcher.run import run_processes, run_virtual
 from launcher.show import Quiet
+from launcher.study.compare import differences
+from launcher.study.replay import caveats, replay
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at
 from tests.rrd import entities, read

@@ -12,11 +12,11 @@ import pyarrow as pa
 import pytest
 
 from launcher import report
-from launcher.prepare import load, planned
-from launcher.report import tables
+from launcher.plan.prepare import load, planned
 from launcher.report.figures import FIGURES
 from launcher.report.folder import read_run
-from launcher.report.traffic import latencies
+from launcher.report.parts import tables
+from launcher.report.parts.traffic import latencies
 from launcher.run import run_virtual
 from launcher.show import conclude
 from tests.reporting import copied, read, run, troubled, with_tracks

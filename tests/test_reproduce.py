@@ -16,15 +16,15 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.reproduce.cases import CASES, Case
-from launcher.reproduce.claims import JUDGES, claims
+from launcher.reproduce.papers.zhai.cases import CASES, Case
+from launcher.reproduce.papers.zhai.claims import JUDGES, claims
+from launcher.reproduce.papers.zhai.tables import Band, Row, tables
 from launcher.reproduce.realisation import realise, typical
 from launcher.reproduce.records import Record, measure
 from launcher.reproduce.report import FIGURES, claims_table, markdown
 from launcher.reproduce.scores import Field, Results, Score, scored
 from launcher.reproduce.store import Store
 from launcher.reproduce.timing import heard
-from launcher.reproduce.zhai import Band, Row, tables
 from tests.command_line import Call, trackfield
 from trackfield.filters.trackers import make_tracker
 

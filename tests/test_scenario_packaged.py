@@ -9,8 +9,8 @@ from pathlib import Path
 import gpxpy
 import pytest
 
-from launcher.prepare import planned
-from launcher.reception import receptions
+from launcher.plan.prepare import planned
+from launcher.plan.reception import receptions
 from trackfield.scenario import Scenario, names, plan, summary
 from trackfield.scenario.document import BEGIN, END, tables, updated
 from trackfield.scenario.hardware import Clocks, Energy

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from launcher.deployment import RECORDER, ROUTER
+from launcher.processes.deployment import RECORDER, ROUTER
 from launcher.records import LIVE
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, plan

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from launcher.metrics import tracker_metrics
-from launcher.prepare import load, planned, remarks
+from launcher.plan.prepare import load, planned, remarks
+from launcher.record.metrics import tracker_metrics
+from launcher.record.tables import TrackRow
 from launcher.records import Plan
-from launcher.tables import TrackRow
 from tests.simulated import simulated, spcpf
 from trackfield.scenario import Scenario
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from launcher.records import FieldInfo, MessageRow, Place
-from launcher.scene import RASTER_NS, Seconds, Shown, crosses, extent, halves, rings, spacing
+from launcher.timeline.scene import RASTER_NS, Seconds, Shown, crosses, extent, halves, rings, spacing
 from tests.fake_run import info
 from trackfield.role import NS
 

@@ -13,8 +13,8 @@ from rich.console import Console
 from rich.live import Live
 
 from launcher import show
-from launcher.ledger import Ledger
-from launcher.metrics import Metrics, run_metrics
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import Metrics, run_metrics
 from launcher.records import Plan
 from launcher.run import Outcome
 from tests.simulated import simulated, spcpf

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
 from tests import studies
 from tests.simulated import simulated, spcpf
 from tests.studies import STUDIES, Outcome, Study, Way, first_set, lines, measured, outcome

@@ -9,8 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from launcher.record.tables import TrackRow, track_rows, write_messages, write_tracks
 from launcher.records import MessageRow
-from launcher.tables import TrackRow, track_rows, write_messages, write_tracks
 from trackfield.role import NS, TrackPoint
 from trackfield.world.path import Path
 

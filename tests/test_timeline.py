@@ -18,10 +18,10 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from launcher import blueprint as look
-from launcher import rows
 from launcher.records import FieldInfo, MessageRow, Place
-from launcher.timeline import Timeline
+from launcher.timeline import blueprint as look
+from launcher.timeline import rows
+from launcher.timeline.timeline import Timeline
 from tests import fake_run
 from tests.rrd import entities, read, verify
 from trackfield.role import NS, TrackPoint

@@ -15,12 +15,12 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.deployment import MAX_RESTARTS, ROUTER, Deployment
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
+from launcher.processes.deployment import MAX_RESTARTS, ROUTER, Deployment
+from launcher.processes.watch import SLICES, Death, Stop, Watch
 from launcher.records import RECORDER, Plan
 from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
-from launcher.watch import SLICES, Death, Stop, Watch
 from tests.running import until
 from trackfield.role import NS
 from trackfield.scenario.places import CENTRE

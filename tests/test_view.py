@@ -16,8 +16,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from launcher import view
-from launcher.timeline import Timeline
+from launcher.timeline import view
+from launcher.timeline.timeline import Timeline
 from tests import fake_run
 from tests.running import leftovers, until
 from trackfield.errors import RunFailed, ScenarioError
@@ -136,7 +136,7 @@ def test_without_a_screen_the_other_ways_are_named(run: Path, monkeypatch: pytes
 
 SERVE = """
 import pathlib, signal, sys
-from launcher.view import open_viewer
+from launcher.timeline.view import open_viewer
 signal.signal(signal.SIGINT, signal.default_int_handler)  # whoever runs the tests may ignore it
 open_viewer(pathlib.Path(sys.argv[1]), web=True)
 """

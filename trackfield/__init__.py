@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from launcher.api import Comparison, Result, compare, open, replay, run, study
-    from launcher.studies import Study
+    from launcher.study.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
     from trackfield.filters.types import Estimate, Gaussian, Model, Reports
@@ -27,7 +27,7 @@ _HOMES: Final = {
     "RunFailed": "trackfield.errors",
     "Scenario": "trackfield.scenario",
     "ScenarioError": "trackfield.errors",
-    "Study": "launcher.studies",
+    "Study": "launcher.study.studies",
     "TrackfieldError": "trackfield.errors",
     "compare": "launcher.api",
     "open": "launcher.api",

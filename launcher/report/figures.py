@@ -10,10 +10,10 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from launcher.report.folder import Run
-from launcher.report.ground import field
-from launcher.report.series import error, nees
+from launcher.report.parts.field import field
+from launcher.report.parts.series import error, nees
+from launcher.report.parts.traffic import latency, losses
 from launcher.report.style import STYLE
-from launcher.report.traffic import latency, losses
 
 PLOTS: Final = "plots"
 FIGURES: Final[Mapping[str, Callable[[Run], Figure | None]]] = {

@@ -15,9 +15,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from launcher.faults import Mark, resolve
+from launcher.plan.faults import Mark, resolve
+from launcher.record.tables import STATE
 from launcher.records import ARRIVED
-from launcher.tables import STATE
 from trackfield.errors import ScenarioError
 from trackfield.filters import metrics as score
 from trackfield.role import NS

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.report import tables
+from launcher.record.words import alarms
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
-from launcher.words import alarms
+from launcher.report.parts import tables
 
 PAGE: Final = "report.html"
 _HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}

@@ -13,15 +13,15 @@ from typing import Any, Final
 import typer
 from rich.text import Text
 
-from launcher.reproduce.cases import CASES, Case
-from launcher.reproduce.claims import claims
+from launcher.record.journal import write_json
 from launcher.reproduce.files import write_run, write_tables
+from launcher.reproduce.papers.zhai.cases import CASES, Case
+from launcher.reproduce.papers.zhai.claims import claims
+from launcher.reproduce.papers.zhai.tables import tables
 from launcher.reproduce.report import markdown
 from launcher.reproduce.scores import Results, scored
 from launcher.reproduce.store import RESULTS, Store, code_digest
 from launcher.reproduce.timing import cpu_times
-from launcher.reproduce.zhai import tables
-from launcher.result import write_json
 from launcher.show import PLAIN_EVERY_S, console
 from trackfield.errors import ScenarioError
 from trackfield.scenario.nearest import suggestion
@@ -94,7 +94,7 @@ def _fill(store: Store, seeds: Sequence[int]) -> None:
 
 
 def _conclude(store: Store, cases: Sequence[Case], seeds: Sequence[int]) -> Study:
-    from launcher.reproduce.figures import draw  # matplotlib with it
+    from launcher.reproduce.papers.zhai.figures import draw  # matplotlib with it
 
     records = {case.name: store.records(case.name, seeds) for case in cases}
     found = {case.name: scored(case, records[case.name]) for case in cases}

@@ -11,11 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.prepare import keep, planned
-from launcher.reproduce.cases import ALL, CASES
+from launcher.plan.prepare import planned
+from launcher.record.folder import keep, prepare_folder
+from launcher.reproduce.papers.zhai.cases import ALL, CASES
 from launcher.reproduce.records import Record
 from launcher.reproduce.scores import rmse_over_time
-from launcher.run import prepare_folder, run_virtual
+from launcher.run import run_virtual
 from trackfield.filters import metrics
 
 RUNS, STEPS, RUN = "runs.parquet", "steps.parquet", "run"

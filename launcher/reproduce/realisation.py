@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from launcher.prepare import planned
-from launcher.reproduce.cases import Case
+from launcher.plan.prepare import planned
+from launcher.record.virtually import simulate
+from launcher.reproduce.papers.zhai.cases import Case
 from launcher.reproduce.records import Record
-from launcher.virtually import simulate
 from trackfield.filters.types import Array
 from trackfield.role import NS
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from launcher.bounds import run_bound
-from launcher.metrics import run_metrics
-from launcher.prepare import planned
-from launcher.reproduce.cases import Case
-from launcher.virtually import simulate
+from launcher.plan.prepare import planned
+from launcher.record.bounds import run_bound
+from launcher.record.metrics import run_metrics
+from launcher.record.virtually import simulate
+from launcher.reproduce.papers.zhai.cases import Case
 from trackfield.filters.types import Array
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
-from launcher.reproduce.claims import claims
+from launcher.reproduce.papers.zhai.claims import claims
+from launcher.reproduce.papers.zhai.tables import FACTOR, RADAR_SHARE, Row, tables, thresholds
 from launcher.reproduce.scores import Results
-from launcher.reproduce.zhai import FACTOR, RADAR_SHARE, Row, tables, thresholds
 
 TITLES: Final = {
     "table I": f"Table I: published and ours in s1, 75 % (a figure within a factor of {FACTOR:g} is *as published*)",

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from launcher.reproduce.cases import Case
+from launcher.reproduce.papers.zhai.cases import Case
 from launcher.reproduce.records import Record
 from trackfield.filters import metrics
 from trackfield.filters.types import Array

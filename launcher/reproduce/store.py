@@ -11,32 +11,32 @@ import signal
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from hashlib import blake2b
-from importlib.metadata import version
+from importlib import import_module
+from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import Final
 
-import launcher
-from launcher.reproduce.cases import Case
+from launcher.reproduce import records
+from launcher.reproduce.papers.zhai.cases import Case
 from launcher.reproduce.records import Record, measure
-from launcher.studies import unordered
+from launcher.study.studies import unordered
 
 RESULTS: Final = "results"
-_PACKAGES: Final = ("trackfield", "node", "fusion")
-_MODULES: Final = ("plan", "faults", "hardware", "ledger", "diary", "metrics", "energy", "bounds", "virtually")
-"""Of the launcher, those that decide a run's figures; the others only show them."""
+_PACKAGES: Final = ("trackfield", "launcher.plan", "launcher.record")
+"""That decide a run's figures, besides those of the roles; the other rooms only show them."""
 
 
 @cache
 def code_digest() -> str:
     """Of every source file that has a say in a run's figures, and of numpy's version."""
-    home = Path(launcher.__file__).parent
-    files = [file for package in _PACKAGES for file in (home.parent / package).rglob("*.py")]
-    files += [home / f"{module}.py" for module in _MODULES]
-    files.append(home / "reproduce" / "records.py")
+    roles = {entry.module.partition(".")[0] for entry in entry_points(group="trackfield.roles")}
     digest = blake2b(version("numpy").encode(), digest_size=8)
-    for file in sorted(files):
-        digest.update(str(file.relative_to(home.parent)).encode())
-        digest.update(file.read_bytes())
+    for name in sorted({*_PACKAGES, *roles}):
+        folder = Path(str(import_module(name).__file__)).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{name}/{file.relative_to(folder)}".encode())
+            digest.update(file.read_bytes())
+    digest.update(Path(records.__file__).read_bytes())
     return digest.hexdigest()
 
 

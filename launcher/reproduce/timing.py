@@ -10,10 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from launcher.ledger import Ledger
-from launcher.prepare import planned
+from launcher.plan.prepare import planned
+from launcher.record.ledger import Ledger
 from launcher.records import Plan
-from launcher.reproduce.cases import Case
+from launcher.reproduce.papers.zhai.cases import Case
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.virtual import Virtual
 from trackfield.filters.rng import generator

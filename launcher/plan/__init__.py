@@ -1,0 +1,1 @@
+"""From a scenario to processes: who is there, what befalls them, what they run on, how their radio carries."""

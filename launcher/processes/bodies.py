@@ -1,0 +1,31 @@
+"""What forked processes become that are no recorders: a role, the router, the program that serves the viewer."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Mapping
+from threading import Event
+
+from trackfield.drivers.process import Process
+from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router
+
+
+def role(endpoint: str, run: str, name: str) -> None:
+    """A process of the field."""
+    os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
+    Process(open_client(endpoint, run), name).run()
+
+
+def router(endpoint: str) -> None:
+    """The router, until it is told to end."""
+    done = Event()
+    signal.signal(signal.SIGTERM, lambda *_: done.set())
+    session = open_router(endpoint)
+    done.wait()
+    session.close()  # type: ignore[no-untyped-call]
+
+
+def program(command: list[str], environment: Mapping[str, str]) -> None:
+    """Another program, in the place of this process."""
+    os.execve(command[0], command, environment)

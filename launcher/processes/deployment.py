@@ -1,0 +1,357 @@
+"""The processes of a run: forked, joined, started, watched, and gone at the end whatever happened."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Final, Self
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from launcher.processes.children import KILL_TIMEOUT_S, Children
+from launcher.processes.registry import Registry
+from launcher.processes.watch import Stop, Watch
+from launcher.processes.zygote import Child
+from launcher.records import RECORDER, Plan
+from trackfield.drivers.session import open_client
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.errors import RunFailed
+from trackfield.wire import keys
+
+CONNECT_TIMEOUT_S: Final = 10.0
+"""For a router that should be there already; one of our own may take as long as any process."""
+READY_TIMEOUT_S: Final = 60.0
+READY_PER_PROCESS_S: Final = 0.05
+LEAD_S: Final = 0.5
+LEAD_PER_PROCESS_S: Final = 0.001
+"""Between an order and what it orders, so that every process has it in time."""
+NICENESS: Final = 5
+"""Of nodes: router, recorder and fusion centre come first, as all others wait for them."""
+LINGER_S: Final = 0.3
+"""For frames that are still on their way when all have reached the end."""
+OVERDUE_S: Final = 20.0
+"""After the end, how long (wall time) a process may take to say that it has reached it."""
+STILL_S: Final = 5.0
+"""The same for one that stands still, stopped from outside."""
+ROUTER_STILL_S: Final = 3.0
+"""How long the router may stand still before another takes its place: less than a lease of Zenoh's sessions."""
+ROUTER_AWAY_S: Final = 5.0
+"""How long a router that is not ours may be away."""
+MAX_RESTARTS: Final = 5
+"""Of one process; what dies more often than that is broken."""
+REPEAT_S: Final = 0.3
+"""After somebody came (back), when all orders are given again: it may have missed them."""
+POLL_S: Final = 0.1
+STOP_TIMEOUT_S: Final = 10.0
+STOP_PER_PROCESS_S: Final = 0.01
+WRITE_TIMEOUT_S: Final = 60.0
+GOOD_END: Final = "exit code 0"
+ROUTER: Final = "router"
+LOG_TAIL: Final = 12
+
+
+class Deployment:
+    """Router, recorder and roles of one run, as a context manager that leaves no process behind.
+
+    ``status`` is what the recorder said of the run last. Raises ``RunFailed`` where a process does not come up; what
+    befalls them later is in ``deaths`` and ``stops``.
+    """
+
+    stopped = "was stopped from outside"
+    """What became of a process that stood still."""
+
+    def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
+        self.plan, self.folder = plan, folder
+        self.registry = self._registry()
+        self.status: dict[str, Any] = {}
+        self.router_cpu_s = 0.0
+        self._own_router = not endpoint
+        self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
+        self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
+        self._lead_ns = round((LEAD_S + LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
+        self._end_ns = plan.run.end_ns
+        self._lives = {p.name: p for p in plan.processes}
+        self._restarts: Counter[str] = Counter()
+        self._reached: set[str] = set()
+        self._orders: list[tuple[str, str | bytes]] = []
+        self._arrivals, self._repeat_at = 0, 0.0
+        self._router_seen = 0.0
+        self._stopping = False
+
+    def __enter__(self) -> Self:
+        self._children = self._make_children()
+        self._watch = Watch(self._children, self._clock)
+        self.deaths = self._watch.deaths
+        try:
+            self._fork_and_connect()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._children.close()
+        if hasattr(self, "session"):
+            self.session.close()  # type: ignore[no-untyped-call]
+        shutil.rmtree(self._sockets, ignore_errors=True)
+
+    def _registry(self) -> Registry:
+        return Registry(self.plan)
+
+    def _make_children(self) -> Children:
+        light = {life.factory.partition(":")[0] for life in self.plan.processes if not life.sink}
+        return Children(len(self.plan.processes) + 2, sorted(light))
+
+    @property
+    def stops(self) -> list[Stop]:
+        """Who was stopped from outside."""
+        return self._watch.stops
+
+    # --- birth ----------------------------------------------------------------------------------------------------
+
+    def _fork_and_connect(self) -> None:
+        (self.folder / "logs").mkdir(exist_ok=True)
+        if self._own_router:
+            self._fork_router()
+        self._connect()  # before anyone can ask to join
+        recorder = Child("launcher.record.recorder:record", RECORDER, self.log(RECORDER), graceful=True)
+        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder)
+        for life in self.plan.processes:
+            self._fork_role(life)
+
+    def _fork_router(self) -> None:
+        for left in self._sockets.iterdir():  # by one that was killed
+            left.unlink()
+        self._children.fork(ROUTER, Child("launcher.processes.bodies:router", ROUTER, self.log(ROUTER)), self.endpoint)
+
+    def _fork_role(self, life: ProcessSpec) -> None:
+        title = life.name if life.id == life.role else f"{life.role} {life.name}"
+        niceness = 0 if life.sink else NICENESS
+        body = Child("launcher.processes.bodies:role", title, self.log(life.name), niceness)
+        self._children.fork(life.name, body, self.endpoint, self.plan.run.run, life.name)
+
+    def _connect(self) -> None:
+        timeout_s = READY_TIMEOUT_S if self._own_router else CONNECT_TIMEOUT_S
+        try:
+            self.session = open_client(self.endpoint, self.plan.run.run, timeout_s)
+        except zenoh.ZError as error:
+            what = f"no Zenoh router answers at {self.endpoint} (or it refuses this one's credentials)"
+            raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+        self.registry.declare(self.session)
+        subscribe = self.session.declare_subscriber
+        self._held = [
+            subscribe(keys.telemetry_of_all("reached"), Callback(self._on_reached, indirect=False)),
+            subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
+        ]
+
+    # --- Zenoh's threads ------------------------------------------------------------------------------------------
+
+    def _on_reached(self, sample: zenoh.Sample) -> None:
+        self._reached.add(str(sample.key_expr).split("/")[1])
+
+    def _on_status(self, sample: zenoh.Sample) -> None:
+        self.status = msgpack.unpackb(sample.payload.to_bytes())
+
+    # --- life -----------------------------------------------------------------------------------------------------
+
+    def wait_ready(self, tick: Callable[[set[str], int], bool]) -> None:
+        """Wait until all declare themselves alive; ``tick(missing, of)`` returns True to give up.
+
+        Raises ``RunFailed`` for a process that dies first, or is not there in time.
+        """
+        wanted = {*self._lives, RECORDER}
+        deadline = time.monotonic() + self._ready_timeout_s()
+        while missing := wanted - self.registry.live:
+            if tick(missing, len(wanted)):
+                return
+            for name, why in self._watch.look():
+                raise self._failure(f"{name} died at start ({why})", name)
+            if time.monotonic() > deadline:
+                what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
+                raise self._failure(what, min(missing))
+            time.sleep(POLL_S)
+
+    def _ready_timeout_s(self) -> float:
+        return READY_TIMEOUT_S + READY_PER_PROCESS_S * len(self._lives)
+
+    def begin(self) -> None:
+        """Order the start of emulated time."""
+        self._arrivals = self.registry.arrivals
+        self.registry.start_ns = time.monotonic_ns() + self._lead_ns
+        self._order(keys.START, str(self.registry.start_ns))
+
+    @property
+    def now_ns(self) -> int:
+        """Emulated time now (negative before the start)."""
+        assert self.registry.start_ns is not None
+        return round((time.monotonic_ns() - self.registry.start_ns) * self.plan.run.speed)
+
+    def _clock(self) -> float | None:
+        return None if self.registry.start_ns is None else min(max(self.now_ns, 0), self._end_ns) / 1e9
+
+    def watch(self, tick: Callable[[], bool]) -> None:
+        """Follow the run to its end; ``tick()`` returns True to end it early."""
+        ending = False
+        while missing := self._to_the_end() - self._reached - self._watch.gone:
+            self._tend()
+            if self._router_is_gone():
+                if not self._own_router:
+                    self._watch.died(ROUTER, f"it was away for {ROUTER_AWAY_S:.0f} s")
+                return
+            if tick() and not ending:
+                ending = True
+                self._end_early()
+            over_s = (self.now_ns - self._end_ns) / 1e9 / self.plan.run.speed
+            if over_s > STILL_S:
+                self._end_still(missing)
+            if over_s > OVERDUE_S:
+                for name in sorted(missing):
+                    self._watch.died(name, "did not reach the end")
+                return
+            time.sleep(POLL_S)
+
+    def _to_the_end(self) -> set[str]:
+        """Who should say that it has reached the end."""
+        return {name for name, life in self._lives.items() if life.kill_ns is None or life.kill_ns >= self._end_ns}
+
+    def _end_early(self) -> None:
+        soon_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
+        self._end_ns = min(soon_ns, self._end_ns)
+        self.registry.end(self._end_ns)
+        self._order(keys.END, str(self._end_ns))
+
+    def finish(self) -> None:
+        """Stop the roles, let the recorder close its files, and end the router. Without a router, force them."""
+        self._stopping = True
+        if self._router_is_gone():
+            self._watch.gone.update(self._lives)
+            for name in self._lives:
+                self._children.kill(name)
+            self._children.terminate(RECORDER)  # it closes its files all the same
+        else:
+            time.sleep(LINGER_S)
+            self._order(keys.STOP, b"")
+            self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
+            self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
+        self._await([RECORDER], WRITE_TIMEOUT_S, "did not close its files in time")
+        if self._own_router and self._children.alive(ROUTER):
+            self.router_cpu_s = self._children.cpu_s(ROUTER)
+            self._children.terminate(ROUTER)
+            self._children.wait([ROUTER], STOP_TIMEOUT_S)
+
+    def _stop_timeout_s(self) -> float:
+        return STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives)
+
+    def _await(self, names: Iterable[str], timeout_s: float, why: str) -> None:
+        """Wait until these have ended; kill and report those that do not."""
+        deadline = time.monotonic() + timeout_s
+        while left := set(names) - self._watch.gone:
+            over_s = time.monotonic() - deadline
+            if over_s > KILL_TIMEOUT_S:
+                return
+            if over_s > 0:
+                for name in left:
+                    self._watch.kill(name, why)
+            self._end_still(left)
+            time.sleep(POLL_S / 2)
+            self._tend()
+
+    def _end_still(self, names: set[str]) -> None:
+        for name in names & self._watch.still(STILL_S):
+            self._watch.kill(name, "stood still at the end, stopped from outside")
+
+    # --- orders ---------------------------------------------------------------------------------------------------
+
+    def _order(self, key: str, payload: str | bytes) -> None:
+        self._orders.append((key, payload))
+        self._put(key, payload)
+
+    def _put(self, key: str, payload: str | bytes) -> None:
+        self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
+
+    def _repeat(self) -> None:
+        """Give all orders again to whoever came, or came back, and may have missed them."""
+        now = time.monotonic()
+        if self._arrivals != self.registry.arrivals:
+            self._arrivals, self._repeat_at = self.registry.arrivals, now + REPEAT_S
+        elif self._repeat_at and now > self._repeat_at:
+            self._repeat_at = 0.0
+            for key, payload in self._orders:
+                self._put(key, payload)
+
+    # --- death ----------------------------------------------------------------------------------------------------
+
+    def _tend(self) -> None:
+        """See who died or stands still, and do what is to be done about it."""
+        for name, why in self._watch.look():
+            self._bury(name, why)
+        if ROUTER in self._watch.still(ROUTER_STILL_S):
+            self._watch.kill(ROUTER, f"stood still for {ROUTER_STILL_S:.0f} s, stopped from outside, and was killed")
+        self._repeat()
+
+    def _bury(self, name: str, why: str) -> None:
+        life = self._lives.get(name)
+        if life is not None and life.kill_ns is not None and self.now_ns >= life.kill_ns:
+            return  # as planned
+        if self._stopping and name != ROUTER and why == GOOD_END:
+            return
+        again = self._start_again(name, life)
+        if not again and self._restarts[keys.id_of(name)] == MAX_RESTARTS:
+            why += f"; {MAX_RESTARTS} restarts are enough"
+        self._watch.died(name, why, again=again)
+
+    def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
+        """Start another in the place of one that died, where that is wanted and did not happen too often."""
+        start_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
+        wanted = name == ROUTER if life is None else self.plan.restart and start_ns < self._end_ns
+        if not wanted or self._restarts[keys.id_of(name)] >= MAX_RESTARTS:
+            return False
+        self._restarts[keys.id_of(name)] += 1
+        if life is None:
+            self._fork_router()
+            self._watch.born(ROUTER)
+        else:
+            following = self.registry.next_life(name, start_ns)
+            self._lives[following.name] = following
+            self._order(keys.LIFE, msgpack.packb(following.plain()))
+            self._fork_role(following)
+        return True
+
+    def _router_is_gone(self) -> bool:
+        """Whether there is no router and none to come."""
+        if self._own_router:
+            return ROUTER in self._watch.gone
+        now = time.monotonic()
+        if self.session.info.routers_zid() or not self._router_seen:
+            self._router_seen = now
+        return now - self._router_seen > ROUTER_AWAY_S
+
+    # --- what others ask ------------------------------------------------------------------------------------------
+
+    def pids(self) -> dict[str, int]:
+        """The process ids of all that run here, by name."""
+        return {name: pid for name in self._children.names() if (pid := self._children.pid(name)) is not None}
+
+    def host(self, name: str) -> str:
+        """Where it runs."""
+        return platform.node()
+
+    def log(self, name: str) -> Path:
+        """A process's log."""
+        return self.folder / "logs" / f"{name}.log"
+
+    def log_tail(self, name: str) -> str:
+        """The last lines of a process's log."""
+        log = self.log(name)
+        return "\n".join(log.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if log.exists() else ""
+
+    def _failure(self, what: str, name: str) -> RunFailed:
+        tail, log = self.log_tail(name), self.log(name)
+        return RunFailed(f"{what}; its log, {log}, ends:\n{tail}" if tail else what, process=name, log=tail)

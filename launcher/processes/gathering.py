@@ -1,0 +1,163 @@
+"""A run whose roles start elsewhere, in containers or on other machines: gathered, and watched by their tokens.
+
+Nobody here can see how such a process is. It has a liveliness token, which Zenoh takes away when the process ends, and
+when nothing was heard of it for the time of a lease.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from typing import Final
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from launcher.processes.children import Children
+from launcher.processes.deployment import GOOD_END, Deployment
+from launcher.processes.registry import Registry
+from launcher.records import RECORDER
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.wire import keys
+
+GATHER_TIMEOUT_S: Final = 300.0
+"""How long to wait for processes that others have to start."""
+STOP_TIMEOUT_S: Final = 60.0
+"""How long they may take to stop; an engine that takes down a hundred containers leaves the rest little time."""
+REFRESH_S: Final = 5.0
+"""How often to ask who is there, beside being told."""
+LOST: Final = "gone: its token was lost"
+
+
+class Guests(Children):
+    """The recorder, a child, and guests, who are none: being out of reach is for them what standing still is for it."""
+
+    def __init__(self, registry: Registry) -> None:
+        super().__init__(1)
+        self._registry = registry
+        self._expected: dict[str, None] = {}
+        self._came: set[str] = set()
+        self._left: set[str] = set()
+        self._dismissed: set[str] = set()
+        self._ended: list[tuple[str, str]] = []
+
+    def expect(self, name: str) -> None:
+        """A guest by this name is to come."""
+        self._expected[name] = None
+
+    def left(self, name: str) -> None:
+        """This guest said its last word."""
+        self._left.add(name)
+        self._ended.append((name, GOOD_END))
+
+    def dismiss(self, names: Iterable[str]) -> None:
+        """These have nothing left to do: whoever of them is gone from now on has left."""
+        self._dismissed.update(names)
+
+    def names(self) -> list[str]:
+        """Children and guests."""
+        return super().names() + list(self._expected)
+
+    def gone(self) -> list[tuple[str, str]]:
+        """Children that ended and guests that left, since the last call."""
+        ended, self._ended = self._ended, []
+        return super().gone() + ended
+
+    def stopped(self, name: str) -> bool:
+        """Whether a child stands still; whether a guest that was there is not, once emulated time goes on."""
+        if name not in self._expected:
+            return super().stopped(name)
+        if self._registry.start_ns is None or name in self._left:
+            return False
+        if name in self._registry.live:
+            self._came.add(name)
+            return False
+        if name in self._dismissed:
+            self.left(name)
+            return False
+        return name in self._came
+
+    def kill(self, name: str) -> None:
+        """End a child; give up a guest."""
+        if name in self._expected:
+            self._ended.append((name, LOST))
+        else:
+            super().kill(name)
+
+
+class Gathering(Deployment):
+    """A deployment that starts the recorder alone and waits for the roles; its router is somewhere else, too."""
+
+    stopped = "was out of reach"
+    _refresh_at = 0.0
+
+    def _registry(self) -> Registry:
+        return Registry(self.plan, open=True)
+
+    def _make_children(self) -> Children:
+        self._guests = Guests(self.registry)
+        return self._guests
+
+    def _connect(self) -> None:
+        super()._connect()
+        final = keys.telemetry_of_all("final")
+        self._held.append(self.session.declare_subscriber(final, Callback(self._on_final, indirect=False)))
+
+    def _on_final(self, sample: zenoh.Sample) -> None:
+        name = str(sample.key_expr).split("/")[1]
+        if name != RECORDER:
+            self._guests.left(name)
+
+    def _fork_role(self, life: ProcessSpec) -> None:
+        self._guests.expect(life.name)
+
+    def _ready_timeout_s(self) -> float:
+        return GATHER_TIMEOUT_S
+
+    def _stop_timeout_s(self) -> float:
+        return STOP_TIMEOUT_S
+
+    def _tend(self) -> None:
+        if time.monotonic() >= self._refresh_at:
+            self._refresh_at = time.monotonic() + REFRESH_S
+            self.registry.refresh(self.session)
+        while self.registry.births:
+            before, life = self.registry.births.popleft()
+            self._succeed(before, life)
+        super()._tend()
+
+    def _succeed(self, before: str, life: ProcessSpec) -> None:
+        """Another process came to the place of one that is gone."""
+        self._lives[life.name] = life
+        self._guests.expect(life.name)
+        self._order(keys.LIFE, msgpack.packb(life.plain()))
+        if before in self._watch.still():
+            self._watch.give_up(before, LOST, again=True)
+        elif before not in self._watch.gone:
+            self._watch.gone.add(before)
+            self._watch.died(before, LOST, again=True)
+
+    def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
+        return False
+
+    def finish(self) -> None:
+        """As any deployment, but nobody waits for those who never came, or for last words."""
+        self._guests.dismiss(self._reached)
+        if self.registry.start_ns is None:
+            self._watch.gone.update(set(self._lives) - self.registry.live)
+        super().finish()
+
+    def _end_still(self, names: set[str]) -> None:
+        """Who is out of reach at the end is not waited for."""
+        for name in sorted(names & self._watch.still() & set(self._lives)):
+            self._watch.give_up(name, LOST)
+        super()._end_still(names - self._watch.gone)
+
+    def pids(self) -> dict[str, int]:
+        """None: the roles are not processes of this machine."""
+        return {}
+
+    def host(self, name: str) -> str:
+        """Where it runs, as it said itself."""
+        return self.registry.hosts.get(name) or super().host(name)

@@ -1,0 +1,77 @@
+"""What every process of a run is forked from, and how each of them begins.
+
+Preloaded by a fork server: a node is forked with all its imports done and shares their memory with its thousand
+siblings. What a child is to become comes as ``module:attribute``, imported after the fork unless ``Children`` was told
+to preload it. Nothing here may import what a node must not carry (numpy, rerun, pydantic).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import logging
+import os
+import signal
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from setproctitle import setproctitle
+
+from launcher.processes.garbage import look_seldom
+from trackfield.plugins import load
+
+_PR_SET_PDEATHSIG: Final = 1
+_PR_SET_TIMERSLACK: Final = 29
+_ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True, slots=True)
+class Child:
+    """What a child becomes: ``place`` (``module:attribute``) is called with its arguments and is its whole life.
+
+    ``title`` is what ``ps`` shows, ``log`` where its output goes. One that is ``graceful`` is terminated, not killed,
+    when the launcher dies.
+    """
+
+    place: str
+    title: str
+    log: Path
+    niceness: int = 0
+    graceful: bool = False
+
+
+def become(child: Child, *arguments: Any) -> None:
+    """Be this child, from its birth to its last word."""
+    _enter(child)
+    load(child.place)(*arguments)
+
+
+def _enter(child: Child) -> None:
+    """Be a process of its own: title, log file, and no life beyond that of the launcher."""
+    setproctitle(f"trackfield {child.title}")
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM if child.graceful else signal.SIGKILL)
+    _prctl(_PR_SET_TIMERSLACK, 1000)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for name in _ONE_THREAD:
+        os.environ[name] = "1"
+    with child.log.open("ab", buffering=0) as file:
+        os.dup2(file.fileno(), sys.stdout.fileno())
+        os.dup2(file.fileno(), sys.stderr.fileno())
+    logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr, force=True)
+    if child.niceness:
+        os.nice(child.niceness)
+
+
+def _prctl(option: int, value: int) -> None:
+    ctypes.CDLL(None).prctl(option, value)
+
+
+if os.environ.get("TRACKFIELD_ZYGOTE") == str(os.getppid()):
+    os.setsid()  # the terminal's Ctrl-C is for the launcher alone
+    _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    setproctitle("trackfield zygote")
+    look_seldom()
+    gc.freeze()

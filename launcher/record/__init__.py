@@ -1,0 +1,1 @@
+"""What writes a run down: the ledger of frames, the recorder, tables of tracks and messages, figures."""

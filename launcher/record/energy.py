@@ -1,0 +1,202 @@
+"""What the field's batteries gave: by cause, under several accountings, and for how long they last."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, dist, inf
+from typing import Any, Final
+
+from scipy.spatial import cKDTree
+
+from launcher.record.ledger import Ledger
+from launcher.records import MessageRow, Plan
+from trackfield.drivers.meter import Activity
+from trackfield.drivers.radio import RADIO
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.link import first_order
+from trackfield.link.energy import CAUSES, DEVICES, Power
+from trackfield.role import NS
+
+HEARD: Final = 0.01
+"""A hearer of whose sender's frames at least this share would arrive pays for hearing them, meant for it or not."""
+ACCOUNTINGS: Final = ("metered", "without_listening", "with_overhearing", "first_order")
+"""Ways to count that do not change the device (docs/metrics.md); those that do are called by its name."""
+_FJ: Final = 1e-15
+
+
+@dataclass(frozen=True)
+class Node:
+    """A battery's whole story, over all lives of its process: ``power`` its device, ``died_ns`` when it was empty."""
+
+    spec: ProcessSpec
+    power: Power
+    activity: Activity
+    metered_ns: int
+    died_ns: int | None
+
+    @property
+    def spent_j(self) -> dict[str, float]:
+        """By cause."""
+        return {cause: fj * _FJ for cause, fj in self.activity.energy_fj(self.power).items()}
+
+    @property
+    def lifetime_s(self) -> float | None:
+        """When the battery is empty if all goes on as it went; None on mains."""
+        if self.died_ns is not None:
+            return self.died_ns / NS
+        spent = sum(self.spent_j.values())
+        if self.power.battery_fj is None or not spent:
+            return None
+        return self.power.battery_fj * _FJ / spent * self.metered_ns / NS
+
+
+def nodes_of(plan: Plan, ledger: Ledger) -> list[Node]:
+    """The sensor nodes that know what they draw."""
+    lives: defaultdict[str, list[ProcessSpec]] = defaultdict(list)
+    for diary in ledger.diaries.values():
+        if diary.spec.role == "node" and diary.spec.power:
+            lives[diary.spec.id].append(diary.spec)
+    found = []
+    for specs in lives.values():
+        records = [ledger.finals.get(spec.name, {}) for spec in specs]
+        died = [d.died[0] for spec in specs if (d := ledger.diaries[spec.name]).died is not None]
+        found.append(
+            Node(
+                specs[0],
+                Power(**specs[0].power),
+                Activity.total(Activity(*r["activity"]) for r in records if "activity" in r),
+                sum(r.get("metered_ns", 0) for r in records),
+                min(died, default=None),
+            )
+        )
+    return found
+
+
+def energy_metrics(ledger: Ledger, nodes: Sequence[Node]) -> dict[str, Any]:
+    """``energy_j`` of metrics.json; null where nobody counts."""
+    if not nodes:
+        nothing = {"by": dict.fromkeys(CAUSES), "by_accounting": dict.fromkeys((*ACCOUNTINGS, *DEVICES))}
+        return {"total": None, "max_node": None, **nothing}
+    spent = [node.spent_j for node in nodes]
+    by = {cause: sum(one[cause] for one in spent) for cause in CAUSES}
+    total = sum(by.values())
+    silent = total - by["listen"] + sum(n.activity.listen_ns * n.power.sleep_uw for n in nodes) * _FJ
+    figures = total, silent, silent + _overheard_j(ledger, nodes), _first_order_j(ledger, nodes)
+    return {
+        "total": total,
+        "max_node": max(sum(one.values()) for one in spent),
+        "by": by,
+        "by_accounting": {**dict(zip(ACCOUNTINGS, figures, strict=True)), **_by_device_j(ledger, nodes)},
+    }
+
+
+def lifetime_metrics(plan: Plan, nodes: Sequence[Node], reach_m: float) -> dict[str, Any]:
+    """``lifetime_s`` of metrics.json: of the batteries alone, at the rate of this run where they outlast it.
+
+    Coverage is lost when the target, on the path of this run, could pass a place unheard which it could not before:
+    all sensors within ``reach_m`` of it are empty.
+    """
+    ends = {node.spec.id: t for node in nodes if (t := node.lifetime_s) is not None}
+    if not ends:
+        return dict.fromkeys(("first_death", "half_dead", "coverage_lost", "extrapolated", "empty"))
+    order = sorted(ends.values())
+    figures = [order[0], order[ceil(len(order) / 2) - 1], _coverage_lost(plan, nodes, ends, reach_m)]
+    names = ("first_death", "half_dead", "coverage_lost")
+    return {
+        **dict(zip(names, figures, strict=True)),
+        "extrapolated": any(t is not None and t > plan.run.end_ns / NS for t in figures),
+        "empty": [{"id": node.spec.id, "t": node.died_ns / NS} for node in nodes if node.died_ns is not None],
+    }
+
+
+def _coverage_lost(plan: Plan, nodes: Sequence[Node], ends: Mapping[str, float], reach_m: float) -> float | None:
+    lasts = [ends.get(node.spec.id, inf) for node in nodes]
+    places = cKDTree([(node.spec.x, node.spec.y) for node in nodes])
+    near: list[list[int]] = [places.query_ball_point(point[1:], reach_m) for point in plan.info.truth]
+    lost = min((max(lasts[i] for i in heard) for heard in near if heard), default=inf)
+    return lost if lost < inf else None
+
+
+# --- other accountings ------------------------------------------------------------------------------------------------
+
+
+def _by_device_j(ledger: Ledger, nodes: Iterable[Node]) -> dict[str, float]:
+    """What each device would have drawn for the same frames, listening and sleeping."""
+    received: Counter[str] = Counter()
+    heard: Counter[str] = Counter()
+    for row in ledger.rows:
+        if row.delivered and row.medium == RADIO:
+            received[row.dst] += row.bytes
+            heard[row.dst] += 1
+    totals: dict[str, float] = dict.fromkeys(DEVICES, 0.0)
+    for node in nodes:
+        for name, device in DEVICES.items():
+            sent, frames = ledger.sent_bytes[node.spec.id]
+            activity = node.activity._replace(
+                send_ns=(sent + frames * device.overhead_bytes) * device.byte_ns,
+                receive_ns=(received[node.spec.id] + heard[node.spec.id] * device.overhead_bytes) * device.byte_ns,
+            )
+            totals[name] += sum(activity.energy_fj(device).values()) * _FJ
+    return totals
+
+
+def _first_order_j(ledger: Ledger, nodes: Iterable[Node]) -> float:
+    """Heinzelman's model: bits alone cost, at the sender with the distance to the furthest hearer."""
+    counted = {node.spec.id for node in nodes}
+    places = {diary.spec.id: (diary.spec.x, diary.spec.y) for diary in ledger.diaries.values()}
+    furthest: dict[tuple[Any, ...], tuple[float, int]] = {}
+    total = 0
+    for row in ledger.rows:
+        if row.medium != RADIO or row.outcome == "overflow":
+            continue
+        if row.delivered and row.dst in counted:
+            total += first_order.receive_fj(8 * row.bytes)
+        if row.src in counted:
+            frame = (row.src, row.incarnation, row.kind, row.sent_ns, row.copy)
+            away = dist(places[row.src], places[row.dst])
+            furthest[frame] = max(furthest.get(frame, (0.0, 0)), (away, row.bytes))
+    return (total + sum(first_order.send_fj(8 * size, away) for away, size in furthest.values())) * _FJ
+
+
+def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:
+    """What hearing the frames of others, and lost ones, costs those whose radio is on in their reach, above sleeping.
+
+    A radio that listens draws as much as one that receives, or nearly: this is a part of ``listen``, not beside it.
+    """
+    known = {node.spec.id: node for node in nodes}
+    total = 0
+    for row, meant, awake in _awake(ledger, known):
+        for id in awake - meant - {row.src}:
+            if ledger.link.reception(row.src, id, row.bytes, at_ns=row.sent_ns) >= HEARD:
+                power = known[id].power
+                total += (row.bytes + power.overhead_bytes) * power.byte_ns * (power.receive_uw - power.sleep_uw)
+    return total * _FJ
+
+
+def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow, set[str], set[str]]]:
+    """Each transmission, who got it that it was meant for, and whose radios were on as it was sent."""
+    sent: dict[tuple[Any, ...], tuple[MessageRow, set[str]]] = {}
+    for row in ledger.rows:
+        if row.medium == RADIO and row.outcome != "overflow":
+            _, meant = sent.setdefault((row.sent_ns, row.src, row.incarnation, row.kind, row.copy), (row, set()))
+            if row.delivered:
+                meant.add(row.dst)
+    changes = sorted(
+        (t, diary.spec.id, on)
+        for diary in ledger.diaries.values()
+        if diary.spec.id in known
+        for t, on in diary.awake(RADIO)
+    )
+    awake: set[str] = set()
+    position = 0
+    for _, (row, meant) in sorted(sent.items(), key=lambda item: item[0]):
+        latest: dict[str, bool] = {}
+        while position < len(changes) and changes[position][0] < row.sent_ns:
+            _, id, on = changes[position]
+            latest[id] = on
+            position += 1
+        if latest:  # a new set: one that once held the whole field would stay as large, and as slow to look through
+            awake = awake.difference(latest) | {id for id, on in latest.items() if on}
+        yield row, meant, awake

@@ -1,0 +1,77 @@
+"""Run folders: begun empty, with a manifest, and with the files that make the run again."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+
+from launcher.record.journal import write_json
+from launcher.records import Plan
+from trackfield.errors import ScenarioError
+from trackfield.scenario import Scenario
+from trackfield.scenario.links import Trace
+from trackfield.scenario.sections import FromFile, Surveyed
+
+
+def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Path("runs")) -> Path:
+    """An empty folder for the run: ``out``, or one ``below``. Raises ``ScenarioError`` as ``begin_folder`` does."""
+    stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
+    folder = out or below / f"{scenario}-{seed}-{stamp}"
+    begin_folder(folder, "logs")
+    return folder
+
+
+def begin_folder(folder: Path, inside: str) -> None:
+    """A folder with an empty one inside. Raises ``ScenarioError`` if it has something in it or cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise ScenarioError(
+                "the folder has something in it",
+                file=str(folder),
+                key="--out",
+                expected="an empty or new one",
+            )
+        (folder / inside).mkdir()
+    except OSError as error:
+        raise ScenarioError(
+            f"cannot write there ({error.strerror})",
+            file=str(folder),
+            key="--out",
+            expected="a writable folder",
+        ) from None
+
+
+def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
+    """Versions, machine and command; ``run`` and ``endpoint`` are what others join it by."""
+    packages = ("trackfield", "eclipse-zenoh", "numpy", "scipy", "rerun-sdk")
+    manifest = {
+        "command": list(command),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {"python": platform.python_version(), **{p: version(p) for p in packages}},
+        "machine": {
+            "system": platform.platform(),
+            "cores": psutil.cpu_count(),
+            "memory_gb": round(psutil.virtual_memory().total / 1e9, 1),
+        },
+        "run": plan.run.run,
+        "endpoint": endpoint,
+    }
+    write_json(manifest, folder / "manifest.json")
+
+
+def keep(scenario: Scenario, folder: Path) -> None:
+    """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
+    for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
+        part = getattr(scenario, section)
+        if isinstance(part, FromFile | Surveyed | Trace):
+            file = Path(part.file)
+            copy = shutil.copyfile(file, folder / f"{name}{file.suffix}")
+            scenario = scenario.model_copy(update={section: part.model_copy(update={"file": copy.name})})
+    (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")

@@ -1,0 +1,131 @@
+"""What a run leaves behind while it goes on and when it ends: timeline, tables, metrics."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from itertools import islice
+from math import hypot
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+from launcher.record.bounds import run_bound
+from launcher.record.diary import Event
+from launcher.record.ledger import Ledger
+from launcher.record.metrics import Metrics, run_metrics
+from launcher.record.tables import track_rows, write_messages, write_tracks
+from launcher.records import MessageRow, Plan
+from launcher.timeline.timeline import Timeline
+from trackfield.drivers.frames import Charge, Died, Queued
+from trackfield.role import NS, Note, Publish, State
+
+TIMELINE: Final = "run.rrd"
+METRICS: Final = "metrics.json"
+
+Unplanned = tuple[str, float | None, str]
+"""A death that nobody planned: whose, when (s; None: nobody knows), and why."""
+
+
+class Telling:
+    """Hands on what the ledger has settled to a timeline."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, timeline: Timeline) -> None:
+        self.plan, self.ledger, self.timeline = plan, ledger, timeline
+        self.states: dict[str, str] = {}
+        self.errors: dict[str, float | None] = {}
+        self.outcomes: dict[str, int] = {}
+        self._errors_told = 0
+
+    def settle(self, until_ns: int) -> None:
+        """Write what is settled up to this true time."""
+        self._write(*self.ledger.settle(until_ns))
+        self.timeline.flush()
+
+    def take_over(self, rows: Sequence[MessageRow]) -> None:
+        """What became of each frame in a run before this one."""
+        self.ledger.rows += rows
+        self._write(rows, [])
+
+    def end(self, deaths: Sequence[Unplanned] = ()) -> None:
+        """Write the rest of it; the timeline is still to be closed."""
+        self._write(*self.ledger.close(name for name, *_ in deaths))
+        for name, t_s, why in deaths:
+            if t_s is not None:
+                self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
+
+    def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
+        for row in rows:
+            self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
+            if row.sent_ns < self.plan.run.end_ns:  # a stranger may date its frames at will
+                self.timeline.message(row)
+        for event in events:
+            self._tell(event)
+        for (t_ns, process), error_ns in islice(self.ledger.clock_errors.items(), self._errors_told, None):
+            self.timeline.clock_error(t_ns, process, error_ns / 1e6)
+        self._errors_told = len(self.ledger.clock_errors)
+
+    def _tell(self, event: Event) -> None:
+        match event.effect:
+            case State(name, lane):
+                self.states[event.process] = name
+                self.timeline.state(event.t_ns, event.process, name, lane)
+            case Charge(share):
+                self.timeline.battery(event.t_ns, event.process, share)
+            case Died(why):
+                self.states[event.process] = "dead"
+                self.timeline.death(event.t_ns, event.process, why)
+            case Queued(_, sent_ns, waited_ns, ahead):
+                self.timeline.queue(sent_ns - waited_ns, event.process, ahead)
+            case Note(text):
+                self.timeline.note(event.t_ns, event.process, text)
+            case Publish(point):
+                t_ns = point.step * self.plan.step_ns
+                truth = self.plan.path.at(t_ns / NS)
+                self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
+                error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
+                self.errors[point.tracker] = error
+
+
+class Journal(Telling):
+    """Writes the timeline of a run into its folder, and closes the books."""
+
+    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
+        super().__init__(plan, ledger, Timeline(folder / TIMELINE, plan.info))
+        self.folder = folder
+
+    def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
+        """Write the rest, and the tables; the metrics that are known here."""
+        self.end(deaths)
+        tracks = track_rows(
+            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
+            self.plan.path,
+            self.plan.step_ns,
+        )
+        bound = run_bound(self.plan, self.ledger.rows)
+        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
+            if step in bound:
+                self.timeline.bound(t_ns, bound[step])
+        self.timeline.close()
+        write_messages(self.ledger.rows, self.folder / "messages.parquet")
+        write_tracks(tracks, bound, self.folder / "tracks.parquet")
+        metrics = run_metrics(self.plan, self.ledger, tracks)
+        metrics["recorder"]["messages"] = messages
+        return metrics
+
+
+def summary(journal: Journal) -> dict[str, Any]:
+    """What the live table shows: counts so far, states now, the latest error of each tracker (m)."""
+    states: dict[str, int] = {}
+    for name in journal.states.values():
+        states[name] = states.get(name, 0) + 1
+    return {
+        "sent": sum(journal.ledger.sent_kinds.values()),
+        "outcomes": dict(journal.outcomes),
+        "states": states,
+        "errors": dict(journal.errors),
+    }
+
+
+def write_json(value: object, file: FilePath) -> None:
+    """A file that people read, too."""
+    file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")

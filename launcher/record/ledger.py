@@ -1,0 +1,255 @@
+"""The ledger: every frame accounted for.
+
+Fate being pure, the ledger computes what became of each (frame, hearer) from the frame alone; what depends on the
+hearer's state (asleep, refused as late) it takes from the hearer's telemetry, and the hearers' own counters are the
+cross-check. It sees a run through ``sent``, ``told`` and ``final``, from Zenoh or from the virtual driver alike.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from heapq import heappop, heappush
+from typing import Any, Final, NamedTuple
+
+from launcher.record.diary import Diary, Event
+from launcher.records import MessageRow
+from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, Told, Undone
+from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
+from trackfield.role import Publish
+from trackfield.wire.codec import WireError, decode
+from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
+
+SYNCHRONISING: Final = ("sync-request", "sync-reply")
+"""Kinds of messages by which clocks are set; they leave while the clock is still wrong."""
+
+
+class Ledger:
+    """Accounts of one run; ``rows`` grows as outcomes settle."""
+
+    def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec]) -> None:
+        self.run = run
+        self.rows: list[MessageRow] = []
+        self.sent_by: Counter[str] = Counter()
+        self.sent_kinds: Counter[str] = Counter()
+        self.payload_max: Counter[str] = Counter()
+        self.payload_bytes = 0
+        self.on_air = 0
+        self.sent_bytes: defaultdict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
+        self.finals: dict[str, dict[str, Any]] = {}
+        self.counts: dict[str, dict[str, int]] = {}
+        self.diaries = {p.name: Diary(p) for p in processes}
+        self.clock_errors: dict[tuple[int, str], int] = {}
+        self.link = link_of(run, places_of(processes))
+        self._processes = {p.id: p for p in processes}
+        self._lives: defaultdict[str, list[Diary]] = defaultdict(list)
+        for p in processes:
+            self._lives[p.id].append(self.diaries[p.name])
+        self._listeners = [p for p in self._processes.values() if p.cells]
+        self._timed = {p.id for p in processes if p.clock or p.jumps}
+        self._written: dict[str, None] = {}
+        self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
+        self._pending: list[tuple[int, int, Frame, MessageRow]] = []
+        self._order = 0
+
+    # --- what is seen ---------------------------------------------------------------------------------------------
+
+    def sent(self, frame: Frame) -> None:
+        """A frame left."""
+        self.sent_by[life_name(frame.src, frame.incarnation)] += 1
+        self.sent_kinds[frame.kind] += 1
+        self.payload_bytes += len(frame.payload)
+        self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
+        cost = frame.cost(self.link)
+        self.on_air += cost.bytes_on_air
+        size, frames = self.sent_bytes[frame.src]
+        self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
+        said, local_ns = describe(frame.payload), self._local_ns(frame)
+        for hearer in self._hearers(frame):
+            outcome, due = "in_flight", None
+            if frame.sent_ns < self.run.end_ns:
+                fate = cost if hearer == frame.to else frame.fate(self.link, hearer)
+                outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
+            self._await(frame, _row(frame, hearer, outcome, due, said, local_ns))
+
+    def told(self, process: str, output: Told | Refused | Undone) -> None:
+        """A process told something."""
+        if process in self.diaries:
+            self.diaries[process].write(output)
+            self._written[process] = None
+
+    def life(self, spec: ProcessSpec) -> None:
+        """A process that died unplanned lives again: what is due from then on is its new life's. May be told twice."""
+        if spec.name in self.diaries:
+            return
+        for diary in self._lives[spec.id]:
+            if diary.owns(spec.start_ns):
+                diary.spec = replace(diary.spec, kill_ns=spec.start_ns)
+        self.diaries[spec.name] = Diary(spec)
+        self._lives[spec.id].append(self.diaries[spec.name])
+
+    def end(self, end_ns: int) -> None:
+        """The run was ended early, at this true time."""
+        self.run = replace(self.run, end_ns=min(end_ns, self.run.end_ns))
+
+    def final(self, process: str, record: Mapping[str, Any]) -> None:
+        """A process's last word."""
+        self.finals[process] = dict(record)
+
+    def estimates(self) -> list[tuple[int, str, Publish]]:
+        """All that was published: (true time ns, process, estimate), in time order."""
+        published = [
+            (told.key[0], diary.spec.id, told.effect)
+            for diary in self.diaries.values()
+            for told in diary.told
+            if isinstance(told.effect, Publish)
+        ]
+        return sorted(published, key=lambda item: item[:2])
+
+    # --- what is settled ------------------------------------------------------------------------------------------
+
+    def settle(self, until_ns: int) -> tuple[list[MessageRow], list[Event]]:
+        """What is final up to this true time and was not handed out before, each in time order."""
+        rows = []
+        while self._pending and self._pending[0][0] <= until_ns:
+            _, _, frame, row = heappop(self._pending)
+            rows.append(self._judge(frame, row))
+        events: list[Event] = []
+        while self._kills and self._kills[0][0] <= min(until_ns, self.run.end_ns):
+            kill_ns, name = heappop(self._kills)
+            if self.diaries[name].died is None:
+                events.append(Event(kill_ns, self.diaries[name].spec.id, Died("killed")))
+        for name in list(self._written):
+            diary = self.diaries[name]
+            events += diary.settled(until_ns)
+            if diary.passed == len(diary.told):
+                del self._written[name]
+        for event in events:
+            if isinstance(event.effect, Overflowed):
+                rows += self._overflowed(event.effect.frame)
+        self.rows += rows
+        return rows, sorted(events, key=lambda event: event.t_ns)
+
+    def close(self, dead: Iterable[str] = ()) -> tuple[list[MessageRow], list[Event]]:
+        """Settle all; ``dead`` names lives that ended unplanned, which got only what they had counted."""
+        rows, events = self.settle(max([self.run.end_ns, *(p[0] for p in self._pending)]))
+        for name in set(dead) & self.diaries.keys():
+            self._bury(name)
+        return rows, events
+
+    def sums(self) -> dict[str, int]:
+        """How many frames were ``expected``, ``delivered`` and ``host_lost``.
+
+        The machine lost what the recorder saw and a hearer says that it did not get, and what left a process and
+        neither of them saw. What the recorder alone missed was delivered.
+        """
+        due: Counter[str] = Counter()
+        for row in self.rows:
+            if row.delivered or row.outcome == "asleep":
+                owner = self._owner(row)
+                due[owner.spec.name if owner else ""] += 1
+        more = [r.get("delivered", 0) + r.get("asleep", 0) - due[name] for name, r in self.finals.items()]
+        missed, unseen = sum(-n for n in more if n < 0), self.dropped()
+        heard_alone = min(sum(n for n in more if n > 0), unseen)
+        return {
+            "expected": len(self.rows) + unseen,
+            "delivered": sum(row.delivered for row in self.rows) - missed + heard_alone,
+            "host_lost": missed + unseen - heard_alone,
+        }
+
+    def dropped(self) -> int:
+        """Frames that left a process and never reached the recorder."""
+        return sum(max(r.get("sent", 0) - self.sent_by[name], 0) for name, r in self.finals.items())
+
+    # --- the account of one frame ---------------------------------------------------------------------------------
+
+    def _hearers(self, frame: Frame) -> Iterator[str]:
+        src = self._processes.get(frame.src)
+        cell = src.cell if src else ""
+        asked = self._listeners if frame.broadcast else filter(None, [self._processes.get(frame.to)])
+        return (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell))
+
+    def _overflowed(self, frame: Frame) -> list[MessageRow]:
+        said = describe(frame.payload)
+        return [_row(frame, hearer, "overflow", None, said, None) for hearer in self._hearers(frame)]
+
+    def _local_ns(self, frame: Frame) -> int | None:
+        """What its sender's clock showed as it left, where that is known."""
+        diary = self.diaries.get(life_name(frame.src, frame.incarnation))
+        return diary.local_ns(frame.sent_ns) if diary else None
+
+    def _await(self, frame: Frame, row: MessageRow) -> None:
+        self._order += 1
+        heappush(self._pending, (row.due_ns or row.sent_ns, self._order, frame, row))
+
+    def _judge(self, frame: Frame, row: MessageRow) -> MessageRow:
+        self._note_clock(row)
+        if row.due_ns is None:
+            return row
+        if row.due_ns >= self.run.end_ns:
+            return replace(row, outcome="in_flight")
+        owner = self._owner(row)
+        if owner is None:
+            return replace(row, outcome="dead")
+        if (cause := owner.misses(frame.medium, row.due_ns)) is not None:
+            return replace(row, outcome=cause)
+        reason = owner.refused.get(frame.key(row.due_ns))
+        if reason is None:
+            return row
+        return replace(row, outcome="late" if reason == LATE else "ignored")
+
+    def _owner(self, row: MessageRow) -> Diary | None:
+        """The life that owns a frame at its hearer."""
+        return next((diary for diary in self._lives[row.dst] if diary.owns(row.due_ns or 0)), None)
+
+    def _note_clock(self, row: MessageRow) -> None:
+        """By how much its sender's clock was off, unless it was asking for the time."""
+        if row.src in self._timed and row.kind not in SYNCHRONISING:
+            diary = self.diaries.get(life_name(row.src, row.incarnation))
+            if diary is not None:
+                self.clock_errors[row.sent_ns, row.src] = diary.clock_error_ns(row.sent_ns)
+
+    def _bury(self, name: str) -> None:
+        """A process that died unplanned got the first frames that it counted, and no more."""
+        got, life = self.counts.get(name, {}).get("delivered", 0), self.diaries[name]
+        mine = [i for i, r in enumerate(self.rows) if r.dst == life.spec.id and r.delivered and self._owner(r) is life]
+        for i in sorted(mine, key=lambda i: self.rows[i].due_ns or 0)[got:]:
+            self.rows[i] = replace(self.rows[i], outcome="dead")
+
+
+class Said(NamedTuple):
+    """What is in a payload: in words, and if it is a report its step and, of a DOA report, its bearing (degrees)."""
+
+    text: str
+    bearing_deg: float | None = None
+    step: int | None = None
+
+
+def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
+    return MessageRow(
+        frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
+        frame.incarnation, said.text, said.bearing_deg, said.step, local_ns, frame.payload,
+    )  # fmt: skip
+
+
+def describe(payload: bytes) -> Said:
+    """A payload for a person; never raises."""
+    try:
+        message = decode(payload)
+    except WireError as error:
+        return Said(f"malformed ({error.reason})")
+    match message:
+        case Doa(step, bearing_deg, level_db):
+            said = Said(f"DOA {bearing_deg:.1f} deg {level_db:.1f} dB", bearing_deg, step)
+        case Measurement(step, values):
+            said = Said(f"measured {', '.join(map(str, values))}", step=step)
+        case Threshold(_, level_db):
+            said = Said(f"report from {level_db:.2f} dB on")
+        case SyncRequest(exchange, sent_us):
+            said = Said(f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)")
+        case SyncReply(exchange, left_us=left_us):
+            said = Said(f"it is {left_us / 1e6:.6f} s (exchange {exchange})")
+        case _:
+            said = Said(repr(message))
+    return said

@@ -1,0 +1,111 @@
+"""What hears all of a run over Zenoh and keeps its ledger: the part that all recorders have in common."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from functools import lru_cache
+from threading import Event
+from typing import Any, Final
+
+import msgpack
+import zenoh
+
+from launcher.record.journal import Telling
+from launcher.record.ledger import Ledger
+from launcher.records import RECORDER, Plan
+from trackfield.drivers.frames import Frame
+from trackfield.drivers.process import Inbox, Seen, take_in
+from trackfield.drivers.spec import ProcessSpec, role_factory
+from trackfield.drivers.telemetry import unpack
+from trackfield.role import NEIGHBOURHOOD, NS
+from trackfield.wire import keys
+from trackfield.wire.codec import WireError
+from trackfield.wire.envelope import Envelope
+
+log = logging.getLogger(__name__)
+
+FLUSH_S: Final = 0.25
+"""How often what arrived is taken in and told."""
+SETTLE_S: Final = 1.0
+"""How far the timeline stays behind (wall time), so that what it shows is rarely undone."""
+
+_parsed = lru_cache(maxsize=10_000)(keys.parse)
+"""The keys of a run are few, and come again and again."""
+
+
+class Listener:
+    """Takes samples from Zenoh's thread and feeds the ledger; ``received`` counts them."""
+
+    def __init__(self, session: zenoh.Session, plan: Plan) -> None:
+        self.session, self.plan = session, plan
+        for factory in {p.factory for p in plan.processes}:
+            role_factory(factory)  # to know the message kinds that it defines
+        self.ledger = Ledger(plan.run, plan.processes)
+        self.received = 0
+        self._inbox: Inbox = deque()
+        self._arrived = Event()
+        self._start_ns: int | None = None
+        self._seen = Seen()
+        self._held: list[Any] = []
+
+    def listen(self, name: str, *telemetry: str) -> None:
+        """Hear all data and orders, and this telemetry, from now on; alive as ``name`` from then on."""
+        for key in (keys.ALL_DATA, *telemetry, keys.START, keys.END, keys.LIFE):
+            self._held.append(take_in(self.session, key, self._inbox, self._arrived))
+        self._held.append(self.session.liveliness().declare_token(keys.live(name)))
+
+    def now_ns(self) -> int | None:
+        """Emulated time now (None: before the start was ordered)."""
+        if self._start_ns is None:
+            return None
+        return round((time.monotonic_ns() - self._start_ns) * self.plan.run.speed)
+
+    def pulse(self, telling: Telling) -> None:
+        """Take in what arrived, and tell what is settled of it; to be called every ``FLUSH_S``."""
+        self.drain()
+        if (now_ns := self.now_ns()) is not None:
+            telling.settle(now_ns - round(SETTLE_S * self.plan.run.speed * NS))
+
+    def drain(self) -> None:
+        """Take in what arrived."""
+        while self._inbox:
+            _, sample = self._inbox.popleft()
+            key = str(sample.key_expr)
+            self.received += 1
+            try:
+                if key.startswith("data/"):
+                    self._data(key, sample)
+                elif key.startswith("telemetry/"):
+                    self._telemetry(key, sample.payload.to_bytes())
+                elif key == keys.START:
+                    self._start_ns = int(sample.payload.to_string())
+                elif key == keys.END:
+                    self.ledger.end(int(sample.payload.to_string()))
+                elif key == keys.LIFE:
+                    self.ledger.life(ProcessSpec.from_plain(msgpack.unpackb(sample.payload.to_bytes())))
+            except (WireError, ValueError) as error:
+                log.warning("ignored a sample on %s: %s", key, error)
+
+    def _data(self, key: str, sample: zenoh.Sample) -> None:
+        address = _parsed(key)
+        if sample.attachment is None:
+            raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
+        e = Envelope.unpack(sample.attachment.to_bytes())
+        to, payload = address.to or NEIGHBOURHOOD, sample.payload.to_bytes()
+        frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
+        if self._seen.again(frame.identity):
+            return  # its hearers count it as a duplicate
+        self.ledger.sent(frame)
+
+    def _telemetry(self, key: str, data: bytes) -> None:
+        _, process, what = key.split("/")
+        if process == RECORDER:
+            return
+        if what == "event":
+            self.ledger.told(process, unpack(data))
+        elif what == "counts":
+            self.ledger.counts[process] = msgpack.unpackb(data)
+        elif what == "final":
+            self.ledger.final(process, msgpack.unpackb(data, strict_map_key=False))

@@ -1,0 +1,45 @@
+"""A recorder that shows a run while it goes on: it serves the timeline to browsers and writes no file.
+
+It is no part of the field. A browser that stands still holds up this recorder, never the one that writes the run down.
+"""
+
+from __future__ import annotations
+
+import signal
+from threading import Event
+
+import zenoh
+
+from launcher.record.journal import Telling
+from launcher.record.listener import FLUSH_S, Listener
+from launcher.records import LIVE, Plan
+from launcher.timeline.timeline import Timeline
+from trackfield.drivers.session import open_client
+from trackfield.wire import keys
+
+
+class LiveRecorder(Listener):
+    """Shows what it hears, at a port of this machine, until it is told to end."""
+
+    def __init__(self, session: zenoh.Session, plan: Plan, port: int) -> None:
+        super().__init__(session, plan)
+        self.telling = Telling(plan, self.ledger, Timeline(port, plan.info))
+        self.end = Event()
+        self.listen(LIVE, keys.telemetry_of_all("event"))
+
+    def run(self) -> None:
+        """Show all up to the end, and that too."""
+        while not self.end.wait(FLUSH_S):
+            self.pulse(self.telling)
+        self.drain()
+        self.telling.end()
+        self.telling.timeline.close()
+
+
+def show(endpoint: str, plan: Plan, port: int) -> None:
+    """The life of the process that shows a run."""
+    session = open_client(endpoint, plan.run.run)
+    recorder = LiveRecorder(session, plan, port)
+    signal.signal(signal.SIGTERM, lambda *_: recorder.end.set())
+    recorder.run()
+    session.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,156 @@
+"""metrics.json: all that a run has to say in numbers (docs/metrics.md tells each key)."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from math import isfinite
+from typing import Any, Final
+
+import numpy as np
+
+from launcher.record.bounds import bound_metrics
+from launcher.record.energy import energy_metrics, lifetime_metrics, nodes_of
+from launcher.record.ledger import Ledger
+from launcher.record.tables import TrackRow
+from launcher.records import MessageRow, Plan
+from trackfield.drivers.histogram import Histogram
+from trackfield.filters import metrics as score
+
+CAUSES: Final = ("radio", "partition", "in_flight", "asleep", "frozen", "dead", "overflow")
+Metrics = dict[str, Any]
+
+
+def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metrics:
+    """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say."""
+    nodes = nodes_of(plan, ledger)
+    return {
+        "scenario": plan.info.scenario,
+        "seed": plan.run.seed,
+        "driver": None,
+        "wall_s": None,
+        "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
+        "trackers": tracker_metrics(tracks, plan.info.trackers, plan.lost_m),
+        "bound": bound_metrics(plan, ledger.rows, {r.point.step for r in tracks if _has_track(r) and r.truth}),
+        "processes": {
+            "started": len(plan.processes),
+            "ready_s": None,
+            "died": [],
+            "stopped": [],
+            "pss_mb_per_node": None,
+        },
+        "frames": _frames(ledger),
+        "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
+        "latency_ms": _latencies(ledger.rows, tracks),
+        "host_latency_ms": _quantiles(_merged(ledger, "latency")),
+        "timing": {
+            "speed": plan.run.speed,
+            "slip_ms": _quantiles(_merged(ledger, "slip")),
+            "inversions": _total(ledger, "inversions"),
+            "host_late": _total(ledger, "host_late"),
+        },
+        "energy_j": energy_metrics(ledger, nodes),
+        "lifetime_s": lifetime_metrics(plan, nodes, plan.reach_m),
+        "clock_error_ms": _clock_errors(ledger),
+        "recorder": {"messages": None, "dropped": ledger.dropped()},
+    }
+
+
+def tracker_metrics(tracks: Sequence[TrackRow], names: Iterable[str], lost_m: float = score.LOST_M) -> Metrics:
+    """Errors of each tracker over the steps after the start in which it had a track; lost if it ends ``lost_m`` off."""
+    return {name: _tracker([r for r in tracks if r.point.tracker == name], lost_m) for name in names}
+
+
+def _has_track(row: TrackRow) -> bool:
+    """Whether there is a track; a filter that diverged to what is no number has none."""
+    return bool(row.point.mean) and all(map(isfinite, (*row.point.mean, *row.point.covariance)))
+
+
+def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
+    known = [r for r in rows if _has_track(r) and r.truth is not None]
+    if not known:
+        nothing = dict.fromkeys(("x", "y", "position", "velocity"))
+        return {"rmse": nothing, "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0}
+    errors = np.array([r.point.mean for r in known]) - np.array([r.truth for r in known])
+    covariances = np.array([r.point.covariance for r in known]).reshape(-1, 4, 4)
+    nees = score.nees(errors, covariances)
+    sound = bool(np.isfinite(nees).all())
+    ended_without = not _has_track(rows[-1])
+    return {
+        "rmse": {
+            "x": score.rmse(errors[:, 0:1]),
+            "y": score.rmse(errors[:, 1:2]),
+            "position": score.rmse(errors[:, :2]),
+            "velocity": score.rmse(errors[:, 2:]),
+        },
+        "median_error": score.median_error(errors[:, :2]),
+        "nees": float(nees.mean()) if sound else None,
+        "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
+        "lost": ended_without or bool(score.lost(errors[:, :2], lost_m)),
+        "steps": len(known),
+    }
+
+
+def _frames(ledger: Ledger) -> Metrics:
+    outcomes = Counter(r.outcome for r in ledger.rows)
+    sums = ledger.sums()
+    return {
+        "sent": sum(ledger.sent_kinds.values()),
+        "expected": sums["expected"],
+        "delivered": sums["delivered"],
+        "late": outcomes["late"],
+        "duplicate": _total(ledger, "duplicate"),
+        "ignored": outcomes["ignored"] + _total(ledger, "malformed"),
+        "lost": {cause: outcomes[cause] for cause in CAUSES},
+        "host_lost": sums["host_lost"],
+        "by_kind": {
+            kind: {"sent": n, "payload_bytes_max": ledger.payload_max[kind]}
+            for kind, n in sorted(ledger.sent_kinds.items())
+        },
+    }
+
+
+def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metrics:
+    """Emulated: on the link, from a report's sending to its fusion, and from a step's instant to its track."""
+    fused: dict[int, int] = {}
+    for track in tracks:
+        fused.setdefault(track.point.step, track.told_ns)
+    link, to_filter = [], []
+    for row in rows:
+        if row.delivered and row.due_ns is not None:
+            link.append(row.due_ns - row.sent_ns)
+            if row.outcome == "delivered" and row.step in fused:
+                to_filter.append(fused[row.step] - row.sent_ns)
+    to_track = [track.told_ns - track.t_ns for track in tracks if not track.point.lag]
+    return {"link": _exact(link), "to_filter": _exact(to_filter), "to_track": _exact(to_track)}
+
+
+def _clock_errors(ledger: Ledger) -> Metrics:
+    """Of senders' clocks after correction, each time that they sent; null where all clocks are perfect."""
+    if not ledger.clock_errors:
+        return {"rms": None, "max": None}
+    errors = np.abs(np.array(list(ledger.clock_errors.values())) / 1e6)
+    return {"rms": score.rmse(errors[:, None]), "max": float(errors.max())}
+
+
+def _exact(durations_ns: Sequence[int]) -> Metrics:
+    if not durations_ns:
+        return dict.fromkeys(("p50", "p95", "p99", "max"))
+    p50, p95, p99, most = np.quantile(np.array(durations_ns) / 1e6, [0.5, 0.95, 0.99, 1.0]).tolist()
+    return {"p50": p50, "p95": p95, "p99": p99, "max": most}
+
+
+def _quantiles(histogram: Histogram) -> Metrics:
+    return {"p50": histogram.quantile_ms(0.5), "p99": histogram.quantile_ms(0.99)}
+
+
+def _merged(ledger: Ledger, name: str) -> Histogram:
+    total = Histogram()
+    for record in ledger.finals.values():
+        total.update(Histogram(record.get(name)))
+    return total
+
+
+def _total(ledger: Ledger, name: str) -> int:
+    return sum(int(record.get(name, 0)) for record in ledger.finals.values())

@@ -1,0 +1,81 @@
+"""The recorder process: hears all of a run over Zenoh and writes it down.
+
+Settled events go to the timeline as the run goes on; tables and metrics are made at the end. It writes what it has
+when it is told to finish, and just as well when it is terminated.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+from threading import Event
+from typing import Any, Final
+
+import msgpack
+import zenoh
+from zenoh.handlers import Callback
+
+from launcher.record.journal import METRICS, Journal, Unplanned, summary, write_json
+from launcher.record.listener import FLUSH_S, Listener
+from launcher.records import RECORDER, Plan
+from trackfield.drivers.session import open_client
+from trackfield.role import NS
+from trackfield.wire import keys
+
+STATUS_S: Final = 0.5
+FINALS_TIMEOUT_S: Final = 5.0
+
+
+class Recorder(Listener):
+    """Feeds the journal of a run folder, tells how it goes, and closes the books."""
+
+    def __init__(self, session: zenoh.Session, plan: Plan, folder: Path) -> None:
+        super().__init__(session, plan)
+        self.journal = Journal(plan, self.ledger, folder)
+        self.deaths: list[Unplanned] = []
+        self._finish = Event()
+        self._held.append(session.declare_subscriber(keys.FINISH, Callback(self._on_finish, indirect=False)))
+        self.listen(RECORDER, keys.ALL_TELEMETRY)
+
+    def _on_finish(self, sample: zenoh.Sample) -> None:
+        self.deaths = msgpack.unpackb(sample.payload.to_bytes(), use_list=False)
+        self._finish.set()
+
+    def terminate(self) -> None:
+        """Close the books with what there is."""
+        unheard = self.ledger.diaries.keys() - self.ledger.finals.keys()
+        self.deaths = [(name, None, "not heard of again") for name in sorted(unheard)]
+        self._finish.set()
+
+    def run(self) -> None:
+        """Record until told to finish, then close the books."""
+        status_at = 0.0
+        while not self._finish.wait(FLUSH_S):
+            self.pulse(self.journal)
+            if time.monotonic() >= status_at:
+                status_at = time.monotonic() + STATUS_S
+                self.session.put(keys.telemetry(RECORDER, "status"), msgpack.packb(self._status()))
+        self._await_finals()
+        metrics = self.journal.close(self.deaths, messages=self.received)
+        write_json(metrics, self.journal.folder / METRICS)
+
+    def _status(self) -> dict[str, Any]:
+        return {"t_s": max(self.now_ns() or 0, 0) / NS, **summary(self.journal)}
+
+    def _await_finals(self) -> None:
+        deadline = time.monotonic() + FINALS_TIMEOUT_S
+        wanted = self.ledger.diaries.keys() - {name for name, *_ in self.deaths}
+        self.drain()
+        while wanted - set(self.ledger.finals) and time.monotonic() < deadline:
+            time.sleep(0.02)
+            self.drain()
+
+
+def record(endpoint: str, plan: Plan, folder: Path) -> None:
+    """The life of the recorder process."""
+    session = open_client(endpoint, plan.run.run)
+    recorder = Recorder(session, plan, folder)
+    signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
+    recorder.run()
+    session.close()  # type: ignore[no-untyped-call]

@@ -1,0 +1,1 @@
+"""The papers that are done again, a folder for each: cases, bands, claims, figures."""

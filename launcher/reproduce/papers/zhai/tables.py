@@ -1,0 +1,181 @@
+"""Zhai, Yeary, Havlicek & Fan, "A New Centralized Sensor Fusion-Tracking Methodology Based on Particle Filtering for
+Power-Aware Systems", IEEE Trans. Instrum. Meas. 2009: its tables beside ours.
+
+Every verdict is computed from figures and a band that is stated beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+from launcher.reproduce.papers.zhai.cases import (
+    ALL,
+    CASES,
+    MAIN,
+    NOMINALS,
+    PARTICLES,
+    SINGLE,
+    TENTH,
+    nominals,
+    particles,
+)
+from launcher.reproduce.scores import Results
+
+TABLE_1: Final[Mapping[str, Mapping[str, float]]] = {
+    "spcpf": {"mean_x": 1.909, "var_x": 1.693, "mean_y": 4.004, "var_y": 6.978, "time": 2.161},
+    "bootstrap": {"mean_x": 23.180, "var_x": 154.63, "mean_y": 30.060, "var_y": 223.291, "time": 8.109},
+}
+"""The paper's Table I: metres, square metres, seconds."""
+FACTOR: Final = 1.5
+"""A figure within this factor of the published one counts as the same."""
+
+
+class Band(NamedTuple):
+    """Where a figure should lie, ends included."""
+
+    low: float
+    high: float
+
+    def __contains__(self, value: object) -> bool:
+        return isinstance(value, int | float) and self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        return f"≤ {self.high:.3g}" if self.low == 0 else f"{self.low:.3g}-{self.high:.3g}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure of a tracker in a case, with what it is to be compared with; None where there is nothing.
+
+    ``quantity`` says what ``ours`` is and its unit. ``ratio`` is ours to ``published``, ``to_bound`` ours to ``bound``,
+    the least error that any tracker can have. ``band`` tells the bands that ``verdict`` is about.
+    """
+
+    case: str
+    tracker: str
+    quantity: str
+    ours: float
+    published: float | None = None
+    ratio: float | None = None
+    median_run: float | None = None
+    lost: float | None = None
+    bound: float | None = None
+    to_bound: float | None = None
+    band: str = ""
+    verdict: str = ""
+
+
+BANDS: Final[Mapping[tuple[str, str], Mapping[str, Band]]] = {
+    ("s1", "spcpf"): {"position": Band(0, 1.7), "lost": Band(0, 0)},
+    ("s2", "spcpf"): {"position": Band(0, 3.0), "lost": Band(0, 0)},
+    ("s3", "spcpf"): {"position": Band(0, 2.6), "lost": Band(0, 0)},
+    ("s1", "bootstrap"): {"median_run": Band(4.5, 9.0), "lost": Band(0.03, 0.15)},
+    ("s2", "bootstrap"): {"lost": Band(0.8, 1)},
+    ("s3", "bootstrap"): {"lost": Band(0.8, 1)},
+    ("s1", "fix-imm-ukf"): {"position": Band(0, 1.15)},
+    ("s2", "fix-imm-ukf"): {"position": Band(0, 2.0)},
+    ("s3", "fix-imm-ukf"): {"position": Band(0, 1.95)},
+}
+"""For fields of ``Score``, by case and tracker: what an independent implementation reached, with some room."""
+RADAR_SHARE: Final = 0.5
+"""With bearings, a tracker's error should be at most this share of what predicting alone leaves."""
+
+
+def tables(results: Results) -> dict[str, list[Row]]:
+    """Everything that the paper measures, by table."""
+    paths = ("s1", "s2", "s3")
+    filters = (*map(particles, PARTICLES), *TENTH, "bootstrap")
+    rivals = ("spcpf", "bootstrap", *TENTH)
+    compared = ("spcpf", *SINGLE, *MAIN[1:])
+    causes = ("s1", "s1-narrow", "s2", "s2-agile", "s3", "s3-agile")
+    return {
+        "table I": list(_table_1(results)),
+        "scenarios": [_position(results, case, name, BANDS.get((case, name))) for case in paths for name in ALL],
+        "thresholds": [
+            _position(results, case, name) for case in thresholds() for name in compared if name in CASES[case].trackers
+        ],
+        "nominals": [_position(results, "s1", nominals(n)) for n in NOMINALS],
+        "particles": [_position(results, "s1", name) for name in filters],
+        "radar": [_radar(results, name) for name in CASES["radar"].trackers],
+        "causes": [
+            _position(results, case, name) for case in causes for name in rivals if name in CASES[case].trackers
+        ],
+    }
+
+
+def thresholds() -> list[str]:
+    """The cases that differ by the sensors' threshold, path by path."""
+    names = (f"{path}{share}" for path in ("s1", "s2", "s3") for share in ("-72", "", "-78", "-79"))
+    return [name for name in names if name in CASES]
+
+
+def _table_1(results: Results) -> Iterator[Row]:
+    units = {"mean_x": "mean of RMSE x, m", "var_x": "variance of RMSE x, m²"}
+    units |= {"mean_y": "mean of RMSE y, m", "var_y": "variance of RMSE y, m²"}
+    for tracker, published in TABLE_1.items():
+        for name, unit in units.items():
+            score = results.scores["s1"][tracker]
+            ours = getattr(score, name)
+            ratio = ours / published[name]
+            median = getattr(score, name.replace("mean", "median")) if name.startswith("mean") else None
+            lost = None if median is None else score.lost
+            yield Row("s1", tracker, unit, ours, published[name], ratio, median, lost, verdict=_beside(ratio))
+        ours = results.times[tracker]
+        yield Row("s1", tracker, "processor time, s", ours, published["time"], ours / published["time"])
+    ours, published_ratio = time_ratio(results.times), time_ratio({name: row["time"] for name, row in TABLE_1.items()})
+    cheaper = Band(0, 1)
+    yield Row(
+        "s1",
+        "spcpf",
+        "time over bootstrap's",
+        ours,
+        published_ratio,
+        ours / published_ratio,
+        band=str(cheaper),
+        verdict=_inside([ours], [cheaper]),
+    )
+
+
+def time_ratio(times: Mapping[str, float]) -> float:
+    """What SP-CPF costs, over what the bootstrap costs."""
+    return times["spcpf"] / times["bootstrap"]
+
+
+def _position(results: Results, case: str, tracker: str, bands: Mapping[str, Band] | None = None) -> Row:
+    """The position error, judged by its bands."""
+    score, bound = results.scores[case][tracker], results.fields[case].bound
+    judged = bands or {}
+    return Row(
+        case,
+        tracker,
+        "position, m",
+        score.position,
+        median_run=score.median_run,
+        lost=None if case == "radar" else score.lost,
+        bound=bound,
+        to_bound=None if bound is None else score.position / bound,
+        band=", ".join(f"{name.replace('_', ' ')} {band}" for name, band in judged.items()),
+        verdict=_inside([getattr(score, name) for name in judged], list(judged.values())),
+    )
+
+
+def _radar(results: Results, tracker: str) -> Row:
+    alone = results.scores["radar"]["predict-only"].position
+    useful = {"position": Band(0, RADAR_SHARE * alone)} if tracker in ("ekf", "ukf", "bootstrap") else None
+    return _position(results, "radar", tracker, useful)
+
+
+def _beside(ratio: float) -> str:
+    """What a figure is, compared with the published one."""
+    if ratio > FACTOR:
+        return "higher"
+    return "lower" if ratio < 1 / FACTOR else "as published"
+
+
+def _inside(values: Sequence[float], bands: Sequence[Band]) -> str:
+    """Whether every value lies in its band; nothing where there are none."""
+    if not bands:
+        return ""
+    return "in band" if all(value in band for value, band in zip(values, bands, strict=True)) else "outside"

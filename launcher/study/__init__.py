@@ -1,0 +1,1 @@
+"""Many runs, and runs of before: studies over seeds, comparisons, the same reports fused again."""

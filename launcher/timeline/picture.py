@@ -1,0 +1,162 @@
+"""Field and network as they are at each instant: what rests is drawn once, what does not is drawn at each change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+import numpy as np
+
+from launcher.records import FieldInfo
+from launcher.timeline import blueprint as look
+from launcher.timeline import rows
+from launcher.timeline.scene import Points, Shown, crosses, extent, spacing
+
+PACE_NS: Final = 400_000
+"""A layer of n points is drawn at most once in n times this: files grow with what happens, not with the field."""
+
+Add = Callable[[str, Callable[[list[Any]], rows.Columns], int, Any], None]
+"""Takes a row: entity, its columns, time, value."""
+
+
+class Picture:
+    """Draws what ``shown`` says, as rows that it hands to ``add``.
+
+    Kinds of things shown, with their keys and values: ``state`` process -> name, while it is at work; ``battery``
+    process -> share, while not full; ``lost`` process -> True; ``edge`` (from, to) -> True; ``ray`` process ->
+    bearing in rad; ``fix`` tracker -> (x, y) m; ``mark`` (process, text) -> colour. ``words`` holds what the lane of
+    marks has said, and the colour of each word.
+    """
+
+    def __init__(self, info: FieldInfo, add: Add) -> None:
+        self.shown = Shown()
+        self.words: dict[str, int] = {}
+        self._add = add
+        self._places = {place.id: (place.x, place.y) for place in info.places}
+        self._sensors = {place.id for place in info.places if place.role == "node"}
+        self._others = self._places.keys() - self._sensors
+        self._whole = list(look.graph_positions(info)) if len(info.places) <= look.WHOLE_NETWORK else []
+        self._reach = extent(info) / 4
+        self._cross = 0.16 * spacing(info)
+        self._working: dict[str, int] = {}  # sensors that neither rest nor are dead, and their colours
+        self._dead: set[str] = set()
+        self._layers: dict[str, Callable[[int], int]] = {
+            "working": self._draw_working,
+            "dead": self._draw_dead,
+            "battery": self._draw_batteries,
+            "nodes": self._draw_nodes,
+            "edge": self._draw_edges,
+            "ray": self._draw_rays,
+            "mark": self._draw_marks,
+        }
+        self._stale: set[str] = {"nodes"}
+        self._next_ns = dict.fromkeys(self._layers, 0)
+        self._pace_ns = PACE_NS
+        self.shown.show("again", "", True, 0)  # a first picture, all at rest
+
+    def settle(self, until_ns: float) -> None:
+        """Draws all that changes up to a time."""
+        for t_ns, changed in self.shown.until(until_ns):
+            self._note(changed)
+            self._draw(t_ns)
+
+    def close(self) -> None:
+        """Draws all that is left."""
+        self._pace_ns = 0
+        self._next_ns = dict.fromkeys(self._layers, 0)
+        self._draw(self.shown.last_ns)
+        self.settle(math.inf)
+
+    def _note(self, changed: dict[str, set[Any]]) -> None:
+        """Which layers no longer show what is."""
+        states = self.shown.now["state"]
+        for name in changed.get("state", set()) & self._sensors:
+            state = states.get(name)
+            if (state == look.DEAD) != (name in self._dead):
+                (self._dead.add if state == look.DEAD else self._dead.discard)(name)
+                self._stale.add("dead")
+            colour = None if state in (None, look.DEAD) else look.state_colour(state)
+            if self._working.get(name) != colour:
+                self._stale.add("working")
+            if colour is None:
+                self._working.pop(name, None)
+            else:
+                self._working[name] = colour
+        if changed.keys() & ({"state", "lost"} if self._whole else {"state", "lost", "edge"}):
+            self._stale.add("nodes")
+        self._stale |= changed.keys() & self._layers.keys()
+
+    def _draw(self, t_ns: int) -> None:
+        for layer in sorted(self._stale):
+            due_ns = self._next_ns[layer]
+            if due_ns > t_ns:
+                self.shown.show("again", layer, True, due_ns, due_ns + 1)
+                continue
+            self._next_ns[layer] = t_ns + self._pace_ns * self._layers[layer](t_ns)
+            self._stale.discard(layer)
+
+    # --- layers: each draws itself and says how many points that took -------------------------------------
+
+    def _draw_working(self, t_ns: int) -> int:
+        return self._dots("/field/working", t_ns, self._working.items())
+
+    def _draw_batteries(self, t_ns: int) -> int:
+        known = [(name, look.share_colour(share)) for name, share in self.shown.now["battery"].items()]
+        return self._dots("/field/battery", t_ns, (one for one in known if one[0] in self._places))
+
+    def _dots(self, path: str, t_ns: int, found: Iterable[tuple[str, int]]) -> int:
+        dots = sorted(found)
+        at = np.reshape([self._places[name] for name, _ in dots], (-1, 2))
+        self._add(path, rows.dots, t_ns, (at, [colour for _, colour in dots]))
+        return len(dots)
+
+    def _draw_dead(self, t_ns: int) -> int:
+        at = np.reshape([self._places[name] for name in sorted(self._dead)], (-1, 2))
+        self._add("/field/dead", rows.strips, t_ns, crosses(at, self._cross))
+        return len(at)
+
+    def _draw_nodes(self, t_ns: int) -> int:
+        names = self._whole or self._involved()
+        states, lost = self.shown.now["state"], self.shown.now["lost"]
+        colours = [look.LOST if name in lost else look.state_colour(states.get(name, look.REST)) for name in names]
+        if self._whole:
+            self._add("/network", rows.node_colours, t_ns, colours)
+        else:
+            self._add("/network", rows.nodes, t_ns, (names, colours))
+        return len(names)
+
+    def _involved(self) -> list[str]:
+        """Whoever works, sends or hears, and whatever is no sensor."""
+        ends = {name for edge in self.shown.now["edge"] for name in edge}
+        return sorted(self._others.union(ends, self._working, self.shown.now["lost"]))
+
+    def _draw_edges(self, t_ns: int) -> int:
+        edges = np.reshape(np.array(sorted(self.shown.now["edge"]), np.str_), (-1, 2))
+        self._add("/network", rows.edges, t_ns, edges)
+        return len(edges)
+
+    def _draw_rays(self, t_ns: int) -> int:
+        rays = self._rays()
+        self._add("/field/rays", rows.strips, t_ns, rays)
+        return len(rays)
+
+    def _rays(self) -> Points:
+        """From each sensor along its bearing to a little past the latest estimate, (n, 2, 2)."""
+        fix = next(iter(self.shown.now["fix"].values()), None)
+        found = []
+        for src, bearing in self.shown.now["ray"].items():
+            x, y = self._places[src]
+            length = self._reach if fix is None else 1.15 * math.dist((x, y), fix) + 5.0
+            found.append((x, y, x + length * math.sin(bearing), y + length * math.cos(bearing)))
+        return np.reshape(found, (-1, 2, 2))
+
+    def _draw_marks(self, t_ns: int) -> int:
+        marks = self.shown.now["mark"]
+        word = next((f"{process}: {text}" for process, text in marks), "")
+        if len(marks) > 1:
+            word += f" and {len(marks) - 1} more"
+        if word:
+            self.words[word] = look.LOST if look.LOST in marks.values() else look.LATE
+        self._add("/faults", rows.states, t_ns, word)
+        return len(marks)

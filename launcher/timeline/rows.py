@@ -1,0 +1,128 @@
+"""Rows of one kind as columns: what a Rerun entity is sent, many rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+
+from launcher.records import MessageRow
+from launcher.timeline import blueprint as look
+from launcher.timeline.scene import Points
+from trackfield.role import NS
+
+Columns = rr.ComponentColumnList
+Dots = tuple[Points, list[int]]
+"""Positions (n, 2) and colours of n points."""
+Nodes = tuple[list[str], list[int]]
+"""Ids and colours of the nodes of a network."""
+
+TIMES: Final = ("frame (from → to, kind)", "local clock", "received at", "sent at [s]")
+"""Columns of the table of messages; the viewer shows them in the order of the alphabet, as wide as their names."""
+
+
+def scalars(values: list[tuple[float, ...]]) -> Columns:
+    """Values of one time each, (n, lines)."""
+    return rr.Scalars.columns(scalars=np.array(values))
+
+
+def states(values: list[str]) -> Columns:
+    """Names of states; an empty one ends the state before it."""
+    return rr.StateChange.columns(state=values)
+
+
+def texts(values: list[tuple[str, str, int]]) -> Columns:
+    """Text, level and colour of lines of a log."""
+    text, level, colour = zip(*values, strict=True)
+    return rr.TextLog.columns(text=text, level=level, color=np.array(colour, np.uint32))
+
+
+def points(values: list[Points]) -> Columns:
+    """Positions (n, 2) of each picture."""
+    return rr.Points2D.columns(positions=np.concatenate(values)).partition(_lengths(values))
+
+
+def dots(values: list[Dots]) -> Columns:
+    """Positions and colours of each picture."""
+    at, colours = zip(*values, strict=True)
+    return rr.Points2D.columns(positions=np.concatenate(at), colors=_colours(colours)).partition(_lengths(at))
+
+
+def strips(values: list[Points]) -> Columns:
+    """Lines (n, corners, 2) of each picture."""
+    return rr.LineStrips2D.columns(strips=np.concatenate(values)).partition(_lengths(values))
+
+
+def node_colours(values: list[list[int]]) -> Columns:
+    """Colours of the nodes of a network that are drawn once and for all."""
+    return rr.GraphNodes.columns(colors=_colours(values)).partition(_lengths(values))
+
+
+def nodes(values: list[Nodes]) -> Columns:
+    """The nodes of each picture of a network of which only a part is drawn."""
+    ids, colours = zip(*values, strict=True)
+    names = [name for some in ids for name in some]
+    columns = rr.GraphNodes.columns(node_ids=names, labels=names, colors=_colours(colours))
+    return columns.partition(_lengths(ids))
+
+
+def edges(values: list[npt.NDArray[np.str_]]) -> Columns:
+    """Pairs of ids (n, 2) of each picture."""
+    return rr.GraphEdges.columns(edges=np.concatenate(values)).partition(_lengths(values))
+
+
+def times(values: list[MessageRow]) -> Columns:
+    """When messages were sent, by the true time and by their senders' clocks, and received if they were, in s."""
+    found: list[list[float | str | None]] = [
+        [f"{row.src} → {row.dst} {row.kind}" for row in values],
+        [_seconds(row.local_ns) for row in values],
+        [_seconds(row.due_ns) if row.delivered else None for row in values],
+        [_seconds(row.sent_ns) for row in values],
+    ]
+    columns: list[Any] = []
+    for name, column in zip(TIMES, found, strict=True):
+        known = [value for value in column if value is not None]
+        if not known:
+            continue  # Rerun knows no type for it
+        # The first argument is none of the columns: what is empty is left empty.
+        values_of = rr.AnyValues.columns(False, **{name: np.array(known)})
+        columns += values_of.partition([value is not None for value in column])
+    return rr.ComponentColumnList(columns)
+
+
+def apart(t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    """Times in increasing order, each at least 1 ns after the one before: a table has one row per instant."""
+    rank = np.arange(len(t_ns))
+    return np.maximum.accumulate(t_ns - rank) + rank
+
+
+def instant(row: MessageRow) -> int:
+    """When a message is shown: when it arrived, or was sent if it did not."""
+    return row.due_ns if row.delivered and row.due_ns is not None else row.sent_ns
+
+
+def sentence(row: MessageRow) -> tuple[str, str, int]:
+    """A message as a line of the log: text, level, colour."""
+    text = f"{row.src} → {row.dst}  {row.text or row.kind}  ({row.bytes} B)"
+    if not row.delivered:
+        return f"{text}  LOST: {row.outcome}", "ERROR", look.LOST
+    if row.due_ns is not None:
+        text += f"  {(row.due_ns - row.sent_ns) / 1e6:.1f} ms"
+    if row.outcome != "delivered":
+        return f"{text}  {row.outcome.upper()}", "WARN", look.LATE
+    return text, "INFO", look.INFO
+
+
+def _seconds(t_ns: int | None) -> float | None:
+    return None if t_ns is None else round(t_ns / NS, 4)
+
+
+def _colours(values: Sequence[list[int]]) -> npt.NDArray[np.uint32]:
+    return np.array([colour for some in values for colour in some], np.uint32)
+
+
+def _lengths(values: Sequence[Any]) -> list[int]:
+    return [len(value) for value in values]

@@ -1,0 +1,105 @@
+"""What stands still in a run's pictures: places, links and their reception, the style of what moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import rerun as rr
+
+from launcher.records import FieldInfo, Place
+from launcher.timeline import blueprint as look
+from launcher.timeline.scene import halves
+
+Part = tuple[str, *tuple[rr.AsComponents, ...]]
+"""An entity and what it is given."""
+
+
+def parts(info: FieldInfo) -> Iterator[Part]:
+    """All that is logged once, before the run."""
+    yield from _field(info)
+    yield from _network(info)
+    if info.receptions:
+        yield from _links(info)
+    for name, (labels, colours) in look.SERIES.items():
+        yield f"/plots/{name}", rr.SeriesLines(colors=colours, names=labels, widths=1.5)
+
+
+def _field(info: FieldInfo) -> Iterator[Part]:
+    dot = look.dot(info)
+    yield "/field", rr.Transform3D(scale=[1, -1, 1])  # 2-D views point y down, north is up
+    yield "/field/battery", look.point_style(None, dot + min(dot, 2.5), order=23)
+    yield "/field/sensors", *_places(_sensors(info), dot, look.state_colour(look.REST), 24)
+    yield "/field/working", look.point_style(None, max(dot, 2.5), order=28)
+    yield "/field/dead", look.line_style(look.LOST, 2.0, order=29)
+    moving = [id for id, _ in info.paths]
+    still = [place for place in _centres(info) if place.id not in moving]
+    yield "/field/centres", *_places(still, 8, look.CENTRE, 25, names=True)
+    if moving:
+        labels = rr.Points2D.from_fields(labels=moving, show_labels=True)
+        yield "/field/moving", look.point_style(look.CENTRE, 8, order=25), labels
+    yield "/field/rays", look.line_style(look.RAY, 1.2, order=5)
+    yield "/field/truth/path", look.line_style(look.TRUTH, 4.5, order=10)
+    yield "/field/truth/interpolated", look.line_style(look.INTERPOLATED, 4.5, order=10)
+    yield "/field/truth/position", look.point_style(look.TARGET, 3.5, order=60)
+
+
+def _network(info: FieldInfo) -> Iterator[Part]:
+    directed = rr.GraphEdges.from_fields(graph_type="directed")
+    if len(info.places) > look.WHOLE_NETWORK:
+        yield "/network", rr.GraphNodes.from_fields(show_labels=True), directed
+        return
+    style = rr.GraphNodes.from_fields(show_labels=len(info.places) <= look.ALL_LANES, radii=10.0)
+    at = look.graph_positions(info)
+    names = rr.GraphNodes.from_fields(node_ids=list(at), positions=list(at.values()), labels=list(at))
+    yield "/network", names, style, directed
+
+
+def _links(info: FieldInfo) -> Iterator[Part]:
+    shares = [share for *_, share in info.receptions]
+    yield "/links", rr.Transform3D(scale=[1, -1, 1])
+    yield (
+        "/links/reception",
+        rr.LineStrips2D(
+            list(halves(info)),
+            colors=np.array([look.share_colour(share) for share in shares], np.uint32),
+            radii=rr.Radius.ui_points(0.8),
+            labels=[f"{src} → {dst}: {share:.1%}" for src, dst, share in info.receptions],
+            show_labels=False,
+            draw_order=10,
+        ),
+    )
+    yield "/links/sensors", *_places(_sensors(info), look.dot(info) / 1.5, look.TRUTH, 20)
+    yield "/links/centres", *_places(_centres(info), 6, look.CENTRE, 25, names=True)
+    shares = [1.0, 0.75, 0.5, 0.25, 0.0]
+    yield (
+        "/links/legend",
+        rr.Points2D(
+            look.legend_places(info, len(shares)),
+            colors=np.array([look.share_colour(share) for share in shares], np.uint32),
+            labels=[f"{share:.0%}" for share in shares],
+            radii=rr.Radius.ui_points(5),
+            show_labels=True,
+        ),
+    )
+
+
+def _places(places: list[Place], radius: float, colour: int, order: float, *, names: bool = False) -> list[rr.Points2D]:
+    return [
+        rr.Points2D(
+            [(place.x, place.y) for place in places],
+            radii=rr.Radius.ui_points(radius),
+            colors=colour,
+            draw_order=order,
+            labels=[place.id for place in places],
+            show_labels=names,
+        )
+    ]
+
+
+def _sensors(info: FieldInfo) -> list[Place]:
+    return [place for place in info.places if place.role == "node"]
+
+
+def _centres(info: FieldInfo) -> list[Place]:
+    return [place for place in info.places if place.role != "node"]

@@ -1,0 +1,315 @@
+"""Writes a run to a Rerun file, or to viewers as it goes on: the field, its tracks, the network, messages, plots.
+
+Rows are kept per entity and sent together (``send_columns``): one at a time, each costs seven times as long
+and 1.1 kB. What is shown for a while (a sensor's state, the bearings and frames of a step) is one array per
+picture on a raster of 50 ms, not an entity per node, and holds only what is not at rest.
+"""
+
+from __future__ import annotations
+
+import math
+import pathlib
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import rerun as rr
+import rerun_bindings
+
+from launcher.records import FieldInfo, MessageRow
+from launcher.timeline import blueprint as look
+from launcher.timeline import rows, scenery
+from launcher.timeline.blueprint import path as entity
+from launcher.timeline.picture import Picture
+from launcher.timeline.scene import Points, Seconds, rings
+from trackfield.link.places import position
+from trackfield.role import NS, TrackPoint
+
+LAG_NS: Final = NS
+"""How far calls may be out of order: pictures and sums are settled only up to this long before the newest."""
+
+HOLD: Final = 16
+"""Rows are sent every so many flushes,"""
+BULK: Final = 256
+"""or as soon as an entity has so many of them."""
+
+BATTERY_STEPS: Final = 20
+"""Levels of a battery that are told apart."""
+MOVES_NS: Final = NS // 4
+"""How often a process that moves is drawn."""
+LINES: Final = 100
+"""Live, as many messages are listed at a flush; nobody reads more."""
+LIVE_MEMORY: Final = "256MiB"
+"""What is kept for viewers that come late; the oldest goes first."""
+LINGER_S: Final = 1.0
+"""For viewers to fetch the last of it."""
+MARKS: Final = 100
+"""A mark is as long as the run divided by this."""
+
+Columns = rows.Columns
+Rows = list[tuple[int, Any]]
+
+
+class Timeline:
+    """The timeline of one run: as a file, or live, at a port of this machine to which viewers connect.
+
+    Live, all is sent at every flush, and of many messages only some are listed. Times are emulated ns since the start
+    of the run, lengths metres. Calls may come up to a second out of order; whatever comes later than that is shown a
+    moment late, never dropped. Not safe for several threads.
+    """
+
+    def __init__(self, to: pathlib.Path | int, info: FieldInfo) -> None:
+        self._info, self._live = info, isinstance(to, int)
+        self._places = {place.id for place in info.places}
+        self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if place.role == "node"}
+        self._begun: set[str] = set()
+        self._resting: dict[str, int] = {}
+        self._known = {(round(t_s * NS), process, text) for t_s, process, text in info.marks}
+        self._pending: defaultdict[tuple[str, Callable[[list[Any]], Columns]], Rows] = defaultdict(list)
+        self._messages: list[MessageRow] = []
+        self._picture = Picture(info, self._add)
+        self._seconds = Seconds()
+        self._tracks: dict[str, _Track] = {}
+        self._mark_ns = round(info.end_s / MARKS * NS)
+        self._step_ns = NS
+        self._newest = self._flushes = self._truths = self._marks = self._moves = 0
+        self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
+        rr.set_log_tick_enabled(False, recording=self._rec)
+        rr.set_log_time_enabled(False, recording=self._rec)
+        sink = rr.FileSink(to) if isinstance(to, pathlib.Path) else _server(to)
+        self._rec.set_sinks(sink, default_blueprint=look.layout(info, live=self._live))
+        self._rec.send_recording_name(info.run)
+        for static in scenery.parts(info):
+            self._static(*static)
+        for name in ("lost", "bytes", "queue"):
+            self._add(f"/plots/{name}", rows.scalars, 0, (0.0,) if name == "queue" else (0.0, 0.0))
+        for start, end in info.gaps:
+            self._note(round(start * NS), "target", f"path interpolated until {end:g} s", "WARN")
+
+    def state(self, t_ns: int, process: str, name: str, lane: str = "") -> None:
+        """A process (or one lane of it) entered a state, of any name."""
+        self._newest = max(self._newest, t_ns)
+        self._lane(t_ns, process, name, lane)
+        self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
+
+    def death(self, t_ns: int, process: str, why: str) -> None:
+        """The life of a process ended, of an empty battery, say; its next state begins another."""
+        self.state(t_ns, process, look.DEAD)
+        self._mark(t_ns, process, why, "ERROR")
+
+    def fault(self, t_ns: int, process: str, text: str) -> None:
+        """A planned fault began or ended; one that ``FieldInfo.marks`` holds in these words is known already."""
+        if (t_ns, process, text) not in self._known:
+            self._newest = max(self._newest, t_ns)
+            self._mark(t_ns, process, text, "WARN")
+
+    def battery(self, t_ns: int, process: str, share: float) -> None:
+        """What is left in a battery, 0 to 1; a full one, and one never told of, is not drawn."""
+        self._newest = max(self._newest, t_ns)
+        level = round(share * BATTERY_STEPS) / BATTERY_STEPS
+        self._picture.shown.show("battery", process, level if level < 1 else None, t_ns)
+
+    def clock_error(self, t_ns: int, process: str, error_ms: float) -> None:
+        """By how much the clock of a process is wrong; the plot is of those told of in a second."""
+        self._newest = max(self._newest, t_ns)
+        self._seconds.clock(t_ns, error_ms)
+
+    def queue(self, t_ns: int, process: str, waiting: int) -> None:
+        """How many frames wait at the radio of a process; the plot is of the longest told of in a second."""
+        self._newest = max(self._newest, t_ns)
+        self._seconds.queue(t_ns, waiting)
+
+    def message(self, row: MessageRow) -> None:
+        """A frame reached its hearer, or is known to be lost."""
+        self._newest = max(self._newest, rows.instant(row))
+        self._messages.append(row)
+
+    def note(self, t_ns: int, process: str, text: str, level: str = "INFO") -> None:
+        """A sentence among the messages; ``level`` is INFO, WARN or ERROR."""
+        self._newest = max(self._newest, t_ns)
+        self._note(t_ns, process, text, level)
+
+    def estimate(self, t_ns: int, point: TrackPoint, truth: tuple[float, float] | None) -> None:
+        """A tracker published a point; ``truth`` is where the target was at that step (metres).
+
+        Of a smoothed track only the line is drawn, at the times that its points are about.
+        """
+        self._newest = max(self._newest, t_ns)
+        track = self._track(point.tracker)
+        if track.at is not None and point.step > track.at[1]:
+            self._step_ns = (t_ns - track.at[0]) // (point.step - track.at[1])
+        track.at = (t_ns, point.step)
+        here = np.reshape(point.mean[:2], (-1, 2))
+        if not point.lag:
+            self._place(track, t_ns, here, point)
+        if len(here) and len(track.last):
+            self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
+        track.last = here
+        if point.mean and truth is not None:
+            error = math.dist(point.mean[:2], truth)
+            self._add(entity("plots", "error", point.tracker), rows.scalars, t_ns, (error,))
+
+    def _place(self, track: _Track, t_ns: int, here: Points, point: TrackPoint) -> None:
+        self._add(track.path + "/position", rows.points, t_ns, here)
+        self._add(track.path + "/ellipse", rows.strips, t_ns, rings(here, point.covariance))
+        particles = np.frombuffer(point.particles, "<f4").reshape(-1, 2)
+        if len(particles) or track.particles:
+            track.particles = True
+            self._add(track.path + "/particles", rows.points, t_ns, particles)
+        if point.mean:
+            self._picture.shown.show("fix", point.tracker, (point.mean[0], point.mean[1]), t_ns)
+
+    def bound(self, t_ns: int, sd_m: float) -> None:
+        """How small the trackers' error could be at a step (m, root mean square)."""
+        self._add("/plots/error/bound", rows.scalars, t_ns, (sd_m,))
+
+    def flush(self) -> None:
+        """Sends what is due; to be called every quarter of a second."""
+        self._flushes += 1
+        self._settle(self._newest - LAG_NS)
+        self._send(everything=self._live or self._flushes % HOLD == 0)
+
+    def close(self) -> None:
+        """Sends all that is left and ends the file; without it the file has no footer."""
+        self._settle(self._newest)
+        self._picture.close()
+        self._settle(math.inf)
+        if words := self._picture.words:
+            colours = np.array(list(words.values()), np.uint32)
+            self._static("/faults", rr.StateConfiguration(values=list(words), colors=colours))
+        self._send(everything=True)
+        self._rec.flush(timeout_sec=5)
+        if self._live:
+            time.sleep(LINGER_S)
+        self._rec.disconnect()
+        del self._rec
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()  # else its threads stay as long as the program
+
+    # --- what happens -------------------------------------------------------------------------------------
+
+    def _track(self, tracker: str) -> _Track:
+        if tracker not in self._tracks:
+            track = self._tracks[tracker] = _Track(entity("field", tracker))
+            colour = look.tracker_colour(self._info, tracker)
+            faint = colour & ~0xFF | 0x70
+            self._static(track.path + "/position", look.point_style(colour, 3.0, order=50))
+            self._static(track.path + "/track", look.line_style(colour, 1.5, order=20))
+            self._static(track.path + "/ellipse", look.line_style(colour, 1.5, order=40))
+            self._static(track.path + "/particles", look.point_style(faint, 1.2, order=35))
+            plot = entity("plots", "error", tracker)
+            self._static(plot, rr.SeriesLines(colors=colour, names=tracker, widths=1.5))
+        return self._tracks[tracker]
+
+    def _static(self, path: str, *what: rr.AsComponents) -> None:
+        self._rec.log(path, *what, static=True)
+
+    def _note(self, t_ns: int, process: str, text: str, level: str) -> None:
+        self._add("/notes", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
+
+    def _lane(self, t_ns: int, process: str, name: str, lane: str) -> None:
+        """A row of the lanes; one that no view shows begins when its sensor first does something."""
+        path = entity("state", process, *([lane] if lane else []))
+        if process in self._unwatched and path not in self._begun:
+            if name == look.REST:
+                self._resting.setdefault(path, t_ns)
+                return
+            self._begun.add(path)
+            if path in self._resting:
+                self._add(path, rows.states, self._resting.pop(path), look.REST)
+        self._add(path, rows.states, t_ns, name)
+
+    def _mark(self, t_ns: int, process: str, text: str, level: str) -> None:
+        self._add("/faults", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
+        self._picture.shown.show("mark", (process, text), look.LEVELS[level], t_ns, t_ns + self._mark_ns)
+
+    def _settle(self, until_ns: float) -> None:
+        """Turns all messages, and all else that happened up to this time, into rows."""
+        for number, row in enumerate(self._messages):
+            if not self._live or number < LINES:
+                self._list(row)
+            self._message(row)
+        if self._live and (more := len(self._messages) - LINES) > 0:
+            self._note(self._newest, "messages", f"{more} more, not listed while the run goes on", "INFO")
+        self._messages.clear()
+        self._foreseen(self._newest / NS)
+        self._picture.settle(until_ns)
+        for t_ns, name, values in self._seconds.until(until_ns):
+            self._add(f"/plots/{name}", rows.scalars, t_ns, values)
+
+    def _foreseen(self, until_s: float) -> None:
+        """What was known beforehand, shown only as far as the run came."""
+        truth, marks = self._info.truth, self._info.marks
+        while self._truths < len(truth) and truth[self._truths][0] <= until_s:
+            self._truth(self._truths)
+            self._truths += 1
+        while self._marks < len(marks) and marks[self._marks][0] <= until_s:
+            t_s, process, text = marks[self._marks]
+            self._mark(round(t_s * NS), process, text, "WARN")
+            self._marks += 1
+        paths = dict(self._info.paths)
+        while paths and self._moves * MOVES_NS <= until_s * NS:
+            t_ns = self._moves * MOVES_NS
+            at = np.array([position(paths, id, t_ns) for id in paths])
+            self._add("/field/moving", rows.points, t_ns, at)
+            self._moves += 1
+
+    def _list(self, row: MessageRow) -> None:
+        t_ns = rows.instant(row)
+        self._add(entity("messages", row.kind), rows.texts, t_ns, rows.sentence(row))
+        self._add("/times", rows.times, t_ns, row)
+
+    def _message(self, row: MessageRow) -> None:
+        t_ns, show = rows.instant(row), self._picture.shown.show
+        self._seconds.message(t_ns, row)
+        if row.src not in self._places or row.dst not in self._places:
+            return
+        over = row.sent_ns + self._step_ns
+        if not row.delivered:
+            show("lost", row.src, True, row.sent_ns, over)
+            return
+        show("edge", (row.src, row.dst), True, t_ns, over)
+        if row.bearing_deg is not None and row.outcome == "delivered":
+            show("ray", row.src, math.radians(row.bearing_deg), t_ns, over)
+
+    def _truth(self, index: int) -> None:
+        t, x, y = self._info.truth[index]
+        t_ns = round(t * NS)
+        self._add("/field/truth/position", rows.points, t_ns, np.array([(x, y)]))
+        if index:
+            before, *start = self._info.truth[index - 1]
+            guessed = any(before < end and t > begin for begin, end in self._info.gaps)
+            path = "/field/truth/interpolated" if guessed else "/field/truth/path"
+            self._add(path, rows.strips, t_ns, np.array([[start, (x, y)]]))
+
+    def _add(self, path: str, columns: Callable[[list[Any]], Columns], t_ns: int, value: Any) -> None:
+        self._pending[path, columns].append((t_ns, value))
+
+    def _send(self, everything: bool) -> None:
+        for key, found in list(self._pending.items()):
+            if everything or len(found) >= BULK:
+                path, columns = key
+                found.sort(key=lambda row: row[0])
+                times = np.array([t_ns for t_ns, _ in found], np.int64)
+                if columns is rows.times:
+                    times = rows.apart(times)
+                index = rr.TimeColumn(look.EMU, duration=times.astype("timedelta64[ns]"))
+                self._rec.send_columns(path, [index], columns([value for _, value in found]))
+                del self._pending[key]
+
+
+def _server(port: int) -> rr.GrpcServerSink:
+    """On this machine only; viewers that come late get what there was first."""
+    return rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=LIVE_MEMORY)
+
+
+@dataclass(slots=True)
+class _Track:
+    """What of a tracker the next point needs: its entity, time and step of the last point, where it was."""
+
+    path: str
+    at: tuple[int, int] | None = None
+    last: Points = field(default_factory=lambda: np.empty((0, 2)))
+    particles: bool = False

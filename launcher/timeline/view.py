@@ -1,0 +1,230 @@
+"""Shows the timeline of a run: in the viewer, in a browser, or as a picture made without a screen."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Final
+from urllib.parse import quote
+
+from launcher.timeline.blueprint import EMU
+from trackfield.errors import RunFailed, ScenarioError
+from trackfield.role import NS
+
+if TYPE_CHECKING:
+    from rerun.experimental import Recording, ViewerClient
+
+MAGIC: Final = b"RRF2"
+"""How a Rerun file begins."""
+START_S: Final = 30.0
+LOAD_S: Final = 60.0
+PAINT_S: Final = 30.0
+NO_DRIVER: Final = (
+    "the viewer found no Vulkan driver; a picture needs no screen, but Vulkan, which Mesa offers in software "
+    "(Debian, Ubuntu: apt install mesa-vulkan-drivers)"
+)
+_LIBC: Final = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG: Final = 1
+_SIGNS_OF_NO_DRIVER: Final = ("Failed to get render context", "No graphics adapter was found")
+
+
+def open_viewer(run: Path, web: bool = False) -> None:
+    """Opens the timeline of a run folder, and returns when the viewer is closed or interrupted.
+
+    With ``web`` the viewer is served to browsers on this machine only; its address goes to stderr.
+    Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not come up.
+    """
+    file, port = str(_timeline(run)), free_port()
+    if web:
+        page = free_port()
+        command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), file)
+        print(f"The viewer is at {page_address(page, port)} (Ctrl-C ends it)", file=sys.stderr)
+    else:
+        command = _rerun("--port", str(port), file)
+    with _viewer(command) as process:
+        try:
+            code = process.wait()
+        except KeyboardInterrupt:
+            return
+    if code:
+        raise RunFailed(
+            f"the viewer ended with exit code {code}; without a screen try --web or --png FILE",
+            process="viewer",
+        )
+
+
+def page_address(page: int, port: int) -> str:
+    """Where a browser finds the viewer, served at port ``page``, with what is served at ``port`` in it."""
+    return f"http://127.0.0.1:{page}/?url={quote(_source(port), safe='')}&theme=dark&hide_welcome_screen"
+
+
+def web_server(page: int, port: int) -> list[str]:
+    """The command that serves the viewer at port ``page``, for a recorder that serves a timeline at ``port``."""
+    return _rerun("--serve-web", "--web-viewer-port", str(page), _source(port))
+
+
+def free_port() -> int:
+    """A port of this machine at which nobody listens."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
+
+
+def environment() -> dict[str, str]:
+    """What Rerun's program is to see; CI keeps its analytics off."""
+    return {"RUST_LOG": "warn", **os.environ, "CI": "1"}
+
+
+def picture(run: Path, png: Path, at_s: float | None = None) -> None:
+    """Saves the timeline of a run folder as a PNG of 1600 x 900, at ``at_s`` (emulated s; None: at 60 %).
+
+    Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline or a file that cannot
+    be written, ``RunFailed`` if there is no driver or the viewer fails otherwise.
+    """
+    timeline = _timeline(run)
+    _check_writable(png)
+    with headless(timeline) as (viewer, recording):
+        if at_s is None:
+            emu = next(line for line in recording.timelines if line.name == EMU)
+            at_s = 0.6 * (emu.end or 0) / NS
+        viewer.run_command("ui.toggle_top_panel")
+        viewer.set_time(EMU, duration=at_s, play_state="paused")
+        png.write_bytes(_painted(viewer))
+
+
+@contextlib.contextmanager
+def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
+    """A viewer without a screen that has loaded this file, and what it loaded; it ends with the context.
+
+    Raises ``RunFailed`` if there is no Vulkan driver or the viewer fails otherwise.
+    """
+    port = free_port()
+    command = _rerun("--headless", "--port", str(port), "--window-size", "1600x900")
+    with tempfile.TemporaryFile() as log, _viewer(command, log) as process:
+        try:
+            client = _connect(_source(port), process)
+            yield client, _load(client, timeline)
+        except (RuntimeError, OSError) as error:
+            log.seek(0)
+            said = log.read().decode(errors="replace")
+            cause = NO_DRIVER if any(sign in said for sign in _SIGNS_OF_NO_DRIVER) else str(error)
+            raise RunFailed(f"no picture: {cause}", process="viewer", log=said) from error
+
+
+def _timeline(run: Path) -> Path:
+    file = run / "run.rrd"
+    if not file.is_file():
+        raise ScenarioError("no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it")
+    try:
+        with file.open("rb") as begun:
+            magic = begun.read(len(MAGIC))
+    except OSError as error:
+        raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
+    if magic != MAGIC:
+        raise ScenarioError("is no timeline", file=str(file), expected="the file that a run left")
+    return file.resolve()
+
+
+def _check_writable(png: Path) -> None:
+    is_new = not png.exists()
+    try:
+        png.open("ab").close()
+    except OSError as error:
+        what = f"cannot be written ({error.strerror})"
+        raise ScenarioError(what, file=str(png), key="--png", expected="a file in a writable folder") from None
+    if is_new:
+        png.unlink()
+
+
+def _source(port: int) -> str:
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def program() -> Path:
+    """Rerun's program. Raises ``RunFailed`` if it is not installed."""
+    package = importlib.util.find_spec("rerun_cli")
+    # The program itself, not the script of that name: its parent reaps it, and sees its exit code.
+    found = package and package.origin and Path(package.origin).with_name("rerun")
+    if not found or not found.is_file():
+        raise RunFailed(
+            "Rerun's viewer is not installed; its program comes with the package rerun-sdk "
+            "(pip install --force-reinstall rerun-sdk)",
+            process="viewer",
+        )
+    return found
+
+
+def _rerun(*options: str) -> list[str]:
+    # The welcome screen would fetch its examples from the network.
+    return [str(program()), "--bind", "127.0.0.1", "--hide-welcome-screen", *options]
+
+
+@contextlib.contextmanager
+def _viewer(command: list[str], log: IO[bytes] | None = None) -> Iterator[subprocess.Popen[bytes]]:
+    process = subprocess.Popen(
+        command,
+        stdout=log,
+        stderr=log,
+        env=environment(),
+        preexec_fn=_end_with_parent,  # noqa: PLW1509  one system call, which threads do not mind
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _end_with_parent() -> None:
+    """Let Linux end this process when its parent dies, of a signal, say."""
+    if sys.platform == "linux":
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def _connect(url: str, process: subprocess.Popen[bytes]) -> ViewerClient:
+    from rerun.experimental import ViewerClient
+
+    deadline = time.monotonic() + START_S
+    while True:
+        try:
+            client = ViewerClient.connect(url)
+            client.get_state()
+            return client
+        except (RuntimeError, OSError):
+            if process.poll() is not None or time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+
+
+def _load(client: ViewerClient, timeline: Path) -> Recording:
+    client.open(str(timeline))
+    deadline = time.monotonic() + LOAD_S
+    while True:
+        state = client.get_state()
+        for recording in state.recordings:
+            if not state.loading and any(line.name == EMU for line in recording.timelines):
+                return recording
+        errors = [entry.message for entry in client.get_logs() if entry.level == "ERROR"]
+        if errors or time.monotonic() > deadline:
+            raise RuntimeError(errors[0] if errors else f"{timeline} was not loaded within {LOAD_S:g} s")
+        time.sleep(0.1)
+
+
+def _painted(client: ViewerClient) -> bytes:
+    """A screenshot once two in a row are the same: the viewer fetches what it shows piece by piece."""
+    deadline = time.monotonic() + PAINT_S
+    before, shot = b"", client.take_screenshot()
+    while shot != before and time.monotonic() < deadline:
+        time.sleep(0.2)
+        before, shot = shot, client.take_screenshot()
+    return shot
