@@ -13,7 +13,7 @@ import numpy as np
 
 from tests.zhai_field import SCENARIOS, errors
 from trackfield.filters.fix import map_fix
-from trackfield.filters.metrics import effective_count, lost, nees, nees_band, rmse
+from trackfield.filters.metrics import Lost, effective_count, nees, nees_band, rmse
 from trackfield.filters.single_model import SingleState, Ukf
 from trackfield.filters.trackers import TRACKERS
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
@@ -44,7 +44,7 @@ def table_of_errors(runs: int) -> None:
 
 def _errors(e: Array, _: Array) -> str:
     per_run = np.sqrt(np.square(e[..., :2]).sum(axis=-1).mean(axis=-1))
-    return f"{rmse(e[..., :2]):.2f} ({np.median(per_run):.2f}), {lost(e[..., :2]).mean():.0%}"
+    return f"{rmse(e[..., :2]):.2f} ({np.median(per_run):.2f}), {Lost().holds(e[..., :2]).mean():.0%}"
 
 
 def table_of_consistency(runs: int) -> None:

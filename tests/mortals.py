@@ -69,7 +69,7 @@ def hard_times(*, link: dict[str, Any], speed: float = 1.0) -> tuple[RunSpec, li
         *lived(replace(nodes[4], jumps=((2 * NS, 250 * MS),)), (0, 4 * NS), (6 * NS, 11 * NS), (11 * NS, None)),
         *lived(replace(hub, factory="tests.mortals:Keeper"), (0, 12 * NS + 500 * MS), (15 * NS, None)),
     ]
-    partitions = ((8 * NS, 10 * NS, ("t05", "t06")), (9 * NS, 11 * NS, ("t06", "t07")))
+    partitions = ((8 * NS, 10 * NS, ("t05", "t06"), None), (9 * NS, 11 * NS, ("t06", "t07"), None))
     return replace(run, partitions=partitions), [*nodes[:4], *nodes[5:], *lives]
 
 

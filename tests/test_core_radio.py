@@ -144,11 +144,33 @@ def identities(outputs: Iterable[Output]) -> list[tuple[object, ...]]:
     return [frame.identity for frame in frames(outputs)]
 
 
+def test_copies_are_counted_by_medium() -> None:
+    wire = Send(Feedback(1, 1), "a", "backbone")
+    sent = frames(radio(Send(Feedback(1, 1), "a"), wire, Send(Feedback(1, 2), "a"), wire, wire).handle_next())
+    assert [(f.medium, f.copy) for f in sent] == [
+        ("field", 0), ("backbone", 0), ("field", 1), ("backbone", 1), ("backbone", 2)
+    ]  # fmt: skip
+    assert len({f.identity for f in sent}) == 5
+
+
+def test_frames_that_differ_by_medium_alone_are_two() -> None:
+    """Whichever comes first, both are heard, that of the wire first, by the name of its medium."""
+    air, wire = (arrival(5 * MS, Request(1), medium=medium) for medium in ("field", "backbone"))
+    assert air.frame.identity != wire.frame.identity
+    assert wire.key < air.key
+    for order in ((air, wire), (wire, air)):
+        core = core_of(Puppet())
+        for one in order:
+            core.offer(one)
+        assert (run(core, NS), core.tally) == ([], {"delivered": 2})
+        assert not core.inversions
+
+
 def test_two_on_a_wire_at_one_instant_with_one_on_the_radio_between_them() -> None:
-    """The one on the radio leaves later; the second on the wire is still the second of its instant."""
+    """The one on the radio leaves later, and counts for itself."""
     wire = Send(Reply(1), "a", "backbone")
     outputs = radio(Send(Reply(0), "a"), wire, Send(Reply(2), "a"), wire).handle_next()
-    assert left(outputs) == [(0, "reply", 0), (0, "reply", 1), (5, "reply", 0), (0, "reply", 2)]
+    assert left(outputs) == [(0, "reply", 0), (0, "reply", 0), (5, "reply", 0), (0, "reply", 1)]
 
 
 def test_one_on_a_wire_at_the_instant_for_which_one_waits() -> None:
@@ -162,7 +184,9 @@ def test_one_on_a_wire_at_the_instant_for_which_one_waits() -> None:
         }),
         conditions=Conditions(cost=slow),
     )  # fmt: skip
-    assert left(run(core, NS)) == [(0, "reply", 0), (5, "reply", 0), (1, "reply", 0), (5, "reply", 1)]
+    outputs = run(core, NS)
+    assert left(outputs) == [(0, "reply", 0), (5, "reply", 0), (1, "reply", 0), (5, "reply", 0)]
+    assert len(set(identities(outputs))) == 4
 
 
 sends = st.lists(

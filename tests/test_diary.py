@@ -194,7 +194,7 @@ def test_the_first_cause_of_loss_counts(
 ) -> None:
     """Each time one cause less holds; its hearer has been asleep all the while."""
     b = ProcessSpec("b", "x", "none", kill_ns=10 * MS if killed else None, freezes=FROZEN if frozen else ())
-    book = book_of(link, b, cuts=((0, 200 * MS, ["b"]),) if cut else ())
+    book = book_of(link, b, cuts=((0, 200 * MS, ["b"], None),) if cut else ())
     book.told("b", Told(timer(0), Radio(False)))
     assert sent(book, t_ms) == [outcome]
 

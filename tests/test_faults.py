@@ -119,7 +119,7 @@ def test_what_comes_after_the_end_is_a_mistake(written: Written, message: str) -
 
 def test_what_begins_before_the_end_may_last_longer() -> None:
     plan = faults(fault("partition", 60.9, 1e300), fault("stuck", 60, 1e300))
-    assert plan.partitions == ((60_900_000_000, END, ("n060",)),)
+    assert plan.partitions == ((60_900_000_000, END, ("n060",), None),)
     assert plan.of("n060").sensor == ({"kind": "stuck", "from_ns": 60 * S, "until_ns": None},)
 
 
@@ -214,7 +214,7 @@ def test_a_sensor_fails_in_one_way_at_a_time(written: list[Written], message: st
 
 def test_partitions_cut_their_ids_off() -> None:
     plan = faults(fault("partition", 1, 2, nodes=("n001", "fusion")), fault("partition", 1.5, 3, nodes=("n002",)))
-    assert plan.partitions == ((S, 2 * S, ("n001", "fusion")), (S + S // 2, 3 * S, ("n002",)))
+    assert plan.partitions == ((S, 2 * S, ("n001", "fusion"), None), (S + S // 2, 3 * S, ("n002",), None))
     assert not plan.fates
 
 

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from tests import kalman
-from trackfield.filters.metrics import effective_count, lost, median_error, nees, nees_band, rmse
+from trackfield.filters.metrics import Lost, effective_count, median_error, nees, nees_band, rmse
 from trackfield.filters.rng import generator
 from trackfield.filters.types import Gaussian
 from trackfield.models import motion
@@ -86,7 +88,35 @@ def test_lost_is_more_than_50_m_at_the_last_step():
     errors[0, 2] = 300.0  # found again
     errors[1, 3] = [30.0, 40.0]
     errors[2, 3] = [30.0, 40.1]
-    assert lost(errors).tolist() == [False, False, True]
+    assert Lost().holds(errors).tolist() == [False, False, True]
+
+
+@given(
+    st.lists(st.sampled_from([0.0, 30.0, 30.1, np.inf, np.nan]), max_size=24),
+    st.sampled_from([(1,), (2,), (2, 3)]),
+    st.integers(1, 4),
+    st.none() | st.integers(1, 9),
+)
+def test_lost_is_who_is_off_for_so_many_steps_in_a_row(lengths, runs, steps, within):
+    """Beside a plain loop, over any leading axes; an error in one coordinate alone is no track either."""
+    assume(within is None or within >= steps)
+    count = len(lengths) // int(np.prod(runs))
+    errors = np.zeros((*runs, count, 2))
+    errors[..., 0].flat[:] = lengths[: errors[..., 0].size]
+    found = Lost(30.0, steps, within).holds(errors)
+    assert found.shape == runs
+    for run in np.ndindex(runs):
+        row, longest = 0, 0
+        for x, _ in errors[run].tolist()[0 if within is None else max(count - within, 0) :]:
+            row = 0 if x <= 30.0 else row + 1
+            longest = max(longest, row)
+        assert found[run] == (longest >= steps)
+
+
+@pytest.mark.parametrize(("rule", "message"), [((9.0, 0, None), "steps: 0"), ((9.0, 3, 2), "within: the last 2")])
+def test_a_rule_that_makes_no_sense_is_refused(rule, message):
+    with pytest.raises(ValueError, match=message):
+        Lost(*rule)
 
 
 def test_generators_belong_to_their_key():

@@ -138,6 +138,16 @@ def test_each_medium_has_a_receiver_of_its_own() -> None:
     assert {row.medium: row.outcome for row in book.rows} == {"field": "delivered", "backbone": "asleep"}
 
 
+def test_a_refusal_is_of_the_frame_on_its_medium() -> None:
+    book = ledger()
+    both = [frame(100), replace(frame(100), medium="backbone")]
+    book.told("b", Refused(both[1].key(101 * MS), "late"))
+    for one in both:
+        book.sent(one)
+    book.close()
+    assert {row.medium: row.outcome for row in book.rows} == {"field": "delivered", "backbone": "late"}
+
+
 def test_of_two_changes_at_one_instant_the_later_told_counts() -> None:
     for on in (True, False):
         book = ledger()

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import random
 import tracemalloc
+from dataclasses import astuple
+from hashlib import blake2b
 from math import exp
 from typing import Any, Final
 
@@ -38,6 +40,16 @@ SPECS: Final[list[dict[str, Any]]] = [
     {"model": "ethernet", "delay_ms": 2},
     TRACE,
 ]
+KNOWN: Final = {
+    "ideal": "0e880b09a3dc63b3",
+    "fixed": "5584d7ad1c271440",
+    "gilbert_elliott": "1c1efc3b049901d6",
+    "lognormal_prr": "6658b80f7b44b123",
+    "csma154": "d13011c9f7cbb42c",
+    "ethernet": "adc5ebd491b1ff31",
+    "trace": "02ee69193056dc88",
+}
+"""What the radio did to frames before there were other media, by model: a digest of the fates."""
 every_model = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec["model"])
 
 Frame = tuple[str, str, str, int, int, int]
@@ -82,6 +94,27 @@ def test_the_order_of_asking_changes_nothing(spec: dict[str, Any]) -> None:
 
 
 @every_model
+def test_the_fates_of_the_radio_stay_what_they_were(spec: dict[str, Any]) -> None:
+    link, asked = make_link(spec, 3, PLACES), [(*f, cast) for f in sorted(frames(300)) for cast in (False, True)]
+    fates = [link.fate(*frame) for frame in asked]
+    assert blake2b(repr([astuple(fate) for fate in fates]).encode(), digest_size=8).hexdigest() == KNOWN[spec["model"]]
+    assert [link.fate(*frame, medium="field") for frame in asked] == fates
+
+
+@every_model
+def test_each_medium_has_fates_of_its_own(spec: dict[str, Any]) -> None:
+    """In any order of asking, and the same where nothing is drawn."""
+    asked, fates = frames(500), {}
+    for media in (("field", "backbone"), ("backbone", "field")):
+        link = make_link({**spec, "range_m": 1000.0}, 3, PLACES)
+        fates[media] = {(f, medium): link.fate(*f, medium=medium) for f in asked for medium in media}
+    one, other = fates.values()
+    assert one == other
+    drawn = spec["model"] not in ("ideal", "ethernet", "trace")
+    assert any(one[frame, "field"] != one[frame, "backbone"] for frame in asked) == drawn
+
+
+@every_model
 def test_every_frame_takes_a_millisecond_at_least(spec: dict[str, Any]) -> None:
     if "delay_ms" in spec:
         spec = {**spec, "delay_ms": 0}
@@ -90,7 +123,7 @@ def test_every_frame_takes_a_millisecond_at_least(spec: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("spec", [FIXED, BURSTS], ids=lambda spec: spec["model"])
-@pytest.mark.parametrize("changed", ["seed", "src", "dst", "kind", "sent_ns", "copy"])
+@pytest.mark.parametrize("changed", ["seed", "src", "dst", "kind", "sent_ns", "copy", "medium"])
 def test_each_part_of_the_identity_matters(spec: dict[str, Any], changed: str) -> None:
     """Two frames that differ in one part are lost independently: at p = 1/2, in half of all cases."""
     spec = {**spec, "loss": 0.5} if spec["model"] == "fixed" else {**spec, "loss_good": 0.5, "loss_bad": 0.5}
@@ -98,8 +131,8 @@ def test_each_part_of_the_identity_matters(spec: dict[str, Any], changed: str) -
     n = 2000
     differ = 0
     for i in range(n):
-        frame = {"src": "a", "dst": "b", "kind": "doa", "sent_ns": i * S, "copy": 0}
-        change = {"src": "b", "dst": "a", "kind": "track", "sent_ns": i * S + 1, "copy": 1}
+        frame = {"src": "a", "dst": "b", "kind": "doa", "sent_ns": i * S, "copy": 0, "medium": "field"}
+        change = {"src": "b", "dst": "a", "kind": "track", "sent_ns": i * S + 1, "copy": 1, "medium": "backbone"}
         twin = frame if changed == "seed" else {**frame, changed: change[changed]}
         differ += one.fate(**frame, size=12).cause != other.fate(**twin, size=12).cause
     assert likely(differ, binom(n, 0.5))
@@ -238,6 +271,12 @@ def test_links_are_independent_of_each_other_and_of_their_reverse() -> None:
     both = sum(link.bad(f"n{i}", "b", S) and link.bad("b", f"n{i}", S) for i in range(n))
     assert likely(both, binom(n, share**2))
     both = sum(link.bad(f"n{i}", "b", S) and link.bad(f"n{i + 1}", "b", S) for i in range(0, 2 * n, 2))
+    assert likely(both, binom(n, share**2))
+
+
+def test_bursts_of_one_medium_are_not_those_of_another() -> None:
+    link, n, share = bursts(5, good_s=5, bad_s=2), 5000, 2 / 7
+    both = sum(link.bad(f"n{i}", "b", S) and link.bad(f"n{i}", "b", S, "backbone") for i in range(n))
     assert likely(both, binom(n, share**2))
 
 

@@ -81,6 +81,18 @@ def test_directions_of_a_link_differ_by_the_asymmetry_alone() -> None:
     assert all(usc.loss_db(1, places, id, "fusion") == usc.loss_db(1, places, "fusion", id) for id in names[:50])
 
 
+def test_shadowing_of_one_medium_says_nothing_of_another() -> None:
+    """The difference of two that are independent varies twice as much as either."""
+    channel, places = CHANNELS["castalia"], ring(100, 4000)
+    field, other = (
+        [channel.loss_db(1, places, id, "fusion", medium=medium) for id in places if id != "fusion"]
+        for medium in ("field", "backbone")
+    )
+    assert kstest([a - b for a, b in zip(field, other, strict=True)], norm(scale=sqrt(2 * 17)).cdf).pvalue > SURE
+    ways = [channel.loss_db(1, places, *ends, medium="backbone") for ends in (("n1", "fusion"), ("fusion", "n1"))]
+    assert 0 < abs(ways[0] - ways[1]) < 8  # 5 sigma of the two directions; the pair's own draw is the same
+
+
 def test_shadowing_is_frozen_and_belongs_to_the_seed() -> None:
     links = [radio_link(seed=seed) for seed in (1, 1, 2)]
     first, again, other = ([link.snr_db(id, "fusion") for id in ("n1", "n2", "n10")] for link in links)

@@ -163,6 +163,7 @@ def costs(fate: Fate) -> tuple[int, ...]:
     return fate.attempts, fate.bytes_on_air, fate.busy_ns, fate.air_ns
 
 
+@pytest.mark.parametrize("medium", ["field", "backbone"])
 @pytest.mark.parametrize("range_m", [None, 60.0])
 @pytest.mark.parametrize(
     "spec",
@@ -176,12 +177,14 @@ def costs(fate: Fate) -> tuple[int, ...]:
     ],
     ids=str,
 )
-def test_a_broadcast_costs_its_sender_the_same_whoever_hears_it(spec: dict[str, Any], range_m: float | None) -> None:
+def test_a_broadcast_costs_its_sender_the_same_whoever_hears_it(
+    spec: dict[str, Any], range_m: float | None, medium: str
+) -> None:
     """Its sender asks about nobody in particular, and knows nobody's place but its own."""
     spec = spec if range_m is None else {**spec, "range_m": range_m}
     link, alone = make_link(spec, 1, PLACES), make_link(spec, 1, {"n1": PLACES["n1"]})
     for i in range(200):
-        frame = ("track", i * MS, 0, 300, True)
+        frame = ("track", i * MS, 0, 300, True, medium)
         asked = alone.fate("n1", "*", *frame)
         assert {costs(link.fate("n1", dst, *frame)) for dst in ("n2", "n10", "fusion", "*")} == {costs(asked)}
 

@@ -159,13 +159,13 @@ def test_who_stands_still_hears_nothing_and_says_late_what_was_to_be_said() -> N
 
 def test_who_is_cut_off_hears_nothing_of_what_was_sent_then() -> None:
     """From 20 to 50 ms: what is sent at 20 is lost, what is sent at 50 is not."""
-    virtual, book = played([talker(), hearer()], cuts=((20 * MS, 50 * MS, ["b"]),))
+    virtual, book = played([talker(), hearer()], cuts=((20 * MS, 50 * MS, ["b"], None),))
     assert heard(virtual, "b") == [11, 51, 61, 71, 81, 91]
     assert {t for t, outcome in outcomes(book).items() if outcome == "partition"} == {20, 30, 40}
 
 
 def test_those_who_are_cut_off_together_hear_each_other() -> None:
-    virtual, _ = played([talker(), hearer()], cuts=((20 * MS, 50 * MS, ["a", "b"]),))
+    virtual, _ = played([talker(), hearer()], cuts=((20 * MS, 50 * MS, ["a", "b"], None),))
     assert len(heard(virtual, "b")) == 9
 
 
@@ -196,7 +196,7 @@ def test_every_frame_has_one_outcome_whatever_befalls_its_hearer() -> None:
     power = {"send_uw": 5, "receive_uw": 5, "listen_uw": 5, "sleep_uw": 1, "battery_fj": 5 * 70 * MS}
     b = replace(hearer(power=power), freezes=((22 * MS, 33 * MS),))
     first, second = lives(b, (0, 45), (55, None))
-    virtual, book = played([talker(), first, replace(second, freezes=())], cuts=((9 * MS, 12 * MS, ["b"]),))
+    virtual, book = played([talker(), first, replace(second, freezes=())], cuts=((9 * MS, 12 * MS, ["b"], None),))
     assert outcomes(book) == {
         10: "partition", 20: "delivered", 30: "frozen", 40: "delivered", 50: "dead", 60: "delivered", 70: "delivered",
         80: "dead", 90: "dead",

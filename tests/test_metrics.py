@@ -19,6 +19,7 @@ from tests.simulated import simulated, spcpf
 from trackfield.drivers.frames import Frame, Refused
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.filters.metrics import Lost
 from trackfield.role import NS, TrackPoint
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa
@@ -184,6 +185,20 @@ def test_steps_without_a_track_or_a_truth_are_left_out() -> None:
 )
 def test_lost_is_who_ends_far_off_or_without_a_track(last: tuple[float, ...] | None, lost: bool) -> None:
     assert errors_of(point(1, (9, 0, 0, 0)), point(2, last))["lost"] is lost
+
+
+def test_a_track_without_a_truth_says_nothing_about_a_loss() -> None:
+    unseen = point(3, (0, 0, 0, 0), truth=False)
+    for error, lost in (((9, 0, 0, 0), False), ((99, 0, 0, 0), True), (None, True)):
+        assert errors_of(point(1, (9, 0, 0, 0)), point(2, error), unseen)["lost"] is lost
+    assert errors_of(point(1, (9, 0, 0, 0)), point(2, None, truth=False))["lost"] is True
+
+
+def test_a_loss_goes_by_the_rule_that_is_given() -> None:
+    """Two steps in a row, anywhere: one too far off and one without a track."""
+    tracks = [point(1, (9, 0, 0, 0)), point(2, (21, 0, 0, 0)), point(3, None), point(4, (9, 0, 0, 0))]
+    found = [tracker_metrics(tracks, ["t"], Lost(20.0, n, None))["t"]["lost"] for n in (1, 2, 3)]
+    assert found == [True, True, False]
 
 
 def test_who_found_its_way_back_is_not_lost() -> None:

@@ -253,8 +253,8 @@ def test_faults_go_to_whom_they_befall() -> None:
     assert process(plan, "n060").faults == ({"kind": "stuck", "from_ns": 3 * S, "until_ns": 4 * S},)
     assert process(plan, "n061").freezes == ((3 * S, 4 * S),)
     assert process(plan, "n062").jumps == ((3 * S, -5_000_000),)
-    ((begin, end, ids),) = plan.run.partitions
-    assert (begin, end, len(ids)) == (3 * S, 4 * S, 60)
+    ((begin, end, ids, medium),) = plan.run.partitions
+    assert (begin, end, len(ids), medium) == (3 * S, 4 * S, 60, None)
     assert not any(p.faults or p.freezes or p.jumps for p in plan.processes if p.id not in ("n060", "n061", "n062"))
 
 

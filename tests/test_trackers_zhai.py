@@ -7,7 +7,7 @@ import pytest
 
 from tests.consistency import FixUkf
 from tests.zhai_field import GRID, SCENARIOS, errors, hear
-from trackfield.filters.metrics import lost, nees, nees_band, rmse
+from trackfield.filters.metrics import Lost, nees, nees_band, rmse
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports
 from trackfield.models import doa, motion
@@ -60,7 +60,7 @@ def test_sensors_are_awake_as_often_as_the_paper_says():
 def test_position_error_is_within_its_band_and_no_run_is_lost(name, scenario, band):
     e, _ = results(name, scenario, 20)
     assert rmse(e[..., :2]) <= band
-    assert not lost(e[..., :2]).any()
+    assert not Lost().holds(e[..., :2]).any()
 
 
 @pytest.mark.parametrize("name", ["spcpf", "fix-imm-ukf"])
@@ -91,7 +91,7 @@ def test_kalman_filters_of_a_quiet_model_lag_behind_who_turns_and_lose_nobody(na
     for scenario in ("s2", "s3"):
         e, _ = results(name, scenario, 20)
         assert 5.0 < rmse(e[..., :2]) < 40.0
-        assert not lost(e[..., :2]).any()
+        assert not Lost().holds(e[..., :2]).any()
 
 
 def radar_errors(tracker, runs=20):
@@ -125,7 +125,7 @@ def test_the_bootstrap_filter_fails_as_in_the_paper():
     assert 4.5 <= np.median(per_run) <= 9.0
     for scenario in ("s2", "s3"):
         e, _ = results("bootstrap", scenario, 10)
-        assert lost(e[..., :2]).mean() > 0.8
+        assert Lost().holds(e[..., :2]).mean() > 0.8
 
 
 @pytest.mark.parametrize("name", ["spcpf", "fix-imm-ukf"])

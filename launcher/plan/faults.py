@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from trackfield.draw import bits
 from trackfield.errors import ScenarioError
+from trackfield.link.partitioned import Cut
 from trackfield.role import NS
 from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
 from trackfield.scenario.nearest import suggestion
@@ -45,7 +46,7 @@ class Faults:
     """All that is planned to go wrong in a run. ``fates`` has those processes alone that something befalls."""
 
     fates: Mapping[str, Fates] = field(default_factory=dict)
-    partitions: tuple[tuple[int, int, tuple[str, ...]], ...] = ()
+    partitions: tuple[Cut, ...] = ()
     marks: tuple[Mark, ...] = ()
 
     def of(self, id: str) -> Fates:
@@ -70,7 +71,7 @@ def resolve(faults: Sequence[Fault], seed: int, sensors: Sequence[str], others: 
         ids = _ids(number, fault, seed, sensors, others)
         marks += [mark for id in ids for mark in _marks(fault, id, end_ns)]
         if isinstance(fault, Partition):
-            partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), end_ns), ids))
+            partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), end_ns), ids, None))
             continue
         for id in ids:
             befalls[id].append((number, fault))

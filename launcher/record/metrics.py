@@ -31,7 +31,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
         "driver": None,
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
-        "trackers": tracker_metrics(tracks, plan.info.trackers, plan.lost_m),
+        "trackers": tracker_metrics(tracks, plan.info.trackers, score.Lost(plan.lost_m)),
         "bound": bound_metrics(plan, ledger.rows, {r.point.step for r in tracks if _has_track(r) and r.truth}),
         "processes": {
             "started": len(plan.processes),
@@ -57,9 +57,13 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
     }
 
 
-def tracker_metrics(tracks: Sequence[TrackRow], names: Iterable[str], lost_m: float = score.LOST_M) -> Metrics:
-    """Errors of each tracker over the steps after the start in which it had a track; lost if it ends ``lost_m`` off."""
-    return {name: _tracker([r for r in tracks if r.point.tracker == name], lost_m) for name in names}
+def tracker_metrics(
+    tracks: Sequence[TrackRow],
+    names: Iterable[str],
+    lost: score.Lost = score.Lost(),  # noqa: B008  a frozen value
+) -> Metrics:
+    """Errors of each tracker over the steps after the start in which it had a track, and whether it lost the target."""
+    return {name: _tracker([r for r in tracks if r.point.tracker == name], lost) for name in names}
 
 
 def _has_track(row: TrackRow) -> bool:
@@ -67,7 +71,7 @@ def _has_track(row: TrackRow) -> bool:
     return bool(row.point.mean) and all(map(isfinite, (*row.point.mean, *row.point.covariance)))
 
 
-def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
+def _tracker(rows: Sequence[TrackRow], lost: score.Lost) -> Metrics:
     known = [r for r in rows if _has_track(r) and r.truth is not None]
     if not known:
         nothing = dict.fromkeys(("x", "y", "position", "velocity"))
@@ -76,7 +80,9 @@ def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
     covariances = np.array([r.point.covariance for r in known]).reshape(-1, 4, 4)
     nees = score.nees(errors, covariances)
     sound = bool(np.isfinite(nees).all())
-    ended_without = not _has_track(rows[-1])
+    judged = [r for r in rows if r.truth is not None or not _has_track(r)]
+    places = np.full((len(judged), 2), np.nan)
+    places[[_has_track(r) for r in judged]] = errors[:, :2]
     return {
         "rmse": {
             "x": score.rmse(errors[:, 0:1]),
@@ -87,7 +93,7 @@ def _tracker(rows: Sequence[TrackRow], lost_m: float) -> Metrics:
         "median_error": score.median_error(errors[:, :2]),
         "nees": float(nees.mean()) if sound else None,
         "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
-        "lost": ended_without or bool(score.lost(errors[:, :2], lost_m)),
+        "lost": bool(lost.holds(places)),
         "steps": len(known),
     }
 

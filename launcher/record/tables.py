@@ -45,7 +45,7 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
         "payload": pa.binary(),
     }  # fmt: skip
     names = [f.name for f in fields(MessageRow)]
-    ordered = sorted(rows, key=lambda r: (r.sent_ns, r.src, r.kind, r.copy, r.dst))
+    ordered = sorted(rows, key=lambda r: (r.sent_ns, r.src, r.kind, r.copy, r.dst, r.medium))
     columns = {n: pa.array([getattr(r, n) for r in ordered], types.get(n, pa.string())) for n in names}
     pq.write_table(pa.table(columns), file)
 

@@ -47,7 +47,7 @@ def _run(errors: np.ndarray[tuple[int, int], np.dtype[np.float64]], record: Reco
     return {
         **_named(np.sqrt(np.nanmean(np.square(errors), axis=0))),
         "rmse_position": metrics.rmse(errors[:, :2]),
-        "lost": bool(metrics.lost(errors[:, :2])),
+        "lost": bool(metrics.Lost().holds(errors[:, :2])),
         "reports": float(record.reports.sum()),
         "frames": frames,
         "payload_bytes": payload,

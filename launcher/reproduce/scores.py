@@ -21,7 +21,8 @@ class Score:
     ``mean_x``, ``var_x``, ``mean_y``, ``var_y``: mean and variance over the steps of RMSE(t), the root mean square over
     the runs of the error at step t (Table I). ``median_x``, ``median_y``: RMSE over the steps, of the median run.
     ``position`` pools the distance over runs and steps, ``median_run`` is its RMSE over the steps, of the median run.
-    ``lost`` is the share of the runs that end more than 50 m off, ``largest`` the largest error of any step.
+    ``lost`` is the share of the runs that end more than 50 m off or without a track, ``largest`` the largest error of
+    any step.
     """
 
     mean_x: float
@@ -41,7 +42,7 @@ class Score:
         over_time = rmse_over_time(errors)
         places = errors[..., :2]
         squared = np.square(places).sum(axis=-1)
-        lost = metrics.lost(places) | np.isnan(places[:, -1]).any(axis=-1)
+        lost = metrics.Lost().holds(places)
         (mean_x, mean_y), (var_x, var_y) = (f(over_time[:, :2], axis=0).tolist() for f in (np.nanmean, np.nanvar))
         median_x, median_y = np.median(np.sqrt(np.nanmean(np.square(places), axis=1)), axis=0).tolist()
         return cls(

@@ -61,7 +61,7 @@ def _floats(column: pa.ChunkedArray) -> np.ndarray[tuple[int], np.dtype[np.float
 
 
 def _frame_differences(a: pa.Table, b: pa.Table) -> list[str]:
-    keys = ("src", "dst", "kind", "sent_ns", "copy", "incarnation", "due_ns", "outcome", "bytes")
+    keys = ("src", "dst", "kind", "sent_ns", "copy", "medium", "incarnation", "due_ns", "outcome", "bytes")
     old, new = (set(zip(*(table[k].to_pylist() for k in keys), strict=True)) for table in (a, b))
     only = sorted(old ^ new, key=str)
     if not only:

@@ -22,7 +22,7 @@ FREE: Final = Fate(None)
 EventKey = tuple[Any, ...]
 """Place of an event in the total order of one process.
 
-``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to)`` for frames,
+``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to, medium)`` for frames,
 ``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that falls to a tenth or to nothing; t in ns of true
 time.
 """
@@ -42,9 +42,9 @@ class Frame:
     payload: bytes
 
     @property
-    def identity(self) -> tuple[str, int, str, int, int, str]:
+    def identity(self) -> tuple[str, int, str, int, int, str, Medium]:
         """What makes two arrivals the same frame."""
-        return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to)
+        return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to, self.medium)
 
     @property
     def broadcast(self) -> bool:
@@ -54,7 +54,7 @@ class Frame:
     def fate(self, link: Link, hearer: str) -> Fate:
         """What becomes of it on the way to this hearer."""
         size = len(self.payload)
-        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast)
+        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast, self.medium)
 
     def cost(self, link: Link) -> Fate:
         """What it costs its sender: a fate of which nothing else is meant."""
@@ -71,6 +71,7 @@ class Frame:
             self.copy,
             self.incarnation,
             self.to,
+            self.medium,
         )
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from trackfield.drivers.frames import Arrival, EventKey, Output
 from trackfield.drivers.meter import Meter
 from trackfield.link.clock import Clock
+from trackfield.wire.keys import Medium
 
 
 class Alarm(NamedTuple):
@@ -34,9 +35,9 @@ class Life(NamedTuple):
     """A snapshot of a process; nobody writes into its parts.
 
     ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` how many frames
-    leave of each (instant, kind, address), those that left before apart; ``stored`` what the role kept last; ``jumped``
-    how many jumps of the clock are over; ``told`` the charge that was told last (%). Its events begin when it has
-    ``started``, and end when it is ``over``.
+    leave of each (instant, kind, address, medium), those that left before apart; ``stored`` what the role kept last;
+    ``jumped`` how many jumps of the clock are over; ``told`` the charge that was told last (%). Its events begin when
+    it has ``started``, and end when it is ``over``.
     """
 
     state: Any
@@ -45,7 +46,7 @@ class Life(NamedTuple):
     alarms: dict[str, Alarm]
     receivers: dict[str, Receiver]
     sending: tuple[int, ...]
-    copies: dict[tuple[int, str, str], int]
+    copies: dict[tuple[int, str, str, Medium], int]
     tally: dict[str, int]
     stored: bytes
     jumped: int = 0

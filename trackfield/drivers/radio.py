@@ -30,7 +30,7 @@ def send(life: Life, frame: Frame, given: Conditions) -> tuple[Life, Frame | Non
     if leaves >= given.kill_ns:
         return life, None, None
     copies = {address: count for address, count in life.copies.items() if address[0] >= t}
-    address = (leaves, frame.kind, frame.to)
+    address = (leaves, frame.kind, frame.to, frame.medium)
     copy = copies.get(address, 0)
     copies[address] = copy + 1
     frame, life = replace(frame, sent_ns=leaves, copy=copy), life._replace(copies=copies)

@@ -12,7 +12,7 @@ from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
 from trackfield.link.fate import Link
 from trackfield.link.models import make_link
-from trackfield.link.partitioned import Partitioned
+from trackfield.link.partitioned import Cut, Partitioned
 from trackfield.link.places import Path, Places, Point
 from trackfield.plugins import load
 from trackfield.role import NEIGHBOURHOOD, Role
@@ -27,8 +27,8 @@ Plain = dict[str, Any]
 class RunSpec:
     """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
 
-    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids). ``queue`` frames may
-    wait for a radio.
+    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids, the medium or None for
+    every one). ``queue`` frames may wait for a radio.
     """
 
     run: str
@@ -36,7 +36,7 @@ class RunSpec:
     end_ns: int
     link: Plain
     speed: float = 1.0
-    partitions: Sequence[tuple[int, int, Sequence[str]]] = ()
+    partitions: Sequence[Cut] = ()
     queue: int = 32
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.typing as npt
 from trackfield.filters.types import Array
 
 LOST_M: Final = 50.0
-"""A target is lost when the position error at the last step exceeds this (m), unless the field says otherwise."""
+"""A position error above this (m) is that of a lost target, unless the field says otherwise."""
 
 
 def rmse(errors: Array) -> float:
@@ -64,7 +65,30 @@ def effective_count(values: Array) -> float:
     return n / max(2.0 * float(pairs[:last].sum()) - 1.0, 1.0)
 
 
-def lost(position_errors: Array, lost_m: float = LOST_M) -> npt.NDArray[np.bool_]:
-    """Whether the target was lost in each run: position errors (..., T, 2) in metres, at the end above ``lost_m``."""
-    gone: npt.NDArray[np.bool_] = np.linalg.norm(position_errors[..., -1, :], axis=-1) > lost_m
-    return gone
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """When a target counts as lost: off for ``steps`` steps in a row, somewhere in the last ``within`` (None: in all).
+
+    Off is a position error above ``beyond_m`` metres, and no track at all. As it stands the last step decides. Raises
+    ``ValueError`` for ``steps`` below 1, and for more than ``within``.
+    """
+
+    beyond_m: float = LOST_M
+    steps: int = 1
+    within: int | None = 1
+
+    def __post_init__(self) -> None:
+        if self.steps < 1:
+            raise ValueError(f"steps: {self.steps} is below 1")
+        if self.within is not None and self.within < self.steps:
+            raise ValueError(f"within: the last {self.within} hold no {self.steps} steps in a row")
+
+    def holds(self, errors: Array) -> npt.NDArray[np.bool_]:
+        """Whether the target was lost: (...) of position errors (..., T, 2) in metres, NaN where there is no track."""
+        off = ~(np.linalg.norm(errors, axis=-1) <= self.beyond_m)
+        if self.within is not None:
+            off = off[..., -self.within :]
+        for _ in range(self.steps - 1):
+            off = off[..., 1:] & off[..., :-1]  # so many in a row, and one more
+        found: npt.NDArray[np.bool_] = off.any(axis=-1)
+        return found

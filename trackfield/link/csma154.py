@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from trackfield.link.fate import Fate
+from trackfield.link.fate import FIELD, Fate, frame_key
 from trackfield.link.radios import RADIOS
 from trackfield.link.transfer import Transfer
 
@@ -24,9 +24,20 @@ class Csma154:
         radio = RADIOS["802154-0dbm"](0)
         object.__setattr__(self, "_transfer", Transfer(self.seed, radio, self.busy, self.ack, self.acks))
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
         """See ``Link.fate``."""
-        return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, _always, _always)
+        frame = frame_key(src, dst, kind, sent_ns, copy, medium)
+        return self._transfer.fate(frame, size, broadcast, _always, _always)
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""

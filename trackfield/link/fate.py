@@ -10,6 +10,11 @@ from trackfield.draw import uniform
 
 MIN_DELAY_NS: Final = 1_000_000
 """Every frame takes at least 1 ms, so that a cause precedes its effect."""
+FIELD: Final = "field"
+"""The medium whose draws are keyed without its name."""
+
+FrameKey = tuple[str, str, str, *tuple[str | int, ...]]
+"""What draws for a frame are keyed by: src, dst, kind, sent_ns, copy, and its medium unless that is ``FIELD``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +48,23 @@ def lost(fate: Fate, cause: str) -> Fate:
 class Link(Protocol):
     """A link model. Equal arguments have equal fates, in any process and in any order of asking."""
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
         """The fate of a frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time).
 
         ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A ``broadcast``
         has a fate per hearer, and is never acknowledged; what it costs its sender is the same for every hearer, and
-        for one whose place is not known: its sender asks about ``*``.
+        for one whose place is not known: its sender asks about ``*``. Whatever is drawn, for a frame or for a pair of
+        processes, is drawn anew for each ``medium``.
         """
         ...
 
@@ -56,9 +72,20 @@ class Link(Protocol):
         """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run.
 
         ``kind`` matters where kinds are acknowledged differently; None is one that is not mentioned there. Who moves
-        is where it is at ``at_ns``.
+        is where it is at ``at_ns``. The medium is ``FIELD``.
         """
         ...
+
+
+def of_medium(medium: str) -> tuple[str, ...]:
+    """What the key of a draw for a link ends with, so that each medium has draws of its own."""
+    return () if medium == FIELD else (medium,)
+
+
+def frame_key(src: str, dst: str, kind: str, sent_ns: int, copy: int, medium: str) -> FrameKey:
+    """What the draws of this frame are keyed by."""
+    key = (src, dst, kind, sent_ns, copy)
+    return key if medium == FIELD else (*key, medium)
 
 
 def delay(milliseconds: float) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from trackfield.draw import uniform
-from trackfield.link.fate import LOST, Fate, check_positive, check_share, delay
+from trackfield.link.fate import FIELD, LOST, Fate, check_positive, check_share, delay, frame_key
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,20 @@ class Fixed:
         check_share("loss", self.loss)
         check_positive("delay_ms", self.delay_ms, zero=True)
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
         """See ``Link.fate``."""
-        if self.loss and uniform(self.seed, "loss", src, dst, kind, sent_ns, copy) < self.loss:
+        frame = frame_key(src, dst, kind, sent_ns, copy, medium)
+        if self.loss and uniform(self.seed, "loss", *frame) < self.loss:
             return LOST
         return Fate(None, delay(self.delay_ms))
 

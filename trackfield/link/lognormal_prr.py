@@ -7,7 +7,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import TypeVar
 
-from trackfield.link.fate import Fate
+from trackfield.link.fate import FIELD, Fate, frame_key
 from trackfield.link.places import Places, moves
 from trackfield.link.radios import RADIOS, Radio
 from trackfield.link.shadowing import CHANNELS
@@ -43,34 +43,43 @@ class LognormalPrr:
         self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack, acks)
         self._moving = frozenset(id for id, place in places.items() if moves(place))
         # What was computed before, of links whose ends stand still: a few entries per link in use.
-        self._prr: dict[tuple[str, str, int], float] = {}
+        self._prr: dict[tuple[str, str, int, str], float] = {}
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
         """See ``Link.fate``."""
-        there, back = partial(self._prr_at, src, dst, sent_ns), partial(self._prr_at, dst, src, sent_ns)
-        return self._transfer.fate((src, dst, kind, sent_ns, copy), size, broadcast, there, back)
+        there, back = (partial(self.prr, *ends, at_ns=sent_ns, medium=medium) for ends in ((src, dst), (dst, src)))
+        frame = frame_key(src, dst, kind, sent_ns, copy, medium)
+        return self._transfer.fate(frame, size, broadcast, there, back)
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``."""
-        return self._transfer.reception(size, kind, partial(self._prr_at, src, dst, at_ns))
+        return self._transfer.reception(size, kind, partial(self.prr, src, dst, at_ns=at_ns))
 
-    def snr_db(self, src: str, dst: str, at_ns: int = 0) -> float:
+    def snr_db(self, src: str, dst: str, at_ns: int = 0, medium: str = FIELD) -> float:
         """The signal-to-noise ratio of the link in dB. Raises ``KeyError`` for one whose place is not known."""
-        return self.tx_dbm - self.channel.loss_db(self._seed, self._places, src, dst, at_ns) - self.noise_dbm
+        loss_db = self.channel.loss_db(self._seed, self._places, src, dst, at_ns, medium)
+        return self.tx_dbm - loss_db - self.noise_dbm
 
-    def prr(self, src: str, dst: str, frame_bytes: int, at_ns: int = 0) -> float:
+    def prr(self, src: str, dst: str, frame_bytes: int, at_ns: int = 0, medium: str = FIELD) -> float:
         """The share of single frames of ``frame_bytes`` on the air that are received."""
         if src not in self._places or dst not in self._places:
             return 0.0
         if src in self._moving or dst in self._moving:
-            return self.radio.prr(self.snr_db(src, dst, at_ns), frame_bytes)
-        key = (src, dst, frame_bytes)
+            return self.radio.prr(self.snr_db(src, dst, at_ns, medium), frame_bytes)
+        key = (src, dst, frame_bytes, medium)
         if key not in self._prr:
-            self._prr[key] = self.radio.prr(self.snr_db(src, dst), frame_bytes)
+            self._prr[key] = self.radio.prr(self.snr_db(src, dst, medium=medium), frame_bytes)
         return self._prr[key]
-
-    def _prr_at(self, src: str, dst: str, at_ns: int, frame_bytes: int) -> float:
-        return self.prr(src, dst, frame_bytes, at_ns)
 
 
 def _named(what: str, name: str, table: Mapping[str, T]) -> T:

@@ -5,35 +5,49 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from trackfield.link.fate import Fate, Link, lost
+from trackfield.link.fate import FIELD, Fate, Link, lost
 
-Cut = tuple[int, int, Sequence[str]]
-"""From when until when (ns) these ids are on a side of their own."""
+Cut = tuple[int, int, Sequence[str], str | None]
+"""From when until when (ns) these ids are on a side of their own, on which medium; None: on every one."""
 
 
 @dataclass(frozen=True)
 class Partitioned:
-    """``link``, but for frames sent from ``from`` <= t < ``until`` whose ends are on different sides of a partition.
+    """``link``, but for frames sent from ``from`` <= t < ``until`` whose ends are on different sides of a partition of
+    their medium.
 
     Among those inside, and among those outside, it stays as it is. Several partitions may overlap.
     """
 
     link: Link
     partitions: Sequence[Cut]
-    _cuts: tuple[tuple[int, int, frozenset[str]], ...] = field(init=False, repr=False, compare=False)
+    _cuts: tuple[tuple[int, int, frozenset[str], str | None], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        cuts = tuple((begin, end, frozenset(ids)) for begin, end, ids in self.partitions)
+        cuts = tuple((begin, end, frozenset(ids), medium) for begin, end, ids, medium in self.partitions)
         object.__setattr__(self, "_cuts", cuts)
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
         """See ``Link.fate``; what the sender spends is spent all the same."""
-        fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast)
-        return lost(fate, "partition") if self._cut(src, dst, sent_ns) else fate
+        fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast, medium)
+        return lost(fate, "partition") if self._cut(src, dst, sent_ns, medium) else fate
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """See ``Link.reception``: that of the link while it is not cut."""
         return self.link.reception(src, dst, size, kind, at_ns)
 
-    def _cut(self, src: str, dst: str, at_ns: int) -> bool:
-        return any(begin <= at_ns < end and (src in ids) != (dst in ids) for begin, end, ids in self._cuts)
+    def _cut(self, src: str, dst: str, at_ns: int, medium: str) -> bool:
+        return any(
+            begin <= at_ns < end and (src in ids) != (dst in ids) and on in (medium, None)
+            for begin, end, ids, on in self._cuts
+        )

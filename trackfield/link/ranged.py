@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trackfield.link.fate import Fate, Link, lost
+from trackfield.link.fate import FIELD, Fate, Link, lost
 from trackfield.link.places import Places, distance_m
 
 
@@ -16,9 +16,19 @@ class Ranged:
     places: Places
     range_m: float
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
         """See ``Link.fate``; what the sender spends is spent all the same."""
-        fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast)
+        fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast, medium)
         return fate if self._reaches(src, dst, sent_ns) else lost(fate, "radio")
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:

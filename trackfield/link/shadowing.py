@@ -12,6 +12,7 @@ from math import log10
 from typing import Final
 
 from trackfield.draw import normal
+from trackfield.link.fate import FIELD, of_medium
 from trackfield.link.places import Places, distance_m
 
 
@@ -32,13 +33,14 @@ class Channel:
         """The path loss in dB without shadowing."""
         return self.pl0_db + 10 * self.exponent * log10(max(distance_m / self.d0_m, 1.0))
 
-    def loss_db(self, seed: int, places: Places, src: str, dst: str, at_ns: int = 0) -> float:
+    def loss_db(self, seed: int, places: Places, src: str, dst: str, at_ns: int = 0, medium: str = FIELD) -> float:
         """The path loss in dB from ``src`` to ``dst`` at an instant. Raises ``KeyError`` if a place is not known.
 
-        Shadowing belongs to the link, not to the place: it stays the same for one that moves.
+        Shadowing belongs to the link and the medium, not to the place: it stays the same for one that moves.
         """
-        pair = normal(seed, "shadow", *sorted((src, dst))) * self.sigma_db
-        direction = normal(seed, "asymmetry", src, dst) * self.asymmetry_db
+        apart = of_medium(medium)
+        pair = normal(seed, "shadow", *sorted((src, dst)), *apart) * self.sigma_db
+        direction = normal(seed, "asymmetry", src, dst, *apart) * self.asymmetry_db
         return self.mean_db(distance_m(places, src, dst, at_ns)) + pair + direction
 
 

@@ -7,7 +7,7 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final
 
-from trackfield.link.fate import Fate, check_positive, delay
+from trackfield.link.fate import FIELD, Fate, check_positive, delay
 from trackfield.link.places import Places
 
 COLUMNS: Final = ("src", "dst", "t_s", "received", "delay_ms")
@@ -39,8 +39,18 @@ class Trace:
         for lines in self._lines.values():
             lines.sort(key=lambda line: line[0])
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, broadcast: bool = False) -> Fate:
-        """See ``Link.fate``."""
+    def fate(
+        self,
+        src: str,
+        dst: str,
+        kind: str,
+        sent_ns: int,
+        copy: int,
+        size: int,
+        broadcast: bool = False,
+        medium: str = FIELD,
+    ) -> Fate:
+        """See ``Link.fate``; the same on each medium, as nothing is drawn."""
         lines = self._lines.get((src, dst), [])
         last = bisect_right(lines, sent_ns, key=lambda line: line[0])
         return lines[last - 1][1] if last else Fate("radio")

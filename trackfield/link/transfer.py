@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from trackfield.draw import uniform
-from trackfield.link.fate import MIN_DELAY_NS, Fate, check_share
+from trackfield.link.fate import MIN_DELAY_NS, Fate, FrameKey, check_share
 from trackfield.link.radios import Radio
 
 Prr = Callable[[int], float]
@@ -38,14 +38,14 @@ class Transfer:
             if ack < 0:
                 raise ValueError(f"{name}: {ack} is negative")
 
-    def fate(self, frame: tuple[str, str, str, int, int], size: int, broadcast: bool, there: Prr, back: Prr) -> Fate:
-        """The fate of a payload: ``frame`` is (src, dst, kind, sent_ns, copy).
+    def fate(self, frame: FrameKey, size: int, broadcast: bool, there: Prr, back: Prr) -> Fate:
+        """The fate of a payload.
 
         ``there`` is the share received of what the sender sends, ``back`` of what its hearer sends.
         """
-        src, dst, kind, sent_ns, copy = frame
+        src, dst, kind, *which = frame
         # A broadcast leaves once for all its hearers, so they share its way to the channel.
-        sender = (src, "*" if broadcast else dst, kind, sent_ns, copy)
+        sender = (src, "*" if broadcast else dst, kind, *which)
         ack = 0 if broadcast else self.acks.get(kind, self.ack)
         now, attempts, on_air, air, acks, arrived = 0, 0, 0, 0, 0, True
         for number, part in enumerate(self._frames(size)):

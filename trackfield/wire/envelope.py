@@ -15,8 +15,8 @@ class Envelope:
     """When a frame left, and which of the frames of that instant it is.
 
     ``sent_ns`` is the logical send time in true emulated time (ns since the start of the run);
-    ``incarnation`` counts the sender's lives; ``copy`` counts frames of one kind to one address sent at the
-    same instant; ``seq`` counts the sender's frames and only serves to find gaps. ``put_ns`` is the host's
+    ``incarnation`` counts the sender's lives; ``copy`` counts frames of one kind to one address on one medium
+    sent at the same instant; ``seq`` counts the sender's frames and only serves to find gaps. ``put_ns`` is the host's
     monotonic clock at the put, 0 if unknown: it measures the host and decides nothing.
     """
 
