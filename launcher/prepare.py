@@ -18,9 +18,10 @@ from trackfield.drivers.session import PROTOCOLS, is_endpoint
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
+from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
 from trackfield.scenario.override import parse
-from trackfield.scenario.sections import FromFile, Surveyed
+from trackfield.scenario.paths import FromFile
 
 MAX_LINKS: Final = 2000
 """Nobody looks at more links than that."""
