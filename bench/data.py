@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from trackfield.filters.types import Array, Gaussian, Model, Reports
-from trackfield.scenario import Scenario, plan
+from trackfield.scenario import Scenario, survey
 
 STEPS: Final = 60
 BEARINGS: Final = 4
@@ -40,7 +40,7 @@ def track(seed: int = 1) -> Track:
     scenario = Scenario.load(
         "spcpf", {"seed": seed, "target.path": "s1", "sensor.threshold": 0.5, "sensor.doa_sd_deg": SD_DEG}
     )
-    site = plan(scenario)
+    site = survey(scenario)
     places = np.array([place[1:] for place in site.sensors])
     truth, sensors, bearings = [], [], []
     for step in range(1, STEPS + 1):

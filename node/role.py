@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from math import inf
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from node.duty import Duty
 from node.spans import Spans, first_absent, insert
@@ -41,10 +41,7 @@ from trackfield.role import (
     check_transition,
 )
 from trackfield.wire.messages import Doa, Measurement, SyncReply, Threshold
-from trackfield.world.acoustic import Heard
-
-if TYPE_CHECKING:
-    from trackfield.world.own import Reading
+from trackfield.world.readings import Heard, Reading
 
 LAST_STEP: Final = 65535
 """As far as a report counts."""

@@ -12,7 +12,7 @@ import pymap3d
 import pytest
 
 from tests.command_line import Call, trackfield
-from trackfield.scenario import Scenario, plan
+from trackfield.scenario import Scenario, survey
 from trackfield.world.tracks import track_origin
 
 __all__ = ["trackfield"]
@@ -202,7 +202,7 @@ def posts(file: Path) -> Path:
     origin = track_origin(BUS)
     assert origin is not None
     rows = ["id,lat,lon"]
-    for id, x, y in plan(Scenario.load("bus")).sensors:
+    for id, x, y in survey(Scenario.load("bus")).sensors:
         lat, lon, _ = pymap3d.enu2geodetic(x, y, 0.0, *origin, 0.0)
         rows.append(f"post-{id},{lat},{lon}")
     file.write_text("\n".join(rows))

@@ -34,7 +34,7 @@ from trackfield.role import (
 )
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa, SyncReply, Threshold
-from trackfield.world.acoustic import Heard
+from trackfield.world.readings import Heard
 
 DUTY = {"listen_from_ns": 300 * MS, "listen_for_ns": 400 * MS}
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion", adaptive=DUTY)

@@ -38,7 +38,7 @@ from trackfield.role import (
 )
 from trackfield.wire.codec import decode, encode
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest
-from trackfield.world.acoustic import Heard
+from trackfield.world.readings import Heard
 
 CONFIG: dict[str, Any] = {"exchanges": 3, "resync_ns": 60 * NS, "timeout_ns": 200 * MS, "seed": 1, "id": "n007"}
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion", sync=CONFIG)

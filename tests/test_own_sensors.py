@@ -28,8 +28,9 @@ from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
 from trackfield.scenario import Scenario
 from trackfield.wire import Doa, Measurement
 from trackfield.world.faulty import SensorFault
-from trackfield.world.own import FaultyOwn, PlacedSensor, Reading, own_ears, plain
+from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 from trackfield.world.path import Path
+from trackfield.world.readings import Reading
 from trackfield.world.sensors import SENSORS, make_sensor, register_sensor
 
 
@@ -92,7 +93,7 @@ WALK = Path.of([(0.0, 0.0, 30.0, 5.0, 0.0), (100.0, 500.0, 30.0, 5.0, 0.0)])
 
 def placed(incarnation: int = 0, seed: int = 1, **options: Any) -> PlacedSensor:
     sensor = make_sensor("ranger", options)
-    return PlacedSensor("n1", (100.0, 0.0), WALK, ((0, 50 * NS),), sensor, seed, incarnation)
+    return PlacedSensor("n1", (100.0, 0.0), (WALK,), ((0, 50 * NS),), sensor, seed, incarnation)
 
 
 def faulty(*faults: SensorFault) -> FaultyOwn:
@@ -154,7 +155,7 @@ def test_a_reading_that_is_none_is_told_with_node_and_time(values: tuple[float, 
         def simulate(self, *_: Any) -> Any:
             return values
 
-    broken = PlacedSensor("n1", (100.0, 0.0), WALK, (), Broken(), 1)
+    broken = PlacedSensor("n1", (100.0, 0.0), (WALK,), (), Broken(), 1)
     with pytest.raises(tf.RunFailed, match=r"sensor of n1, at 3 s: simulate returned \(.*expected None, or 2 numbers"):
         broken.sample(3 * NS)
 

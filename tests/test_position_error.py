@@ -12,7 +12,7 @@ from launcher.record.metrics import tracker_metrics
 from launcher.records import Place as Spot
 from launcher.records import Plan
 from tests.simulated import simulated, spcpf
-from trackfield.scenario import Scenario, plan
+from trackfield.scenario import Scenario, survey
 from trackfield.world.windows import Array
 
 DEFAULT = Scenario.load({"name": "default", "target": {"path": "s1"}}).fusion.trackers[0]
@@ -21,7 +21,7 @@ SEEDS = range(1, 9)
 
 def errors(sd: float, seed: int = 1, nodes: int = 121) -> Array:
     """(n, 2) metres from where the sensors stand to where they are believed to."""
-    site = plan(Scenario.load("spcpf", {"sensor.position_error_m": sd, "seed": seed, "field.nodes": nodes}))
+    site = survey(Scenario.load("spcpf", {"sensor.position_error_m": sd, "seed": seed, "field.nodes": nodes}))
     assert [id for id, *_ in site.believed] == [id for id, *_ in site.sensors]
     return np.array([place[1:] for place in site.believed]) - np.array([place[1:] for place in site.sensors])
 
@@ -50,7 +50,7 @@ def test_seed_and_id_decide_an_error() -> None:
 
 
 def test_a_field_that_is_jittered_may_be_believed_wrong_too() -> None:
-    jittered = plan(Scenario.load("spcpf", {"field.jitter": 0.25, "sensor.position_error_m": 5.0}))
+    jittered = survey(Scenario.load("spcpf", {"field.jitter": 0.25, "sensor.position_error_m": 5.0}))
     off_jittered = np.array([b[1:] for b in jittered.believed]) - np.array([s[1:] for s in jittered.sensors])
     assert off_jittered == pytest.approx(errors(5.0), abs=1e-9)  # draws of their own
 
@@ -72,7 +72,7 @@ def test_only_the_centre_is_told_where_sensors_are_believed_to_stand() -> None:
     assert (misled.x, misled.y) == (centre.x, centre.y) == (250.0, 250.0)
     assert misled.config.keys() == centre.config.keys()
     assert {key for key in centre.config if misled.config[key] != centre.config[key]} == {"sensors"}
-    believed = plan(Scenario.load("spcpf", {"sensor.position_error_m": 5.0})).believed
+    believed = survey(Scenario.load("spcpf", {"sensor.position_error_m": 5.0})).believed
     assert misled.config["sensors"] == [list(place) for place in believed]
 
 
@@ -89,7 +89,7 @@ def test_the_world_is_the_same_whatever_is_believed() -> None:
 
 
 def test_without_an_error_nothing_is_drawn_at_all() -> None:
-    site = plan(Scenario.load("spcpf"))
+    site = survey(Scenario.load("spcpf"))
     assert site.scenario.sensor.position_error_m == 0.0
     assert site.believed == site.sensors
     assert parts(off(0.0))[0].config["sensors"] == [list(place) for place in site.sensors]

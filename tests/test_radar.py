@@ -12,8 +12,8 @@ import pytest
 
 from launcher.plan.prepare import load, planned
 from tests.radar_legs import leg, table, ten_minutes_on
-from trackfield.scenario import Scenario, plan
-from trackfield.scenario.layout import layout
+from trackfield.scenario import Scenario, survey
+from trackfield.scenario.layouts import Ground
 from trackfield.world.targets import waypoints
 
 DataFile = Callable[[str], Path]
@@ -26,7 +26,8 @@ DEFAULT, ALONE = "fix-imm-ukf", "predict-only"
 def beside(*points: tuple[float, float, float], **field: Any) -> tuple[float, float]:
     """Where the sensor stands beside a target on this way."""
     scenario = Scenario.load({"name": "mine", "target": {"path": "s1"}, "field": {"layout": "beside", **field}})
-    ((id, x, y),), centre = layout(scenario, waypoints(points))
+    ground = Ground(scenario.seed, (scenario.target,), (waypoints(points),))
+    ((id, x, y),), centre = scenario.field.stand(ground)
     assert (id, centre) == ("n000", None)
     return x, y
 
@@ -52,7 +53,7 @@ def test_beside_a_way_that_ends_where_it_began() -> None:
 
 def test_one_radar_15_km_beside_a_target_of_the_papers_start_and_speed() -> None:
     scenario = Scenario.load("radar")
-    site = plan(scenario)
+    site = survey(scenario)
     assert (site.steps, site.step_ns, len(site.sensors)) == (60, 10 * 10**9, 1)
     assert site.path.at(0.0) == pytest.approx((-9000.0, 12_000.0, 75.0, -10.0))  # Zhai et al. (2009), Fig. 3
     ((_, x, y),), middle = site.sensors, site.path.at(300.0)
@@ -65,7 +66,7 @@ def test_one_radar_15_km_beside_a_target_of_the_papers_start_and_speed() -> None
 
 
 def test_it_sees_the_target_in_every_step() -> None:
-    site = plan(Scenario.load("radar"))
+    site = survey(Scenario.load("radar"))
     assert all(site.acoustic(0).sample(step * site.step_ns) is not None for step in range(61))
 
 
@@ -73,7 +74,7 @@ def test_it_sees_the_target_in_every_step() -> None:
 
 
 def steps(file: Path, start: str | None = None, end: str | None = None, settings: tuple[str, ...] = ()) -> int:
-    return plan(load("radar", target=file, start=start, end=end, settings=settings)).steps
+    return survey(load("radar", target=file, start=start, end=end, settings=settings)).steps
 
 
 def test_of_a_track_it_takes_ten_minutes_or_all_up_to_its_named_end(data_file: DataFile) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trackfield.scenario import Scenario, plan
-from trackfield.scenario.layout import layout
+from trackfield.scenario import Scenario, survey
+from trackfield.scenario.layouts import Ground
 from trackfield.world.targets import waypoints
 from trackfield.world.windows import Array
 
@@ -19,7 +19,7 @@ EASTWARD = waypoints([(0, 0, 0), (10, 500, 0)])
 def laid_out(seed: int = 1, **field: Any) -> tuple[list[str], Array]:
     """Ids and places (n, 2)."""
     scenario = Scenario.load({"name": "mine", "seed": seed, "target": {"path": "s1"}, "field": field})
-    sensors, centre = layout(scenario, EASTWARD)
+    sensors, centre = scenario.field.stand(Ground(seed, (scenario.target,), (EASTWARD,)))
     assert centre is None
     return [id for id, *_ in sensors], np.array([place[1:] for place in sensors])
 
@@ -106,8 +106,8 @@ def test_a_ring_goes_round_from_north_by_east() -> None:
 
 def test_the_centre_stands_in_the_middle_of_a_ring_unless_told_otherwise() -> None:
     ring = Scenario.load("spcpf", {"field.layout": "ring", "field.radius_m": 80.0, "field.nodes": 8})
-    assert plan(ring).centre == pytest.approx((80.0, 80.0))
-    assert plan(ring.set("fusion.y_m", -3)).centre == pytest.approx((80.0, -3.0))
+    assert survey(ring).centre == pytest.approx((80.0, 80.0))
+    assert survey(ring.set("fusion.y_m", -3)).centre == pytest.approx((80.0, -3.0))
 
 
 # --- the seed ---------------------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ def test_about_so_many_nodes_on_the_command_line(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["jittered", "random"])
 def test_every_layout_can_be_planned(kind: str) -> None:
-    site = plan(Scenario.load("spcpf", {"field.layout": kind}))
+    site = survey(Scenario.load("spcpf", {"field.layout": kind}))
     sensors = [site.acoustic(i) for i in range(len(site.sensors))]
     states = [site.path.at(float(step)) for step in range(site.steps + 1)]
     for step, state in enumerate(states):

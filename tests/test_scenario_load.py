@@ -10,8 +10,9 @@ from trackfield.link import MODELS, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.link.shadowing import CHANNELS
 from trackfield.scenario import Scenario, schema
+from trackfield.scenario.layouts import AlongPath, Grid
 from trackfield.scenario.links import LognormalPrr
-from trackfield.scenario.sections import AlongPath, FromFile, Grid, Waypoints
+from trackfield.scenario.paths import FromFile, Waypoints
 
 LEAST: dict[str, Any] = {"name": "mine", "target": {"path": "s1"}}
 
@@ -353,7 +354,7 @@ delay_ms = 0.1
         f"{file}:15: link.delay_ms: is 0.1; expected a number of at least 1",
         f"{file}:17: lnik: unknown; did you mean link?; "
         "expected one of name, seed, restart, field, sensor, target, link, fusion, clock, energy, faults",
-        f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of step_s, steps, path",
+        f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, step_s, steps",
         f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]
 

@@ -11,12 +11,13 @@ import pytest
 
 from launcher.plan.prepare import planned
 from launcher.plan.reception import receptions
-from trackfield.scenario import Scenario, names, plan, summary
+from trackfield.scenario import Scenario, names, summary, survey
 from trackfield.scenario.document import BEGIN, END, tables, updated
-from trackfield.scenario.hardware import Clocks, Energy
 from trackfield.scenario.keys import sections_of_file, top_level
 from trackfield.scenario.make_bus import FILE, SPEED_UP, gpx, ride
 from trackfield.scenario.packaged import packaged_file
+from trackfield.scenario.sections.clocks import Clocks
+from trackfield.scenario.sections.energy import Energy
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
@@ -36,9 +37,9 @@ def test_spcpf_is_the_papers() -> None:
     assert sensor.level_sd_db == 0.0
     assert scenario.fusion.trackers == ("fix-imm-ukf", "spcpf")
     assert (scenario.fusion.prior, scenario.fusion.prior_sd) == ("paper", (20.0, 20.0, 4.0, 4.0))
-    site = plan(scenario)
+    site = survey(scenario)
     assert (len(site.sensors), site.steps, site.step_ns, site.centre) == (121, 60, 10**9, (250.0, 250.0))
-    assert plan(scenario.set("target.path", "s2")).steps == 75
+    assert survey(scenario.set("target.path", "s2")).steps == 75
 
 
 def test_spcpf_has_a_radio_that_works_there_right_clocks_and_mains() -> None:
@@ -68,7 +69,7 @@ def test_the_bus_meets_a_real_radio() -> None:
 
 
 def test_the_bus_lets_the_demo_end_in_time() -> None:
-    site = plan(Scenario.load("bus"))
+    site = survey(Scenario.load("bus"))
     assert 80 <= site.steps <= 110
     assert 50 <= len(site.sensors) <= 121
     assert site.path.gaps == ()
@@ -107,7 +108,7 @@ def test_the_keys_that_are_commented_out_are_right_too(name: str, drives: bool, 
     text = text.replace('"bus.gpx"', f'"{FILE}"')
     (tmp_path / "all.toml").write_text(text)
     scenario = Scenario.load(tmp_path / "all.toml")
-    assert plan(scenario).steps == 60
+    assert survey(scenario).steps == 60
     assert (scenario.fusion.path is not None) is drives
     assert len(planned(scenario).info.marks) >= 4
 
@@ -139,7 +140,7 @@ def test_the_bus_drives_like_a_bus() -> None:
 
 
 def test_the_bus_turns_around_three_corners() -> None:
-    path = plan(Scenario.load("bus")).path
+    path = survey(Scenario.load("bus")).path
     corners = 0
     for t in range(5, int(path.end_s) - 10):
         before, after = path.at(float(t)), path.at(float(t + 10))
@@ -184,7 +185,7 @@ def test_a_document_needs_its_marks() -> None:
 def test_the_documents_own_scenario_and_faults_work(tmp_path: Path) -> None:
     crossing, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
     (tmp_path / "crossing.toml").write_text(crossing)
-    assert plan(Scenario.load(tmp_path / "crossing.toml")).steps == 45
+    assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
     faulty = planned(Scenario.load("spcpf", tomllib.loads(faults)))
     assert [p.name for p in faulty.processes if p.incarnation] == ["fusion~1", "n060~1"]
     assert sum(bool(p.faults) for p in faulty.processes) == 12 + any(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from launcher.processes.deployment import RECORDER, ROUTER
 from launcher.records import LIVE
 from trackfield.errors import ScenarioError
-from trackfield.scenario import Scenario, plan
+from trackfield.scenario import Scenario, survey
 from trackfield.scenario.places import RESERVED, _id, read_places
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_id
@@ -189,13 +189,13 @@ def surveyed(places: Path, **target: Any) -> Scenario:
 
 def test_sensors_and_centre_of_a_plan_are_the_files(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "id,x,y,role", "west,60,80,", "east,90,110,", "fusion,500,-20,fusion")
-    site = plan(surveyed(file, path="s1"))
+    site = survey(surveyed(file, path="s1"))
     assert site.sensors == site.believed == (("west", 60.0, 80.0), ("east", 90.0, 110.0))
     assert site.centre == (500.0, -20.0)
     assert site.acoustic(1).id == "east"
-    assert plan(surveyed(file, path="s1").set("fusion.x_m", 7)).centre == (7.0, -20.0)
+    assert survey(surveyed(file, path="s1").set("fusion.x_m", 7)).centre == (7.0, -20.0)
     nobody = text(tmp_path / "b.csv", "id,x,y", "west,60,80", "east,90,110")
-    assert plan(surveyed(nobody, path="s1")).centre == (75.0, 95.0)
+    assert survey(surveyed(nobody, path="s1")).centre == (75.0, 95.0)
 
 
 def track(file: Path) -> Path:
@@ -209,7 +209,7 @@ def test_sensors_lie_on_the_tracks_own_plane(tmp_path: Path, start: str | None) 
     """A sensor at a fix of the track is where the target then is, wherever the window begins."""
     places = text(tmp_path / "a.csv", "id,lat,lon", "at30,50.003,8", "at50,50.005,8")
     window = {"from": start} if start else {}
-    site = plan(surveyed(places, path="file", file=str(track(tmp_path / "t.csv")), **window))
+    site = survey(surveyed(places, path="file", file=str(track(tmp_path / "t.csv")), **window))
     begin = {None: 0.0, "08:00:20": 20.0, "08:00:20.500": 20.5}[start]
     for (_, *place), t in zip(site.sensors, (30.0, 50.0), strict=True):
         state = site.path.at(t - begin)
@@ -226,7 +226,7 @@ def test_a_target_without_a_place_on_the_globe_has_no_plane_for_degrees(tmp_path
         {"path": "file", "file": str(metres)},
     ):
         with pytest.raises(ScenarioError, match=r"a\.csv: has the columns lat,lon, but the target's path is in metres"):
-            plan(surveyed(degrees, **target))
+            survey(surveyed(degrees, **target))
 
 
 def test_where_a_track_has_its_origin(tmp_path: Path) -> None:

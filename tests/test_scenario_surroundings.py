@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario import Scenario, plan
+from trackfield.scenario import Scenario, survey
 from trackfield.scenario.faults import Kill
-from trackfield.scenario.hardware import Clocks, Energy
+from trackfield.scenario.sections.clocks import Clocks
+from trackfield.scenario.sections.energy import Energy
 from trackfield.wire.registry import product_kinds
 
 LEAST: dict[str, Any] = {"name": "mine", "target": {"path": "s1"}}
@@ -59,19 +60,19 @@ def test_a_threshold_is_a_share_or_adaptive_between_two() -> None:
 
 
 def test_a_field_is_awake_for_the_lowest_threshold_that_may_come() -> None:
-    adaptive = plan(Scenario.load("spcpf", {"sensor.threshold": "adaptive"}))
-    assert adaptive.windows == plan(Scenario.load("spcpf", {"sensor.threshold": 0.70})).windows
+    adaptive = survey(Scenario.load("spcpf", {"sensor.threshold": "adaptive"}))
+    assert adaptive.windows == survey(Scenario.load("spcpf", {"sensor.threshold": 0.70})).windows
     # 60 m away is out of range at 75 %, and within it at 70 %
     target = {"path": "waypoints", "waypoints": [[0, -60, 0], [10, -60, 100]]}
-    assert plan(Scenario.load({**LEAST, "target": target}, {"sensor.threshold": "adaptive"})).steps == 10
+    assert survey(Scenario.load({**LEAST, "target": target}, {"sensor.threshold": "adaptive"})).steps == 10
 
 
 def test_a_centre_stands_where_it_is_told_or_drives() -> None:
-    drives = plan(Scenario.load(LEAST, {"fusion.path": [[5, 1, 2], [9.5, 3, 4]]}))
+    drives = survey(Scenario.load(LEAST, {"fusion.path": [[5, 1, 2], [9.5, 3, 4]]}))
     assert drives.route == ((5 * 10**9, 1.0, 2.0), (9_500_000_000, 3.0, 4.0))
     assert drives.centre == (1.0, 2.0)
-    assert plan(Scenario.load(LEAST, {"fusion.y_m": 7})).centre == (250.0, 7.0)
-    assert plan(Scenario.load(LEAST)).route == ()
+    assert survey(Scenario.load(LEAST, {"fusion.y_m": 7})).centre == (250.0, 7.0)
+    assert survey(Scenario.load(LEAST)).route == ()
 
 
 def test_acknowledgements_by_kind_are_a_value_whatever_their_order() -> None:

@@ -9,8 +9,9 @@ from statistics import fmean, stdev
 import msgpack
 import pytest
 
-from trackfield.world.acoustic import AcousticSensor, Heard
+from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
+from trackfield.world.readings import Heard
 from trackfield.world.targets import s1
 
 S = 1_000_000_000
@@ -19,7 +20,7 @@ PASSING = Path.of([(0.0, -100.0, 40.0, 10.0, 0.0), (20.0, 100.0, 40.0, 10.0, 0.0
 SENSOR = AcousticSensor(
     id="n007",
     position=(0.0, 0.0),
-    path=PASSING,
+    paths=(PASSING,),
     windows=((4 * S, 16 * S),),
     source_db=70.0,
     alpha=2.0,
@@ -44,14 +45,14 @@ def test_without_noise_the_reading_is_the_geometry(t: float) -> None:
 )
 def test_bearings_run_clockwise_from_north(place: tuple[float, float], bearing: float) -> None:
     still = Path.of([(0.0, *place, 0.0, 0.0), (1.0, *place, 0.0, 0.0)])
-    heard = replace(SENSOR, path=still).sample(0)
+    heard = replace(SENSOR, paths=(still,)).sample(0)
     assert heard is not None
     assert heard.bearing_deg == pytest.approx(bearing)
 
 
 def test_a_bearing_a_hair_west_of_north_stays_below_a_full_turn() -> None:
     still = Path.of([(0.0, -1e-17, 5.0, 0.0, 0.0), (1.0, -1e-17, 5.0, 0.0, 0.0)])
-    heard = replace(SENSOR, path=still).sample(0)
+    heard = replace(SENSOR, paths=(still,)).sample(0)
     assert heard == Heard(pytest.approx(70 - 10 * log10(5)), 0.0)
 
 
@@ -70,13 +71,13 @@ def test_it_hears_nothing_when_the_target_is_not_there() -> None:
 
 def test_a_target_on_top_of_the_sensor_is_heard_at_its_source_level() -> None:
     still = Path.of([(0.0, 0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0, 0.0)])
-    assert replace(SENSOR, path=still).sample(0) == Heard(70.0, 0.0)
+    assert replace(SENSOR, paths=(still,)).sample(0) == Heard(70.0, 0.0)
 
 
 def test_noise_has_the_given_spread_and_no_bias() -> None:
     # the target stands 10 m to the east-south-east, so that no bearing wraps
     still = Path.of([(0.0, 10.0, -2.0, 0.0, 0.0), (1.0, 10.0, -2.0, 0.0, 0.0)])
-    quiet = replace(SENSOR, path=still)
+    quiet = replace(SENSOR, paths=(still,))
     noisy = replace(quiet, doa_sd_deg=3.0, level_sd_db=0.5)
     exact = quiet.sample(0)
     heard = [noisy.sample(t) for t in range(4000)]
@@ -120,12 +121,12 @@ def test_the_next_window_is_the_one_it_is_in_or_the_one_to_come() -> None:
 
 
 def test_it_travels_with_no_more_of_the_path_than_it_needs_and_reads_the_same() -> None:
-    there = replace(SENSOR, path=s1(1), position=(200.0, 200.0), windows=((20 * S, 35 * S),), doa_sd_deg=3.0)
+    there = replace(SENSOR, paths=(s1(1),), position=(200.0, 200.0), windows=((20 * S, 35 * S),), doa_sd_deg=3.0)
     packed = msgpack.packb(there.to_plain())
     back = AcousticSensor.from_plain(msgpack.unpackb(packed))
-    assert len(back.path.t) == 18  # a knot a second, one to either side
+    assert len(back.paths[0].t) == 18  # a knot a second, one to either side
     assert len(packed) < 18 * 5 * 9 + 300
-    assert replace(back, path=there.path) == there
+    assert replace(back, paths=there.paths) == there
     for t in range(20 * S, 35 * S + 1, S // 4):
         assert back.sample(t) == there.sample(t)
 

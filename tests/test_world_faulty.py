@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from trackfield.world.acoustic import AcousticSensor, Ears, Heard
+from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
 from trackfield.world.path import Path
+from trackfield.world.readings import Ears, Heard
 
 S = 1_000_000_000
 # Along y = 40 from x = -100 to x = 100 at 10 m/s, past a sensor at the origin that hears 79.4 m far.
@@ -20,7 +21,7 @@ PASSING = Path.of([(0.0, -100.0, 40.0, 10.0, 0.0), (20.0, 100.0, 40.0, 10.0, 0.0
 SENSOR = AcousticSensor(
     id="n007",
     position=(0.0, 0.0),
-    path=PASSING,
+    paths=(PASSING,),
     windows=((3 * S, 17 * S),),
     source_db=70.0,
     alpha=2.0,

@@ -16,8 +16,8 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
-from trackfield.scenario.sections import Fusion
-from trackfield.scenario.sensing import OwnSensor
+from trackfield.scenario.sections.fusion import Fusion
+from trackfield.scenario.sensors import OwnSensor
 from trackfield.world.sensors import SENSORS, Sensor, make_sensor
 
 Registered = tuple[dict[str, Maker], dict[str, Maker]]

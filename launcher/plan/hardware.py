@@ -11,7 +11,7 @@ from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 from trackfield.scenario import Scenario
 from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
-from trackfield.scenario.sensing import Acoustic
+from trackfield.scenario.sensors import Acoustic
 
 FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12

@@ -22,14 +22,11 @@ from trackfield.filters.trackers import make_tracker
 from trackfield.link.models import make_link
 from trackfield.link.places import Places
 from trackfield.role import NS
-from trackfield.scenario import Plan as Site
-from trackfield.scenario import Scenario
-from trackfield.scenario import plan as survey
+from trackfield.scenario import Scenario, Site, survey
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import tables
 from trackfield.scenario.places import CENTRE
-from trackfield.scenario.plan import reach_m
-from trackfield.scenario.sensing import Acoustic
+from trackfield.scenario.sensors import Acoustic, OwnSensor
 from trackfield.wire.registry import product_kinds
 
 TRUTH_SAMPLES: Final = 4
@@ -55,7 +52,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     nodes = [life for node in _nodes(site, places_of([centre]), end_ns) for life in _lives(node, faults)]
     processes = (*_lives(replace(centre, peers=places_of(nodes)), faults), *nodes)
     info = _info(site, spec, processes, faults.marks)
-    _, report_m = reach_m(scenario)
+    _, report_m = scenario.sensor.reach_m()
     again, lost_m = scenario.restart == "on-death", scenario.fusion.lost_m
     return Plan(spec, processes, site.path, info, site.step_ns, report_m, again, lost_m)
 
@@ -159,9 +156,9 @@ def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
 def _noise(scenario: Scenario) -> Mapping[str, Any]:
     """What the fusion centre must know of its reports: how they are off, or of what kind of sensor they are."""
     sensor = scenario.sensor
-    return (
-        {"doa_sd_deg": sensor.doa_sd_deg} if isinstance(sensor, Acoustic) else {"sensor": own_sensor(scenario, sensor)}
-    )
+    if isinstance(sensor, OwnSensor):
+        return {"sensor": own_sensor(scenario, sensor)}
+    return {"doa_sd_deg": sensor.doa_sd_deg} if isinstance(sensor, Acoustic) else {}
 
 
 def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
@@ -170,7 +167,7 @@ def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
     if not isinstance(sensor, Acoustic) or not sensor.adaptive:
         return None
     low, high = sensor.thresholds_db
-    awake_m, _ = reach_m(scenario)
+    awake_m, _ = scenario.sensor.reach_m()
     return {
         "low_db": low,
         "high_db": high,

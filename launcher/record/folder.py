@@ -15,8 +15,9 @@ from launcher.record.journal import write_json
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
+from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
-from trackfield.scenario.sections import FromFile, Surveyed
+from trackfield.scenario.paths import FromFile
 
 
 def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Path("runs")) -> Path:

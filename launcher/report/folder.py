@@ -21,9 +21,7 @@ from launcher.records import ARRIVED
 from trackfield.errors import ScenarioError
 from trackfield.filters import metrics as score
 from trackfield.role import NS
-from trackfield.scenario import Plan as Site
-from trackfield.scenario import Scenario
-from trackfield.scenario import plan as survey
+from trackfield.scenario import Scenario, Site, survey
 from trackfield.scenario.places import CENTRE
 
 Array = npt.NDArray[np.float64]

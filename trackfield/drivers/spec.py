@@ -17,8 +17,9 @@ from trackfield.link.places import Path, Places, Point
 from trackfield.plugins import load
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.wire.keys import Medium
-from trackfield.world.acoustic import AcousticSensor, Ears
+from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
+from trackfield.world.readings import Ears
 
 Plain = dict[str, Any]
 

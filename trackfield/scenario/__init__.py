@@ -6,7 +6,7 @@ The launcher's side only: a process of the field is told what it needs and never
 from __future__ import annotations
 
 from trackfield.scenario.packaged import names, summary
-from trackfield.scenario.plan import Plan, plan
 from trackfield.scenario.scenario import Scenario, schema
+from trackfield.scenario.survey import Site, survey
 
-__all__ = ["Plan", "Scenario", "names", "plan", "schema", "summary"]
+__all__ = ["Scenario", "Site", "names", "schema", "summary", "survey"]

@@ -9,10 +9,10 @@ from functools import cache
 from typing import Annotated, Any, Final, get_args, get_origin
 
 from pydantic import Discriminator
+from pydantic.fields import FieldInfo
 
-from trackfield.scenario.section import Section
-from trackfield.scenario.sections import Contents
-from trackfield.scenario.sensing import OTHER
+from trackfield.scenario.contents import Contents
+from trackfield.scenario.section import OTHER, Section
 
 _UNITS: Final = {
     "m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm", "ppm": "ppm", "j": "J", "mj": "mJ"
@@ -80,18 +80,11 @@ def sections_of_file() -> Mapping[str, Kinds]:
     """The sections by name."""
     found = {}
     for name, field in Contents.model_fields.items():
-        one, tag = field.annotation, field.discriminator
-        tag = "kind" if isinstance(tag, Discriminator) else tag
-        many = get_origin(one) is tuple
-        if many:  # tuple[Annotated[union of its kinds, Field(discriminator=...)], ...]
-            one, about = get_args(get_args(one)[0])
-            tag = about.discriminator
-        parts = (one, *get_args(one))
-        models = [model for part in parts if _is_section(model := get_args(part)[0] if _is_tagged(part) else part)]
+        models, tag = _models(field.annotation, field.discriminator)
         if models:
-            kinds = {kind: _keys(model) for model in models for kind in _values(model, str(tag or ""))}
-            default = "" if many or not tag else getattr(field.default, str(tag), "")
-            found[name] = Kinds(str(tag or ""), kinds, default, many)
+            kinds = {kind: _keys(model) for model in models for kind in _values(model, tag)}
+            default = getattr(field.default, tag, "") if tag else ""
+            found[name] = Kinds(tag, kinds, default, many=get_origin(field.annotation) is tuple)
     return found
 
 
@@ -100,12 +93,16 @@ def own_option(name: str) -> Key:
     return Key(name, "", "", "a number, a text, or true or false", "of that kind", required=False)
 
 
-def _is_tagged(part: object) -> bool:
-    return get_origin(part) is Annotated
-
-
-def _is_section(model: object) -> bool:
-    return isinstance(model, type) and issubclass(model, Section)
+def _models(hint: Any, tag: str | Discriminator | None) -> tuple[list[type[Section]], str]:
+    """The kinds of section in a type, and the key that tells them apart; empty if there is one kind, or none."""
+    if get_origin(hint) is Annotated:
+        hint, *about = get_args(hint)
+        return _models(hint, next((one.discriminator for one in about if isinstance(one, FieldInfo)), tag))
+    name = "kind" if isinstance(tag, Discriminator) else tag or ""
+    if isinstance(hint, type) and issubclass(hint, Section):
+        return [hint], name
+    parts = [_models(part, tag) for part in get_args(hint)]
+    return [model for models, _ in parts for model in models], next((name for models, name in parts if models), name)
 
 
 def _values(model: Any, tag: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from trackfield.errors import ScenarioError
 from trackfield.scenario.keys import Kinds, sections_of_file
-from trackfield.scenario.sensing import OTHER
+from trackfield.scenario.section import OTHER
 
 
 def parse(text: str) -> tuple[str, Any]:

@@ -12,12 +12,12 @@ from pydantic import ValidationError
 from tomlkit.items import Item, Table
 
 from trackfield.errors import ScenarioError
+from trackfield.scenario.contents import Contents
 from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
 from trackfield.scenario.packaged import names, packaged_file
 from trackfield.scenario.problems import combined, problems
-from trackfield.scenario.sections import Contents
 
 
 class Scenario(Contents):

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
+
+OTHER: Final = "any other"
+"""Stands for all kinds of a section that users bring."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -17,6 +23,11 @@ class Section(BaseModel):
     """Immutable; no unknown keys, no silent conversions, no NaN."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def one_of(kinds: Sequence[type[Section]], tag: str) -> Any:
+    """The type of a section that comes in these kinds, told apart by its key ``tag``."""
+    return Annotated[reduce(or_, kinds), Field(discriminator=tag)] if len(kinds) > 1 else kinds[0]
 
 
 def wrong(what: str, expected: str, key: str = "") -> PydanticCustomError:

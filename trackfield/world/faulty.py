@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Protocol
 
 from trackfield.draw import uniform
-from trackfield.world.acoustic import AcousticSensor, Ears, Heard
-
-if TYPE_CHECKING:
-    from trackfield.world.own import PlacedSensor, Reading
+from trackfield.world.readings import Ears, Heard, Reading
 
 STUCK_DB: Final = 3.0
 """How far above its threshold a sensor reads that got stuck while it heard nothing."""
@@ -37,6 +34,25 @@ class SensorFault:
         return self.until_ns is not None and self.until_ns <= t_ns
 
 
+class Placed(Ears, Protocol):
+    """A sensor at a node, in one of its lives: what its draws are keyed by."""
+
+    @property
+    def id(self) -> str:
+        """Of its node."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """Of the run."""
+        ...
+
+    @property
+    def incarnation(self) -> int:
+        """Which life of its node it is."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Faulty:
     """``sensor`` with ``faults``, the first of which counts while several last; all biases do.
@@ -50,7 +66,7 @@ class Faulty:
     A sensor that is stuck or babbles is awake all the while, whatever there is to be heard.
     """
 
-    sensor: AcousticSensor | PlacedSensor
+    sensor: Placed
     faults: tuple[SensorFault, ...]
     threshold_db: float
 
@@ -84,7 +100,7 @@ class Faulty:
         return uniform(self.sensor.seed, self.sensor.id, self.sensor.incarnation, kind, what, t_ns)
 
 
-def with_faults(sensor: AcousticSensor, faults: Sequence[Mapping[str, Any]], threshold_db: float) -> Ears:
+def with_faults(sensor: Placed, faults: Sequence[Mapping[str, Any]], threshold_db: float) -> Ears:
     """The sensor with these faults (the plain forms of ``SensorFault``); the sensor itself if there are none.
 
     ``threshold_db`` is the level from which its node reports.

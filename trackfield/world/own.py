@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from trackfield.draw import normal, uniform
 from trackfield.errors import RunFailed
-from trackfield.world.acoustic import Ears, Window, window_at
 from trackfield.world.faulty import Faulty, SensorFault
 from trackfield.world.path import Path, State
+from trackfield.world.readings import Ears, Reading, Window, window_at
 from trackfield.world.sensors import Sensor, make_sensor
 
 _NS: Final = 1_000_000_000
@@ -20,36 +20,28 @@ _MOST: Final = 10**15
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """What was measured: m whole numbers, in steps of the sensor's resolutions."""
-
-    values: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class PlacedSensor:
-    """The ``sensor`` of node ``id`` at ``position`` (x, y in metres), and the target that it may measure.
+    """The ``sensor`` of node ``id`` at ``position`` (x, y in metres), and the targets that it may measure.
 
-    ``windows`` hold all times at which the target may be within its range, in order and apart; of the ``path`` no
+    ``windows`` hold all times at which any target may be within its range, in order and apart; of the ``paths`` no
     more than those is needed. Its noise is drawn anew for every instant.
     """
 
     id: str
     position: tuple[float, float]
-    path: Path
+    paths: tuple[Path, ...]
     windows: tuple[Window, ...]
     sensor: Sensor
     seed: int
     incarnation: int = 0
 
     def sample(self, t_ns: int) -> Reading | None:
-        """The reading at this true time; None if the target is out of range, or not measured."""
-        target = self.path.at(t_ns / _NS)
-        if target is None:
+        """The reading of the nearest target at this true time; None if none is in range, or it is not measured."""
+        there = [state for path in self.paths if (state := path.at(t_ns / _NS)) is not None]
+        nearest = min(there, key=self._squared_m2, default=None)
+        if nearest is None or self._squared_m2(nearest) > self.sensor.range_m**2:
             return None
-        dx, dy = target[0] - self.position[0], target[1] - self.position[1]
-        within = dx * dx + dy * dy <= self.sensor.range_m**2
-        return self._reading(target, "reading", t_ns) if within else None
+        return self._reading(nearest, "reading", t_ns)
 
     def next_window(self, t_ns: int) -> int | None:
         """See ``AcousticSensor.next_window``."""
@@ -62,6 +54,11 @@ class PlacedSensor:
         angle = tau * uniform(self.seed, *key, "bearing", t_ns)
         x, y = self.position
         return self._reading((x + r * sin(angle), y + r * cos(angle), 0.0, 0.0), purpose, t_ns)
+
+    def _squared_m2(self, target: State) -> float:
+        """The square of the distance to a target."""
+        dx, dy = target[0] - self.position[0], target[1] - self.position[1]
+        return dx * dx + dy * dy
 
     def _reading(self, target: State, purpose: str, t_ns: int) -> Reading | None:
         m = len(self.sensor.resolution)
@@ -92,14 +89,14 @@ class FaultyOwn(Faulty):
 
 def plain(placed: PlacedSensor, kind: str, options: Mapping[str, Any], place: str) -> dict[str, Any]:
     """What makes the same sensor elsewhere, by ``own_ears``: lists, numbers and text."""
-    path = placed.path.cut((a / _NS, b / _NS) for a, b in placed.windows)
+    intervals = [(a / _NS, b / _NS) for a, b in placed.windows]
     return {
         "kind": kind,
         "options": dict(options),
         "place": place,
         "id": placed.id,
         "position": list(placed.position),
-        "path": path.to_plain(),
+        "paths": [path.cut(intervals).to_plain() for path in placed.paths],
         "windows": [list(window) for window in placed.windows],
         "seed": placed.seed,
         "incarnation": placed.incarnation,
@@ -112,7 +109,7 @@ def own_ears(plain: Mapping[str, Any], faults: Sequence[Mapping[str, Any]]) -> E
     placed = PlacedSensor(
         plain["id"],
         (x, y),
-        Path.from_plain(plain["path"]),
+        tuple(map(Path.from_plain, plain["paths"])),
         tuple((a, b) for a, b in plain["windows"]),
         make_sensor(plain["kind"], plain["options"], plain["place"]),
         plain["seed"],

@@ -1,38 +1,33 @@
-"""What a scenario comes to: the target's path, the sensors, and who can hear it when."""
+"""What a scenario comes to: the targets' paths, the sensors, and who can hear them when."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path as FilePath
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
+from trackfield.draw import normal
 from trackfield.errors import ScenarioError
-from trackfield.models.sound import audible_radius
-from trackfield.scenario.layout import believed, layout
+from trackfield.scenario.layouts import Ground
+from trackfield.scenario.paths import MAX_STEPS, Course
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
-from trackfield.scenario.sections import MAX_STEPS, FromFile, Manoeuvre
-from trackfield.scenario.sensing import Acoustic
-from trackfield.world import targets
-from trackfield.world.acoustic import AcousticSensor, Window
-from trackfield.world.own import PlacedSensor, plain
+from trackfield.scenario.sensors import Acoustic
+from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
-from trackfield.world.sensors import SENSORS, make_sensor
-from trackfield.world.tracks import read_track
+from trackfield.world.readings import Window
 from trackfield.world.windows import Array, distances, windows
 
 Leg = tuple[int, float, float]
 
 _NS: Final = 1_000_000_000
-_LENGTH_S: Final = {"s1": 60, "s2": 75, "s3": 40}
 
 
 @dataclass(frozen=True)
-class Plan:
+class Site:
     """A scenario worked out; all times in ns since the start of the run.
 
     The steps are at 0, ``step_ns``, ... up to and including ``steps`` times ``step_ns``. ``windows`` hold
@@ -48,51 +43,33 @@ class Plan:
     sensors: tuple[Place, ...]
     believed: tuple[Place, ...]
     windows: tuple[tuple[Window, ...], ...]
-    centre: tuple[float, float]
+    centre: Point
     route: tuple[Leg, ...] = ()
 
     def sound(self, index: int) -> dict[str, Any]:
         """The plain form of the sensor of this index, acoustic or of a user's own."""
-        sensor = self.scenario.sensor
-        if isinstance(sensor, Acoustic):
-            return self.acoustic(index).to_plain()
-        name, x, y = self.sensors[index]
-        made = make_sensor(sensor.kind, sensor.options)
-        placed = PlacedSensor(name, (x, y), self.path, self.windows[index], made, self.scenario.seed)
-        return plain(placed, sensor.kind, sensor.options, SENSORS.place(sensor.kind))
+        scenario = self.scenario
+        return scenario.sensor.plain(self.sensors[index], [self.path], self.windows[index], scenario.seed)
 
     def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
         """What the acoustic sensor of this index hears."""
-        name, x, y = self.sensors[index]
-        sensor = self.scenario.sensor
+        sensor, seed = self.scenario.sensor, self.scenario.seed
         assert isinstance(sensor, Acoustic)
-        return AcousticSensor(
-            id=name,
-            position=(x, y),
-            path=self.path,
-            windows=self.windows[index],
-            source_db=sensor.level_db,
-            alpha=sensor.alpha,
-            audible_db=sensor.audible_db,
-            doa_sd_deg=sensor.doa_sd_deg,
-            level_sd_db=sensor.level_sd_db,
-            seed=self.scenario.seed,
-            incarnation=incarnation,
-        )
+        return sensor.placed(self.sensors[index], [self.path], self.windows[index], seed, incarnation)
 
 
-def plan(scenario: Scenario) -> Plan:
+def survey(scenario: Scenario) -> Site:
     """Work a scenario out.
 
     Raises ``ScenarioError`` if a file cannot be used, there are no sensors, or the target comes in range of
     none of them.
     """
     steps, path = target_path(scenario)
-    sensors, centre = layout(scenario, path)
+    sensors, centre = scenario.field.stand(Ground(scenario.seed, (scenario.target,), (path,)))
     check(scenario, sensors, path)
     positions = np.array([place[1:] for place in sensors])
-    awake_m, _ = reach_m(scenario)
-    return Plan(
+    awake_m, _ = scenario.sensor.reach_m()
+    return Site(
         scenario=scenario,
         path=path,
         steps=steps,
@@ -103,6 +80,17 @@ def plan(scenario: Scenario) -> Plan:
         centre=_centre(scenario, centre, positions),
         route=tuple((round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
     )
+
+
+def believed(scenario: Scenario, sensors: Sequence[Place]) -> Sequence[Place]:
+    """The sensors where the fusion centre takes them to stand: off by a Gaussian error, east and north."""
+    seed, sd = scenario.seed, scenario.sensor.position_error_m
+    if not sd:
+        return sensors
+    error = partial(normal, seed)
+    return [
+        (id, x + sd * error(id, 0, "position", "x"), y + sd * error(id, 0, "position", "y")) for id, x, y in sensors
+    ]
 
 
 def _centre(scenario: Scenario, surveyed: Point | None, positions: Array) -> Point:
@@ -120,21 +108,8 @@ def target_path(scenario: Scenario) -> tuple[int, Path]:
     Raises ``ScenarioError`` if its file cannot be used, or if it is not there long enough for a step.
     """
     target, step_ns = scenario.target, _step_ns(scenario)
-    if isinstance(target, Manoeuvre):
-        steps = target.steps or _LENGTH_S[target.path] * _NS // step_ns
-        end_s = steps * step_ns / _NS
-        match target.path:
-            case "s1":
-                return steps, targets.s1(scenario.seed, steps, step_ns / _NS)
-            case "s2":
-                return steps, targets.s2(end_s)
-            case "s3":
-                return steps, targets.s3(end_s)
-    if isinstance(target, FromFile):
-        path = read_track(FilePath(target.file), target.from_, target.to)
-    else:
-        path = targets.waypoints(target.waypoints)
-    steps = min(round(path.end_s * _NS) // step_ns, target.steps or sys.maxsize)
+    steps, path = target.run(Course(scenario.seed, step_ns, target.steps))
+    steps = min(steps, target.steps or steps)
     if steps > MAX_STEPS:
         what = f"the run would have {steps} steps"
         raise ScenarioError(what, key="target.steps", expected=f"at most {MAX_STEPS}, as far as a report counts")
@@ -149,28 +124,14 @@ def target_path(scenario: Scenario) -> tuple[int, Path]:
 def check(scenario: Scenario, sensors: Sequence[Place], path: Path) -> None:
     """Raise ``ScenarioError`` unless the target comes near enough to some sensor for a report."""
     positions = np.array([place[1:] for place in sensors])
-    _, radius = reach_m(scenario)
+    _, radius = scenario.sensor.reach_m()
     if np.isfinite(distances(positions, path, radius)).any():
         return
     far = distances(positions, path, np.inf)
     nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
     what = f"the target never comes in range: it stays {nearest}"
-    key = "sensor.threshold" if isinstance(scenario.sensor, Acoustic) else "sensor.range_m"
-    raise ScenarioError(what, key=key, expected=f"a path within the {radius:.0f} m that a sensor hears")
-
-
-def reach_m(scenario: Scenario) -> tuple[float, float]:
-    """How near (m) the target has to be for a sensor to be awake, and for it to report, if its threshold is lowest.
-
-    Raises ``ScenarioError`` for a sensor of a user's own that there is not, or whose options do not fit.
-    """
-    sensor = scenario.sensor
-    if not isinstance(sensor, Acoustic):
-        range_m = make_sensor(sensor.kind, sensor.options).range_m
-        return range_m, range_m
-    awake_db, report_db = sensor.audible_db, sensor.thresholds_db[0]
-    awake_m, report_m = (audible_radius(sensor.level_db, sensor.alpha, db) for db in (awake_db, report_db))
-    return awake_m, report_m
+    expected = f"a path within the {radius:.0f} m that a sensor hears"
+    raise ScenarioError(what, key=scenario.sensor.reach_key, expected=expected)
 
 
 def _step_ns(scenario: Scenario) -> int:

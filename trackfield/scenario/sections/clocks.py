@@ -1,14 +1,10 @@
-"""What processes run on: their clocks and their energy."""
+"""``[clock]``: what the nodes have for the time."""
 
 from __future__ import annotations
-
-from typing import Annotated, Literal
 
 from pydantic import Field
 
 from trackfield.scenario.section import Section
-
-Joules = Annotated[float, Field(gt=0, le=1e9)]
 
 
 class Clocks(Section):
@@ -37,14 +33,3 @@ class Clocks(Section):
     def off(self) -> bool:
         """Whether any clock can be wrong."""
         return bool(self.offset_ms or self.drift_ppm or self.ramp_ppm_per_h)
-
-
-class Energy(Section):
-    """What devices draw, and from what."""
-
-    device: Literal["cc2420", "cc2420-20dbm", "sx1276", "wifi11b"] | None = Field(
-        default=None, description="whose power figures count; unset: those of link.radio, or else cc2420"
-    )
-    battery_j: Joules | None = Field(default=None, description="in each sensor node; unset: mains, never empty")
-    centre_battery_j: Joules | None = Field(default=None, description="in the fusion centre; unset: mains, never empty")
-    sample_mj: float = Field(default=0.0, ge=0, le=1e9, description="spent on each reading of the sensor")

@@ -1,31 +1,27 @@
-"""The section ``[sensor]``: an acoustic array, or a sensor of a user's own."""
+"""The sensor ``acoustic``."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal, Self
+from collections.abc import Sequence
+from typing import Any, ClassVar, Final, Literal, Self
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
-from trackfield.scenario.section import Section, Share, wrong
+from trackfield.models.sound import audible_radius
+from trackfield.scenario.places import Place
+from trackfield.scenario.section import Share, wrong
+from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.world.acoustic import AcousticSensor
+from trackfield.world.path import Path
+from trackfield.world.readings import Window
 
 ACOUSTIC: Final = "acoustic"
-OTHER: Final = "any other"
-"""Stands for all kinds of sensors that users bring."""
 
 
-class _Sensor(Section):
-    kind: str
-    position_error_m: float = Field(
-        default=0.0,
-        ge=0,
-        le=10_000,
-        description="standard deviation, east and north, of where the centre believes a sensor to stand",
-    )
-
-
-class Acoustic(_Sensor):
+class Acoustic(SensorSection):
     """One acoustic array, the same at every node: level and direction of arrival."""
+
+    reach_key: ClassVar[str] = "sensor.threshold"
 
     kind: Literal["acoustic"] = Field(default=ACOUSTIC, description="an array of microphones: level and bearing")
     level_db: float = Field(default=70.0, gt=0, le=200, description="the target's level at 1 m")
@@ -75,27 +71,32 @@ class Acoustic(_Sensor):
         """The level above which a sensor hears anything."""
         return self.thresholds_db[0] - self.margin_db
 
+    def reach_m(self) -> tuple[float, float]:
+        """See ``SensorSection``."""
+        awake_m, report_m = (
+            audible_radius(self.level_db, self.alpha, db) for db in (self.audible_db, self.thresholds_db[0])
+        )
+        return awake_m, report_m
 
-class OwnSensor(_Sensor):
-    """A kind of sensor that a user brings (docs/extending.md); further keys are its options, checked by its class."""
+    def plain(self, place: Place, paths: Sequence[Path], windows: Sequence[Window], seed: int) -> dict[str, Any]:
+        """See ``SensorSection``."""
+        return self.placed(place, paths, windows, seed).to_plain()
 
-    model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, bool | int | float | str]
-
-    kind: str = Field(min_length=1, description="a sensor of your own, whose options stand beside this")
-
-    @property
-    def options(self) -> dict[str, bool | int | float | str]:
-        """What its class is made with."""
-        return dict(self.__pydantic_extra__)
-
-
-def _kind_of(sensor: Any) -> str:
-    kind = sensor.get("kind", ACOUSTIC) if isinstance(sensor, Mapping) else getattr(sensor, "kind", ACOUSTIC)
-    return ACOUSTIC if kind == ACOUSTIC else OTHER
-
-
-Sensor = Annotated[
-    Annotated[Acoustic, Tag(ACOUSTIC)] | Annotated[OwnSensor, Tag(OTHER)],
-    Field(discriminator=Discriminator(_kind_of)),
-]
+    def placed(
+        self, place: Place, paths: Sequence[Path], windows: Sequence[Window], seed: int, incarnation: int = 0
+    ) -> AcousticSensor:
+        """The sensor at a ``place``."""
+        id, x, y = place
+        return AcousticSensor(
+            id=id,
+            position=(x, y),
+            paths=tuple(paths),
+            windows=tuple(windows),
+            source_db=self.level_db,
+            alpha=self.alpha,
+            audible_db=self.audible_db,
+            doa_sd_deg=self.doa_sd_deg,
+            level_sd_db=self.level_sd_db,
+            seed=seed,
+            incarnation=incarnation,
+        )

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario import Scenario, plan
-from trackfield.scenario.layout import layout as laid_out
-from trackfield.scenario.plan import target_path
-from trackfield.scenario.sections import MAX_STEPS
+from trackfield.scenario import Scenario, survey
+from trackfield.scenario.layouts import Ground
+from trackfield.scenario.paths import MAX_STEPS
+from trackfield.scenario.survey import target_path
 from trackfield.wire import Doa, WireError, encode
 from trackfield.world.targets import s1, s2, s3, waypoints
 from trackfield.world.windows import distances
@@ -31,7 +31,7 @@ def mine(field: dict[str, Any] | None = None, **target: Any) -> Scenario:
 
 def layout(scenario: Scenario, path: Any) -> Any:
     """The sensors alone."""
-    sensors, centre = laid_out(scenario, path)
+    sensors, centre = scenario.field.stand(Ground(scenario.seed, (scenario.target,), (path,)))
     assert centre is None
     return sensors
 
@@ -183,7 +183,7 @@ def test_the_papers_thresholds_wake_as_many_sensors_as_the_paper_says() -> None:
         counts = []
         for seed in range(1, 6):
             changes = {"sensor.threshold": threshold, "sensor.margin_db": 0.0, "seed": seed}
-            site = plan(Scenario.load("spcpf", changes))
+            site = survey(Scenario.load("spcpf", changes))
             sensors = [site.acoustic(i) for i in range(len(site.sensors))]
             counts += [sum(one.sample(step * S) is not None for one in sensors) for step in range(61)]
         assert np.mean(counts) == pytest.approx(active, abs=0.3)
@@ -191,7 +191,7 @@ def test_the_papers_thresholds_wake_as_many_sensors_as_the_paper_says() -> None:
 
 @pytest.mark.parametrize("name", ["spcpf", "bus"])
 def test_a_sensor_hears_in_its_windows_whatever_it_could_hear_at_all(name: str) -> None:
-    site = plan(Scenario.load(name))
+    site = survey(Scenario.load(name))
     audible_db = site.scenario.sensor.audible_db
     for i in range(len(site.sensors)):
         sensor = site.acoustic(i)
@@ -204,9 +204,9 @@ def test_a_sensor_hears_in_its_windows_whatever_it_could_hear_at_all(name: str) 
             assert (heard is not None) == (exact.level_db >= audible_db)
 
 
-def test_a_plan_holds_what_a_run_needs() -> None:
+def test_a_site_holds_what_a_run_needs() -> None:
     scenario = Scenario.load("spcpf", {"seed": 5, "target.step_s": 0.5, "fusion.x_m": -20.0})
-    site = plan(scenario)
+    site = survey(scenario)
     assert (site.scenario, site.steps, site.step_ns) == (scenario, 120, S // 2)
     assert len(site.windows) == len(site.sensors) == 121
     assert site.centre == (-20.0, 250.0)
@@ -216,14 +216,14 @@ def test_a_plan_holds_what_a_run_needs() -> None:
 
 
 def test_every_sensor_hears_at_threshold_zero() -> None:
-    site = plan(Scenario.load("spcpf", {"sensor.threshold": 0.0, "field.nodes": 1000}))
+    site = survey(Scenario.load("spcpf", {"sensor.threshold": 0.0, "field.nodes": 1000}))
     assert site.windows == (((0, 60 * S),),) * 992
 
 
 def test_a_target_that_comes_in_range_of_nobody() -> None:
     far = mine(path="waypoints", waypoints=[[0, 700, 700], [10, 900, 700]])
     with pytest.raises(ScenarioError) as caught:
-        plan(far)
+        survey(far)
     nearest = hypot(200, 200)
     assert str(caught.value) == (
         "sensor.threshold: the target never comes in range: "
@@ -235,12 +235,12 @@ def test_a_target_that_comes_in_range_of_nobody() -> None:
 def test_a_target_in_the_margin_alone_is_out_of_range() -> None:
     # 60 m away: awake, but below the threshold at 56 m
     with pytest.raises(ScenarioError, match="never comes in range"):
-        plan(mine(path="waypoints", waypoints=[[0, -60, 0], [10, -60, 100]]))
+        survey(mine(path="waypoints", waypoints=[[0, -60, 0], [10, -60, 100]]))
 
 
 def test_the_largest_and_loudest_field_can_be_planned() -> None:
     wide = {"sensor.level_db": 200.0, "sensor.alpha": 0.5, "sensor.threshold": 0.0, "sensor.margin_db": 100.0}
-    site = plan(Scenario.load("spcpf", wide))
+    site = survey(Scenario.load("spcpf", wide))
     assert all(own == ((0, 60 * S),) for own in site.windows)
     assert site.acoustic(0).sample(30 * S) is not None
 
@@ -248,7 +248,7 @@ def test_the_largest_and_loudest_field_can_be_planned() -> None:
 @pytest.mark.parametrize(("start", "end"), [("07:46", "07:49"), ("07:50:00", "07:53:00"), ("08:07", "08:10")])
 def test_sensors_line_the_streets_of_a_real_bus(data_file: DataFile, start: str, end: str) -> None:
     ride = {"target.file": str(data_file("bus_304.gpx")), "target.from": start, "target.to": end}
-    site = plan(Scenario.load("bus", ride))
+    site = survey(Scenario.load("bus", ride))
     assert site.steps == 180
     assert 25 < len(site.sensors) < 300
     assert distances(np.array([place[1:] for place in site.sensors]), site.path, 150.0).max() <= 150.0
@@ -261,6 +261,6 @@ def test_a_run_has_no_more_steps_than_a_report_can_count() -> None:
     with pytest.raises(WireError):
         encode(Doa(MAX_STEPS + 1, 0.0, 0.0))
     with pytest.raises(ScenarioError, match=r"70000 steps.*at most 65535"):
-        plan(mine(path="waypoints", waypoints=[[0, 0, 0], [70000, 500, 0]]))
+        survey(mine(path="waypoints", waypoints=[[0, 0, 0], [70000, 500, 0]]))
     with pytest.raises(ScenarioError, match=r"target\.steps"):
         mine(path="s1", steps=MAX_STEPS + 1)

@@ -1,0 +1,15 @@
+"""The fault ``babble``."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from trackfield.scenario.faults.fault import SensorFault
+
+
+class Babble(SensorFault):
+    """A sensor reads nonsense, all the time."""
+
+    kind: Literal["babble"] = Field(default="babble", description="a sensor reads loud nonsense in every step")

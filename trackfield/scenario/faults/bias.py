@@ -1,0 +1,24 @@
+"""The fault ``bias``."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from trackfield.scenario.faults.fault import SensorFault
+from trackfield.scenario.section import wrong
+
+
+class Bias(SensorFault):
+    """A sensor's readings are off by a constant."""
+
+    kind: Literal["bias"] = Field(default="bias", description="a sensor's readings are off by a constant")
+    bias_deg: float = Field(default=0.0, ge=-180, le=180, description="added to the direction of arrival")
+    bias_db: float = Field(default=0.0, ge=-100, le=100, description="added to the level")
+
+    @model_validator(mode="after")
+    def _is_off(self) -> Self:
+        if not self.bias_deg and not self.bias_db:
+            raise wrong("is 0, and so is bias_db", "one of them at least to be another", ".bias_deg")
+        return self

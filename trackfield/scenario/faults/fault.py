@@ -1,0 +1,67 @@
+"""What all planned faults have in common: whom they befall, and when."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Self, TypeVar
+
+from pydantic import Field, model_validator
+
+from trackfield.scenario.section import NotNegative, Positive, Section, wrong
+
+SHORTEST_S: Final = 0.001
+"""No fault lasts shorter, and no process ends earlier."""
+
+T = TypeVar("T")
+Ids = Annotated[tuple[str, ...], Field(min_length=1)]
+Instant = Annotated[float, Field(ge=SHORTEST_S)]
+
+
+class FaultSection(Section):
+    """A fault; ``kind`` is its name, and it happens or begins ``at_s``."""
+
+    kind: str
+    nodes: Ids | None = Field(default=None, description="whom it befalls, by id; or say a share")
+    share: float | None = Field(
+        default=None, gt=0, le=1, description="of the sensor nodes, drawn by seed and the fault's number; or name nodes"
+    )
+    at_s: float
+
+    @model_validator(mode="after")
+    def _befalls_someone(self) -> Self:
+        if self.nodes is None and self.share is None:
+            raise wrong("befalls nobody", "nodes, a list of ids, or share, from 0 to 1", ".nodes")
+        if self.nodes is not None and self.share is not None:
+            raise wrong("stands beside nodes", "either of them alone", ".share")
+        for id in self.nodes or ():
+            if self.nodes and self.nodes.count(id) > 1:
+                raise wrong(f"{id!r} is there twice", "each id once", ".nodes")
+        return self
+
+
+class WindowFault(FaultSection):
+    """A fault that ends."""
+
+    at_s: NotNegative = Field(description="when it begins")
+    until_s: Positive = Field(description="when it ends")
+
+    @model_validator(mode="after")
+    def _ends_after_it_begins(self) -> Self:
+        return ordered(self, self.at_s, self.until_s)
+
+
+class SensorFault(FaultSection):
+    """A fault of a sensor, which may last."""
+
+    at_s: NotNegative = Field(description="when it begins")
+    until_s: Positive | None = Field(default=None, description="when it ends; unset: never")
+
+    @model_validator(mode="after")
+    def _ends_after_it_begins(self) -> Self:
+        return ordered(self, self.at_s, self.until_s)
+
+
+def ordered(fault: T, at_s: float, until_s: float | None, least_s: float = SHORTEST_S) -> T:
+    """The fault, unless it ends too early: an error."""
+    if until_s is not None and round(until_s - at_s, 9) < least_s:  # 2.82 is a second after 1.82, but not in binary
+        raise wrong(f"is {until_s:g}", f"a time at least {least_s:g} s after at_s, which is {at_s:g}", ".until_s")
+    return fault

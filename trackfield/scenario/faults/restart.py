@@ -1,0 +1,27 @@
+"""The fault ``restart``."""
+
+from __future__ import annotations
+
+from typing import Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from trackfield.scenario.faults.fault import FaultSection, Instant, ordered
+from trackfield.scenario.section import Positive
+
+MIN_DOWN_S: Final = 1.0
+"""A process that is restarted is down for that long at least."""
+
+
+class Restart(FaultSection):
+    """A process ends, and comes back knowing nothing."""
+
+    kind: Literal["restart"] = Field(default="restart", description="a process ends, and begins anew later")
+    at_s: Instant = Field(description="when it happens")
+    until_s: Positive = Field(
+        json_schema_extra={"expected": "a number, at least 1 s after at_s"}, description="when it is up again"
+    )
+
+    @model_validator(mode="after")
+    def _is_down_for_a_while(self) -> Self:
+        return ordered(self, self.at_s, self.until_s, MIN_DOWN_S)

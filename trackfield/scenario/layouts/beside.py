@@ -1,0 +1,31 @@
+"""The layout ``beside``."""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from trackfield.models.sound import bearing
+from trackfield.scenario.layouts.layout import Ground, LayoutSection, numbered
+from trackfield.scenario.places import Place
+
+
+class Beside(LayoutSection):
+    """A single sensor beside the path of the first target."""
+
+    layout: Literal["beside"] = Field(default="beside", description="one sensor, to the right of the target's path")
+    distance_m: float = Field(
+        default=15_000.0, gt=0, le=1e7, description="from the target at half time, square to its way from begin to end"
+    )
+
+    def stand(self, ground: Ground) -> tuple[list[Place], None]:
+        """To the right of the path's middle; of one that ends where it began, as if it led north."""
+        path = ground.paths[0]
+        half_s = (path.start_s + path.end_s) / 2
+        middle = path.clip(half_s, half_s)
+        heading = bearing(path.x[-1] - path.x[0], path.y[-1] - path.y[0])
+        x, y = middle.x[0] + self.distance_m * cos(heading), middle.y[0] - self.distance_m * sin(heading)
+        return numbered(np.array([[x, y]])), None

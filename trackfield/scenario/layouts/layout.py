@@ -1,0 +1,105 @@
+"""What all layouts have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import floor
+from typing import Final
+
+import numpy as np
+from pydantic import Field
+
+from trackfield.draw import uniform
+from trackfield.errors import ScenarioError
+from trackfield.scenario.paths import PathSection
+from trackfield.scenario.places import Place, Point
+from trackfield.scenario.section import NotNegative, Positive, Section
+from trackfield.world.path import Path
+from trackfield.world.windows import Array
+
+LIMIT: Final = 1_000_000
+"""The most places that are looked at; more is a mistake in the units."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What a layout may go by: the seed, the targets and their paths from t=0 on, one of each at least."""
+
+    seed: int
+    targets: tuple[PathSection, ...]
+    paths: tuple[Path, ...]
+
+
+class LayoutSection(Section):
+    """A layout; ``layout`` is its name."""
+
+    layout: str
+
+    def stand(self, ground: Ground) -> tuple[list[Place], Point | None]:
+        """The sensors, and where the fusion centre stands if the layout says so (m).
+
+        Raises ``ScenarioError`` if there are none, or more than a million, and for a file that cannot be used.
+        """
+        raise NotImplementedError
+
+
+class SpacedSection(LayoutSection):
+    """A layout with one sensor to a square of ``spacing_m``."""
+
+    spacing_m: Positive = Field(default=50.0, description="distance between neighbours of the grid")
+    nodes: int | None = Field(
+        default=None,
+        ge=1,
+        le=1_000_000,
+        description="about so many sensors at the same spacing, instead of the extent given",
+    )
+
+
+class SquareSection(SpacedSection):
+    """A layout that fills a square."""
+
+    extent_m: NotNegative = Field(default=500.0, description="side of the square")
+
+    def side(self) -> float:
+        """How many spacings the extent has; at most ``LIMIT``, which is far too many."""
+        return min(self.extent_m / self.spacing_m, LIMIT)
+
+    def grid(self) -> Array:
+        """(n, 2) places of a square grid, or of a nearly square one of about ``nodes`` places."""
+        columns = rows = floor(self.side() + 1e-9) + 1
+        if self.nodes is not None:
+            columns = max(round(self.nodes**0.5), 1)
+            rows = max(round(self.nodes / columns), 1)
+        check_number(rows * columns)
+        return self.spacing_m * np.indices((rows, columns)).reshape(2, -1).T[:, ::-1].astype(float)
+
+
+def numbered(points: Array) -> list[Place]:
+    """The ``points`` (n, 2), called ``n000``, ``n001`` and so on.
+
+    From the south-west row by row: in a grid of 11 columns, row times 11 plus column.
+    """
+    return [(id, x, y) for id, (x, y) in zip(ids(len(points)), points.tolist(), strict=True)]
+
+
+def ids(number: int) -> Iterable[str]:
+    """The names of so many sensors."""
+    width = max(3, len(str(number - 1)))
+    return [f"n{i:0{width}}" for i in range(number)]
+
+
+def offset(seed: int, id: str) -> Point:
+    """Uniform in the square from (-1, -1) to (1, 1), another for each sensor."""
+    x, y = (uniform(seed, id, 0, "place", axis) for axis in ("x", "y"))
+    return 2.0 * x - 1.0, 2.0 * y - 1.0
+
+
+def check_number(places: int) -> None:
+    """Raise ``ScenarioError`` if there are more ``places`` than anybody means."""
+    if places > LIMIT:
+        raise ScenarioError(
+            f"the field has {places} places or more",
+            key="field.spacing_m",
+            expected=f"so much that there are at most {LIMIT}",
+        )

@@ -1,0 +1,26 @@
+"""The layout ``ring``."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from trackfield.scenario.layouts.layout import Ground, LayoutSection, numbered
+from trackfield.scenario.places import Place
+
+
+class Ring(LayoutSection):
+    """Sensors on a circle, evenly spaced."""
+
+    layout: Literal["ring"] = Field(
+        default="ring", description="evenly on a circle, from north clockwise; it touches both axes, as the grid does"
+    )
+    radius_m: float = Field(default=250.0, gt=0, le=1e7, description="of the circle around (radius_m, radius_m)")
+    nodes: int = Field(default=30, ge=1, le=1_000_000, description="so many sensors")
+
+    def stand(self, ground: Ground) -> tuple[list[Place], None]:
+        """The first due north of the middle, then clockwise."""
+        angle = 2 * np.pi * np.arange(self.nodes) / self.nodes
+        return numbered(self.radius_m * (1.0 + np.column_stack([np.sin(angle), np.cos(angle)]))), None

@@ -1,0 +1,26 @@
+"""The layout ``file``."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Literal
+
+from pydantic import Field
+
+from trackfield.scenario.layouts.layout import Ground, LayoutSection
+from trackfield.scenario.paths import origin_of
+from trackfield.scenario.places import Place, Point, read_places
+
+
+class Surveyed(LayoutSection):
+    """Sensors where a file says."""
+
+    layout: Literal["file"] = Field(default="file", description="where a file says")
+    file: str = Field(
+        min_length=1,
+        description="CSV file with id and lat,lon or x,y of each sensor, relative to the scenario's own folder",
+    )
+
+    def stand(self, ground: Ground) -> tuple[list[Place], Point | None]:
+        """See ``LayoutSection``; the file may say where the fusion centre stands."""
+        return read_places(FilePath(self.file), origin_of(ground.targets))

@@ -1,0 +1,49 @@
+"""What all link models have in common, and what all radios have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
+
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
+
+from trackfield.scenario.section import Positive, Section, wrong
+
+Busy = Annotated[float, Field(ge=0, le=0.99)]
+Attempts = Annotated[int, Field(ge=0, le=100)]
+
+_ACKS: Final = "a table of whole numbers from 0 to 100, like { doa = 4 }"
+
+
+def _pairs(value: Any) -> Any:
+    """A scenario is hashable, so a table is kept as its pairs."""
+    if not isinstance(value, Mapping):
+        raise wrong(f"is {value!r}", _ACKS)
+    return tuple(sorted(value.items()))
+
+
+Acks = Annotated[
+    tuple[tuple[str, Attempts], ...],
+    BeforeValidator(_pairs),
+    PlainSerializer(dict),
+    WithJsonSchema({"type": "object", "additionalProperties": {"type": "integer", "minimum": 0, "maximum": 100}}),
+]
+
+
+class LinkSection(Section):
+    """A link; ``model`` is its name."""
+
+    model: str
+    range_m: Positive | None = Field(default=None, description="who is further away hears nothing; unset: no limit")
+
+
+class RadioSection(LinkSection):
+    """A link by radio."""
+
+    busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
+    acks: Acks | None = Field(
+        default=None, json_schema_extra={"expected": _ACKS}, description="ack for single kinds of message, by name"
+    )
+    queue: int = Field(
+        default=32, ge=1, le=10_000, description="how many frames wait for a radio that is sending; more are dropped"
+    )

@@ -1,0 +1,42 @@
+"""The link model ``lognormal_prr``."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from trackfield.scenario.links.link import Attempts, RadioSection
+from trackfield.scenario.section import wrong
+
+
+class LognormalPrr(RadioSection):
+    """Path loss with frozen shadowing, a radio's reception curve, its access to the channel."""
+
+    model: Literal["lognormal_prr"] = Field(
+        default="lognormal_prr", description="a radio, its reach decided by distance and shadowing"
+    )
+    radio: Literal["802154-0dbm", "802154-20dbm", "lora868", "mica2", "wifi11b"] = Field(
+        default="802154-20dbm", description="sets power, noise, frame size, speed and access to the channel"
+    )
+    channel: Literal["castalia", "usc", "petajajarvi"] | None = Field(
+        default=None,
+        description="path loss over distance; unset: petajajarvi for lora868, usc for mica2, else castalia",
+    )
+    tx_dbm: float | None = Field(default=None, ge=-60, le=40, description="transmission power; unset: the radio's")
+    noise_dbm: float | None = Field(default=None, ge=-180, le=0, description="noise floor; unset: the radio's")
+    sf: int | None = Field(default=None, ge=7, le=12, description="spreading factor, of lora868 alone; unset: 9")
+    ack: Attempts | None = Field(
+        default=None,
+        description="how often a frame is sent until acknowledged; 0: once, without; unset: 7 for wifi11b, else 0",
+    )
+
+    @model_validator(mode="after")
+    def _spreading_factor_of_lora(self) -> Self:
+        if self.sf is not None and self.radio != "lora868":
+            raise wrong(
+                f"is {self.sf}, and {self.radio} has no spreading factor",
+                "no spreading factor, or link.radio=lora868",
+                "link.sf",
+            )
+        return self

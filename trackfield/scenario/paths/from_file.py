@@ -1,0 +1,51 @@
+"""The path ``file``."""
+
+from __future__ import annotations
+
+from datetime import date, datetime, time
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import BeforeValidator, Field, JsonValue
+
+from trackfield.scenario.paths.path import Course, PathSection, whole_steps
+from trackfield.world.path import Path
+from trackfield.world.tracks import read_track, track_origin
+from trackfield.world.windows import Array
+
+
+def _text(value: Any) -> Any:
+    """TOML has times of its own, and a track may count seconds: all become text."""
+    if isinstance(value, time | date | datetime):
+        return value.isoformat()
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+_MOMENT: Final[dict[str, JsonValue]] = {
+    "expected": "HH:MM[:SS], an ISO date and time, or seconds for a file that counts seconds"
+}
+Moment = Annotated[str, BeforeValidator(_text)]
+
+
+class FromFile(PathSection):
+    """A recorded track."""
+
+    path: Literal["file"] = Field(default="file", description="a recorded track")
+    file: str = Field(min_length=1, description="GPX or CSV file, relative to the scenario's own folder")
+    from_: Moment | None = Field(
+        default=None,
+        alias="from",
+        json_schema_extra=_MOMENT,
+        description="t=0; unset: the file's first fix",
+    )
+    to: Moment | None = Field(
+        default=None, json_schema_extra=_MOMENT, description="the end; unset: the file's last fix"
+    )
+
+    def run(self, course: Course) -> tuple[int, Path]:
+        """See ``PathSection``."""
+        return whole_steps(read_track(FilePath(self.file), self.from_, self.to), course)
+
+    def origin(self) -> Array | None:
+        """See ``PathSection``."""
+        return track_origin(FilePath(self.file), self.from_, self.to)

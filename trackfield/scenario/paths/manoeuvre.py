@@ -1,0 +1,34 @@
+"""The paths ``s1``, ``s2`` and ``s3``."""
+
+from __future__ import annotations
+
+from typing import Final, Literal
+
+from pydantic import Field
+
+from trackfield.scenario.paths.path import NS, Course, PathSection
+from trackfield.world import targets
+from trackfield.world.path import Path
+
+_LENGTH_S: Final = {"s1": 60, "s2": 75, "s3": 40}
+
+
+class Manoeuvre(PathSection):
+    """One of the three paths of Zhai et al. (2009)."""
+
+    path: Literal["s1", "s2", "s3"] = Field(
+        default="s1",
+        description="straight with random accelerations (s1), two sharp turns (s2), faster, then slower (s3)",
+    )
+
+    def run(self, course: Course) -> tuple[int, Path]:
+        """As long as the run, or else as in the paper."""
+        steps = course.steps or _LENGTH_S[self.path] * NS // course.step_ns
+        end_s = steps * course.step_ns / NS
+        match self.path:
+            case "s1":
+                return steps, targets.s1(course.seed, steps, course.step_ns / NS)
+            case "s2":
+                return steps, targets.s2(end_s)
+            case "s3":
+                return steps, targets.s3(end_s)

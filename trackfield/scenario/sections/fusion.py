@@ -1,0 +1,79 @@
+"""``[fusion]``: the centre and its trackers."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from trackfield.scenario.nearest import suggestion
+from trackfield.scenario.options import EXPECTED, Options, tables
+from trackfield.scenario.paths.legs import LEGS, Legs
+from trackfield.scenario.section import NotNegative, Positive, Section, wrong
+
+
+class Fusion(Section):
+    """The fusion centre and its trackers, all of which get the same reports."""
+
+    options: Options = Field(
+        default=(),
+        json_schema_extra={"expected": EXPECTED},
+        description="of single trackers; tracker = says whose variant a name of your own is",
+    )
+    trackers: tuple[str, ...] = Field(
+        default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
+    )
+    deadline_s: float = Field(default=0.3, gt=0, description="how long a step waits for its reports; at most step_s")
+    max_age_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=3600,
+        description="up to which age a late report is taken in after all, by going back to its step and on from there",
+    )
+    smooth_lag: int = Field(default=0, ge=0, le=100, description="publish tracks smoothed, too, so many steps later")
+    target_sd_m: Positive = Field(
+        default=3.0, description="standard deviation of the position that an adaptive threshold aims at"
+    )
+    x_m: float | None = Field(default=None, description="where the centre stands, east; unset: the middle of the field")
+    y_m: float | None = Field(default=None, description="where it stands, north; unset: the middle of the field")
+    path: Legs | None = Field(
+        default=None,
+        json_schema_extra=LEGS,
+        description="when the centre is where, in metres east and north, if it drives; unset: it stands",
+    )
+    sigma_v: NotNegative = Field(
+        default=0.1, description="standard deviation of the acceleration, m/s^2, for trackers with one motion model"
+    )
+    lost_m: Positive = Field(
+        default=50.0,
+        description="a track that ends further off counts as lost; one without a prior is begun anew when less certain",
+    )
+    prior: Literal["paper", "none"] = Field(
+        default="none",
+        description="start around the true state (paper), or from the first reports alone (none)",
+    )
+    prior_sd: tuple[Positive, Positive, Positive, Positive] = Field(
+        default=(20.0, 20.0, 4.0, 4.0),
+        description="standard deviations of the paper's prior: x, y in m, vx, vy in m/s",
+    )
+
+    @field_validator("trackers")
+    @classmethod
+    def _known(cls, trackers: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        known = (info.context or {}).get("trackers")
+        for name in trackers:
+            if trackers.count(name) > 1:
+                raise wrong(f"{name!r} is there twice", "each tracker once")
+            if (
+                known is not None
+                and tables(info.data.get("options", ())).get(name, {}).get("tracker", name) not in known
+            ):
+                raise wrong(f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}")
+        return trackers
+
+    @model_validator(mode="after")
+    def _stands_or_drives(self) -> Self:
+        for name, value in (("x_m", self.x_m), ("y_m", self.y_m)):
+            if self.path is not None and value is not None:
+                raise wrong(f"is {value:g}, and fusion.path says where the centre is", "one of the two", f".{name}")
+        return self

@@ -1,0 +1,39 @@
+"""``[sensor]``: what stands at each node. A kind of sensor is a file here and a line in the table.
+
+Whatever else the section names is a sensor of a user's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+from pydantic import Discriminator, Field, Tag
+
+from trackfield.scenario.section import OTHER
+from trackfield.scenario.sensors.acoustic import ACOUSTIC, Acoustic
+from trackfield.scenario.sensors.own import OwnSensor
+from trackfield.scenario.sensors.sensor import SensorSection
+
+__all__ = ["SENSORS", "Acoustic", "OwnSensor", "Sensor", "SensorSection"]
+
+SENSORS: Final[Mapping[str, type[SensorSection]]] = {
+    ACOUSTIC: Acoustic,
+    OTHER: OwnSensor,
+}
+
+
+def _kind_of(sensor: Any) -> str:
+    kind = sensor.get("kind", ACOUSTIC) if isinstance(sensor, Mapping) else getattr(sensor, "kind", ACOUSTIC)
+    return kind if isinstance(kind, str) and kind in SENSORS else OTHER
+
+
+if TYPE_CHECKING:
+    Sensor = SensorSection
+else:
+    Sensor = Annotated[
+        reduce(or_, (Annotated[model, Tag(kind)] for kind, model in SENSORS.items())),
+        Field(discriminator=Discriminator(_kind_of)),
+    ]

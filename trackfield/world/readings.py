@@ -1,0 +1,53 @@
+"""What a sensor reads and when it may read anything: what all kinds of sensors, and those who ask them, stand on."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol, Self
+
+LOUDEST_DB: Final = 200.0
+"""The highest level that an array shows, and that fits into a report (docs/wire.md)."""
+
+Window = tuple[int, int]
+"""(from ns, to ns), both included, in true time since the start of the run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What an array reads: level in dB, bearing to the source in degrees clockwise from north, [0, 360)."""
+
+    level_db: float
+    bearing_deg: float
+
+    @classmethod
+    def at(cls, level_db: float, angle_deg: float) -> Self:
+        """The reading of an array that shows 200 dB at most, from any angle."""
+        turned = angle_deg % 360.0  # a tiny negative angle rounds up to a full turn
+        return cls(min(level_db, LOUDEST_DB), 0.0 if turned == 360.0 else turned)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a sensor of a user's own measured: m whole numbers, in steps of the sensor's resolutions."""
+
+    values: tuple[int, ...]
+
+
+class Ears(Protocol):
+    """What a node asks of its sensor; times are true."""
+
+    def sample(self, t_ns: int) -> Heard | Reading | None:
+        """The reading at this time; None if nothing is heard."""
+        ...
+
+    def next_window(self, t_ns: int) -> int | None:
+        """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
+        ...
+
+
+def window_at(windows: Sequence[Window], t_ns: int) -> int | None:
+    """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
+    i = bisect_left(windows, t_ns, key=lambda window: window[1])
+    return windows[i][0] if i < len(windows) else None
