@@ -25,9 +25,8 @@ from bench import bare_zenoh
 from launcher.plan.prepare import load, planned
 from launcher.processes.children import Children
 from launcher.processes.zygote import Child
-from launcher.records import RECORDER, Plan
+from launcher.records import RECORDER, SENSES, Plan
 from trackfield.drivers.session import open_client
-from trackfield.scenario.places import CENTRE
 from trackfield.wire import keys
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope
@@ -52,7 +51,8 @@ class Bench:
     def __init__(self, plan: Plan, folder: Path) -> None:
         self.plan, self.folder = plan, folder
         self.endpoint = f"unixsock-stream/{folder / 'router.sock'}"
-        self._nodes = [p.id for p in plan.processes if p.role == "node"]
+        self._nodes = [place.id for place in plan.info.tagged(SENSES)]
+        (self._centre,) = plan.views[0].sources
 
     def __enter__(self) -> Bench:
         self.children = Children(2)
@@ -69,7 +69,7 @@ class Bench:
     def feed(self, messages: int, rate: float | None = None) -> float:
         """Put so many reports, at a rate (1/s) or as fast as they are taken; how long that took (s)."""
         control = zenoh.CongestionControl.BLOCK if rate is None else zenoh.CongestionControl.DROP
-        to = [keys.unicast("field", CENTRE, node, "doa") for node in self._nodes]
+        to = [keys.unicast("field", self._centre, node, "doa") for node in self._nodes]
         payloads = [encode(Doa(1 + k, 0.7 * k, 60.0)) for k in range(500)]
         begun, begun_ns = time.monotonic(), time.monotonic_ns()
         for k in range(messages):
@@ -83,7 +83,7 @@ class Bench:
         """Say what was sent and delivered, as all processes of a run do."""
         for index, name in enumerate(self._nodes):
             self._final(name, {"sent": len(range(index, messages, len(self._nodes)))})
-        self._final(CENTRE, {"sent": 0, "delivered": messages})
+        self._final(self._centre, {"sent": 0, "delivered": messages})
 
     def _final(self, name: str, record: dict[str, int]) -> None:
         blocking = zenoh.CongestionControl.BLOCK

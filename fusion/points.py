@@ -11,24 +11,17 @@ MAX_PARTICLES: Final = 200
 """How many particles of a tracker are published, at most."""
 
 
-def track_point(tracker: str, target: str, reports: Reports, estimate: Estimate | None, lag: int = 0) -> TrackPoint:
-    """The point of the step that ``reports`` are of; without an estimate the tracker waits."""
+def track_point(
+    tracker: str, target: str, at_ns: int, reports: Reports, estimate: Estimate | None, lag: int = 0
+) -> TrackPoint:
+    """The point of the step that ``reports`` are of, at ``at_ns``; without an estimate the tracker waits."""
+    step, sensors = reports.step, reports.sensors
     if estimate is None:
-        return TrackPoint(tracker, target, reports.step, "waiting", reports=len(reports))
+        return TrackPoint(tracker, target, at_ns, "waiting", sensors=sensors, lag=lag, step=step)
     status: Literal["tracking", "coasting"] = "tracking" if len(reports) else "coasting"
     particles = b""
     if estimate.particles is not None:
         thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
         particles = thin.astype("<f4").tobytes()
     mean, covariance = estimate.mean.tolist(), estimate.covariance.ravel().tolist()
-    return TrackPoint(
-        tracker,
-        target,
-        reports.step,
-        status,
-        tuple(mean),
-        tuple(covariance),
-        len(reports),
-        particles,
-        lag,
-    )
+    return TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)

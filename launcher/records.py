@@ -2,44 +2,81 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.filters.metrics import LOST_M
+from trackfield.filters.metrics import Lost
 from trackfield.link.places import Path as Legs
+from trackfield.role import NS
 from trackfield.world.path import Path
+
+SENSES: Final = "senses"
+"""The tag of a place that has a sensor,"""
+BATTERY: Final = "battery"
+"""that lives on a battery, as far as the scenario gives it one,"""
+TRACKS: Final = "tracks"
+"""that publishes tracks,"""
+BACKBONE: Final = "backbone"
+"""and that is at the wire between masters, gateways and centres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A process of the field and where it stands (metres, east and north)."""
+    """A process of the field and where it stands (metres, east and north); ``tags`` say what it is good for."""
 
     id: str
     role: str
     x: float
     y: float
+    tags: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where a target was: (t s, x m, y m) along its path, and the (from s, to s) that were interpolated."""
+
+    target: str
+    points: tuple[tuple[float, float, float], ...]
+    gaps: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Whose tracks are scored together: those of ``sources``, processes by their ids.
+
+    Of what several of them say of one instant, the point of the highest term holds.
+    """
+
+    name: str
+    sources: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class FieldInfo:
     """What a picture of the run needs besides its events.
 
-    ``truth`` holds (t s, x m, y m) along the target's path; ``gaps`` the (from s, to s) that were interpolated;
-    ``marks`` the planned faults, (t s, process, text); ``receptions`` the links used, (from, to, share of the
-    frames that arrive); ``paths`` where those go that move, as ``trackfield/link/places.py`` has it.
+    Times count from the first step, which is ``origin_ns`` after the start of the run; steps follow each other every
+    ``step_ns``. ``marks`` are the planned faults, (t s, process, text); ``receptions`` the links used, (from, to,
+    share of the frames that arrive); ``paths`` where those go that move, as ``trackfield/link/places.py`` has it.
     """
 
     run: str
     scenario: str
     places: tuple[Place, ...]
-    truth: tuple[tuple[float, float, float], ...]
-    gaps: tuple[tuple[float, float], ...]
+    truths: tuple[Truth, ...]
     trackers: tuple[str, ...]
     end_s: float
     marks: tuple[tuple[float, str, str], ...] = ()
     receptions: tuple[tuple[str, str, float], ...] = ()
     paths: tuple[tuple[str, Legs], ...] = ()
+    origin_ns: int = 0
+    step_ns: int = NS
+
+    def tagged(self, tag: str) -> list[Place]:
+        """The places that have this tag."""
+        return [place for place in self.places if tag in place.tags]
 
 
 RECORDER: Final = "recorder"
@@ -86,19 +123,50 @@ class MessageRow:
 
 
 @dataclass(frozen=True, slots=True)
+class Flow:
+    """Messages like this one go from whom to whom: (from, to)."""
+
+    message: Any
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
-    ``processes`` has a process that lives several times as often, one life after the other. ``reach_m`` is how far away
-    a sensor reports the target; ``restart`` says that processes which die unplanned are started again; ``lost_m`` is
-    how far off a track may end without being lost.
+    ``processes`` has a process that lives several times as often, one life after the other. ``paths`` are those of the
+    targets by id, in emulated time. ``tracking`` is what whoever tracks is told, the arguments of a
+    ``fusion.bank.Bank``; ``views`` are whose tracks are scored together, the headline first; ``flows`` who talks to
+    whom. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which die unplanned are
+    started again; ``lost`` is when a track counts as lost.
     """
 
     run: RunSpec
     processes: tuple[ProcessSpec, ...]
-    path: Path
+    paths: Mapping[str, Path]
     info: FieldInfo
-    step_ns: int
+    tracking: Mapping[str, Any] = field(default_factory=dict)
+    views: tuple[View, ...] = ()
+    flows: tuple[Flow, ...] = ()
     reach_m: float = 0.0
     restart: bool = False
-    lost_m: float = LOST_M
+    lost: Lost = field(default_factory=Lost)
+
+    @property
+    def step_ns(self) -> int:
+        """From one step to the next."""
+        return self.info.step_ns
+
+    @property
+    def origin_ns(self) -> int:
+        """When the first step is."""
+        return self.info.origin_ns
+
+    def step_of(self, at_ns: int) -> int:
+        """The number of the step at this instant."""
+        return (at_ns - self.info.origin_ns) // self.info.step_ns
+
+    def bank_of(self, source: str) -> dict[str, Any]:
+        """What a process that tracks is told; all but the first draw by their ids, too."""
+        first = self.info.tagged(TRACKS)[0].id
+        return {**self.tracking, **({} if source == first else {"draws": (source,)})}

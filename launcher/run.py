@@ -22,9 +22,8 @@ from launcher.record.folder import write_manifest
 from launcher.record.journal import METRICS, Journal, write_json
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.records import Plan
+from launcher.records import SENSES, Plan
 from trackfield.drivers.virtual import Virtual
-from trackfield.scenario.places import CENTRE
 
 PSS_SAMPLE: Final = 20
 """How many nodes are asked for their memory."""
@@ -187,7 +186,8 @@ def _remark(field: Deployment, stop: Stop) -> str:
 
 def _pss_mb(field: Deployment) -> float | None:
     pids = field.pids()
-    nodes = [pids[p.name] for p in field.plan.processes if p.id != CENTRE and p.name in pids]
+    sensors = {place.id for place in field.plan.info.tagged(SENSES)}
+    nodes = [pids[p.name] for p in field.plan.processes if p.id in sensors and p.name in pids]
     sizes = []
     for pid in nodes[:: max(len(nodes) // PSS_SAMPLE, 1)]:
         try:

@@ -17,11 +17,10 @@ from rich.table import Table
 from rich.text import Text
 
 from launcher.plan.prepare import remarks
-from launcher.plan.reception import receptions
+from launcher.plan.reception import Shares, receptions
 from launcher.record.words import alarms, span
-from launcher.records import ARRIVED, Plan
+from launcher.records import ARRIVED, SENSES, Plan
 from launcher.run import Observer, Outcome
-from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
@@ -109,7 +108,7 @@ def observing(plan: Plan, *, quiet: bool) -> Iterator[Observer]:
 
 def announce(plan: Plan) -> None:
     """What is about to run."""
-    nodes = sum(p.role == "node" for p in plan.info.places)
+    nodes = len(plan.info.tagged(SENSES))
     link = plan.run.link["model"]
     console.print(
         f"{plan.info.scenario}: {nodes} sensor node{'s' * (nodes != 1)}, {plan.info.end_s:.0f} s, link {link}, "
@@ -134,18 +133,33 @@ def foresee(plan: Plan) -> None:
     for kind, shares in receptions(plan).items():
         worst = min(shares, key=lambda link: shares[link])
         mean = sum(shares.values()) / len(shares)
-        there = worst[1] == CENTRE
-        node = worst[0] if there else worst[1]
-        way = (
-            f"at {CENTRE} from {len(shares)} sensor nodes" if there else f"at {len(shares)} sensor nodes from {CENTRE}"
-        )
-        console.print(f"reception of {kind} {way}: mean {mean:.1%}, worst {shares[worst]:.1%} ({node})")
+        ends = f"worst {shares[worst]:.1%} ({_end(shares, worst)})"
+        console.print(f"reception of {kind} {_way(plan, shares)}: mean {mean:.1%}, {ends}")
         poor = sum(share < POOR for share in shares.values())
         if poor:
             console.print(
                 f"[yellow]warning:[/] on {poor} of {len(shares)} links less than {POOR:.0%} of {kind} arrive; "
                 "docs/scenarios.md says what a link can reach"
             )
+
+
+def _way(plan: Plan, shares: Shares) -> str:
+    """From whom to whom these links lead; one who has them all is named."""
+    sources, hearers = ({link[end] for link in shares} for end in (0, 1))
+    sensors = {place.id for place in plan.info.tagged(SENSES)}
+
+    def those(ids: set[str]) -> str:
+        return (
+            f"{len(ids)} sensor nodes" if ids <= sensors else next(iter(ids)) if len(ids) == 1 else f"{len(ids)} places"
+        )
+
+    return f"at {those(hearers)} from {those(sources)}"
+
+
+def _end(shares: Shares, link: tuple[str, str]) -> str:
+    """The end of a link that tells it from the others."""
+    same = [end for end in (0, 1) if len({other[end] for other in shares}) == 1]
+    return link[1 - same[0]] if len(same) == 1 else " to ".join(link)
 
 
 def conclude(outcome: Outcome) -> None:

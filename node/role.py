@@ -88,9 +88,9 @@ class Node:
 
     A sensor of a user's own has no level: all that it measures is reported.
 
-    A step is numbered by the time it begins at. ``sync`` holds the arguments of its ``Synchronisation`` but ``centre``;
-    None: its own clock is right. ``adaptive`` holds those of its ``Duty`` but ``step_ns``, for a node that reports from
-    the level on that the centre last told it; None: its threshold stays.
+    Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the arguments of its
+    ``Synchronisation`` but ``centre``; None: its own clock is right. ``adaptive`` holds those of its ``Duty`` but
+    ``step_ns``, for a node that reports from the level on that the centre last told it; None: its threshold stays.
     """
 
     def __init__(
@@ -98,11 +98,12 @@ class Node:
         *,
         step_ns: int,
         centre: str,
+        origin_ns: int = 0,
         threshold_db: float = -inf,
         sync: Mapping[str, Any] | None = None,
         adaptive: Mapping[str, int] | None = None,
     ) -> None:
-        self.step_ns, self.threshold_db, self.centre = step_ns, threshold_db, centre
+        self.step_ns, self.origin_ns, self.threshold_db, self.centre = step_ns, origin_ns, threshold_db, centre
         self.sync = None if sync is None else Synchronisation(centre, **sync)
         self.duty = None if adaptive is None else Duty(step_ns, **adaptive)
         replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if self.duty else set[str]()
@@ -164,12 +165,16 @@ class Node:
 
     # --- steps ----------------------------------------------------------------------------------------------------
 
+    def _into(self, memory: Memory, now: int) -> int:
+        """How long (ns) the steps have been going on at this local time."""
+        return now + memory.time.correction_ns - self.origin_ns
+
     def _step(self, memory: Memory, now: int) -> int:
-        return (now + memory.time.correction_ns) // self.step_ns
+        return self._into(memory, now) // self.step_ns
 
     def _listen(self, memory: Memory, now: int) -> tuple[Effect, ...]:
         """Read the sensor if a step begins now; a process that stood still may have missed it, a clock gone back."""
-        step, since = divmod(now + memory.time.correction_ns, self.step_ns)
+        step, since = divmod(self._into(memory, now), self.step_ns)
         if since == 0 and 1 <= step <= LAST_STEP and first_absent(memory.done, step) == step:
             return (Sample("sound"),)
         return self._listen_from(memory, now)
@@ -188,9 +193,10 @@ class Node:
 
     def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
         """At the first step from then on that is not done; step 0 is the start itself, where nothing was heard yet."""
-        correction = memory.time.correction_ns
-        step = first_absent(memory.done, max(-(-(earliest_ns + correction) // self.step_ns), 1))
-        return (SetTimer("step", step * self.step_ns - correction),) if step <= LAST_STEP else ()
+        step = first_absent(memory.done, max(-(-self._into(memory, earliest_ns) // self.step_ns), 1))
+        if step > LAST_STEP:
+            return ()
+        return (SetTimer("step", self.origin_ns + step * self.step_ns - memory.time.correction_ns),)
 
     def _wake_at(self, memory: Memory, now: int, at: int | None) -> tuple[Effect, ...]:
         """A sleeper's timers, for it can hear something from local time ``at`` on."""

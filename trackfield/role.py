@@ -122,23 +122,35 @@ class Write:
 
 @dataclass(frozen=True, slots=True)
 class TrackPoint:
-    """One published point of a track.
+    """One published point of a track: what ``tracker`` says of ``target`` at emulated time ``at_ns``.
 
     ``mean`` is (x, y, vx, vy) in metres and metres per second, ``covariance`` its 4x4 covariance row by row,
     ``particles`` little-endian float32 pairs (x, y), at most 200 of them. ``status`` is ``waiting`` (no track yet;
-    mean and covariance empty), ``tracking`` or ``coasting`` (no report was fused in this step). A point of
-    a smoothed track knows of the reports up to ``lag`` steps later; one of a live track has 0.
+    mean and covariance empty), ``tracking`` or ``coasting`` (no report was fused at this instant). ``sensors`` are the
+    ids of those whose reports were used. A point of a smoothed track knows of the reports up to ``lag`` steps later;
+    one of a live track has 0. ``step`` is the number of the instant where a tracker goes by steps.
+
+    ``source`` is the process that published it, as its driver says. Where processes take turns, ``term`` counts the
+    turns: of two points about one instant the one of the higher term holds.
     """
 
     tracker: str
     target: str
-    step: int
+    at_ns: int
     status: Literal["waiting", "tracking", "coasting"]
     mean: tuple[float, ...] = ()
     covariance: tuple[float, ...] = ()
-    reports: int = 0
+    sensors: tuple[str, ...] = ()
     particles: bytes = b""
     lag: int = 0
+    step: int | None = None
+    term: int = 0
+    source: str = ""
+
+    @property
+    def reports(self) -> int:
+        """How many reports were used."""
+        return len(self.sensors)
 
 
 @dataclass(frozen=True, slots=True)

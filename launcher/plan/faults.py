@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Final
 
+from launcher.records import SENSES, Place
 from trackfield.draw import bits
 from trackfield.errors import ScenarioError
 from trackfield.link.partitioned import Cut
@@ -31,6 +32,13 @@ class Life:
     kill_ns: int | None = None
     freezes: tuple[Span, ...] = ()
 
+    def later(self, by_ns: int) -> Life:
+        """The same, so much later; who is there from the start is there from the start."""
+        kill_ns = None if self.kill_ns is None else self.kill_ns + by_ns
+        return Life(
+            self.start_ns and self.start_ns + by_ns, kill_ns, tuple((a + by_ns, b + by_ns) for a, b in self.freezes)
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Fates:
@@ -39,6 +47,15 @@ class Fates:
     lives: tuple[Life, ...] = (Life(),)
     jumps: tuple[Span, ...] = ()
     sensor: tuple[dict[str, Any], ...] = ()
+
+    def later(self, by_ns: int) -> Fates:
+        """The same, so much later."""
+        times = ("from_ns", "until_ns")
+        return Fates(
+            tuple(life.later(by_ns) for life in self.lives),
+            tuple((at + by_ns, by) for at, by in self.jumps),
+            tuple(one | {k: one[k] + by_ns for k in times if one[k] is not None} for one in self.sensor),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,30 +70,37 @@ class Faults:
         """What befalls this process."""
         return self.fates.get(id, Fates())
 
+    def later(self, by_ns: int) -> Faults:
+        """The same, so much later after the start; marks count from the first step."""
+        if not by_ns:
+            return self
+        cuts = tuple((begin + by_ns, until + by_ns, ids, medium) for begin, until, ids, medium in self.partitions)
+        return Faults({id: fates.later(by_ns) for id, fates in self.fates.items()}, cuts, self.marks)
+
 
 Numbered = tuple[int, Fault]
 """A fault, and its number in the scenario."""
 
 
-def resolve(faults: Sequence[Fault], seed: int, sensors: Sequence[str], others: Sequence[str], end_ns: int) -> Faults:
-    """The faults of a field of ``sensors`` and ``others`` (ids), in a run that ends at ``end_ns``.
+def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns: int, origin_ns: int = 0) -> Faults:
+    """The faults of a field, in a run that ends at ``end_ns``; their times count from the first step, at ``origin_ns``.
 
-    A share of the sensors is drawn by seed and the fault's number. Raises ``ScenarioError`` for an id that there is
-    not, for a fault after the end, and for one that contradicts another.
+    A share of the sensors, or of a role, is drawn by seed and the fault's number. Raises ``ScenarioError`` for an id or
+    a role that there is not, for a fault after the end, and for one that contradicts another.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
-    partitions, marks = [], []
+    partitions, marks, last_ns = [], [], end_ns - origin_ns
     for number, fault in enumerate(faults):
-        _check_times(number, fault, end_ns)
-        ids = _ids(number, fault, seed, sensors, others)
-        marks += [mark for id in ids for mark in _marks(fault, id, end_ns)]
+        _check_times(number, fault, last_ns)
+        ids = _ids(number, fault, seed, places)
+        marks += [mark for id in ids for mark in _marks(fault, id, last_ns)]
         if isinstance(fault, Partition):
-            partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), end_ns), ids, None))
+            partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), last_ns), ids, fault.medium))
             continue
         for id in ids:
             befalls[id].append((number, fault))
-    fates = {id: _fates(id, sorted(own, key=_when), end_ns) for id, own in befalls.items()}
-    return Faults(fates, tuple(partitions), tuple(sorted(marks)))
+    fates = {id: _fates(id, sorted(own, key=_when), last_ns) for id, own in befalls.items()}
+    return Faults(fates, tuple(partitions), tuple(sorted(marks))).later(origin_ns)
 
 
 def _when(one: Numbered) -> tuple[float, bool]:
@@ -97,13 +121,18 @@ def _check_times(number: int, fault: Fault, end_ns: int) -> None:
             raise ScenarioError(what, key=f"faults[{number}].{name}", expected=expected)
 
 
-def _ids(number: int, fault: Fault, seed: int, sensors: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
+def _ids(number: int, fault: Fault, seed: int, places: Sequence[Place]) -> tuple[str, ...]:
     """Whom the fault befalls."""
-    if fault.share is not None:
-        drawn = sorted(sensors, key=lambda id: bits(seed, "fault", number, id))
-        return tuple(sorted(drawn[: max(round(fault.share * len(sensors)), 1)]))
+    sensors = [place.id for place in places if SENSES in place.tags]
+    others = [place.id for place in places if SENSES not in place.tags]
+    if fault.nodes is None:
+        concerned = sensors if fault.role is None else _with_role(number, fault, places)
+        if fault.share is None:
+            return tuple(sorted(concerned))
+        drawn = sorted(concerned, key=lambda id: bits(seed, "fault", number, id))
+        return tuple(sorted(drawn[: max(round(fault.share * len(concerned)), 1)]))
     known = dict.fromkeys(sensors if isinstance(fault, SensorFault) else (*sensors, *others))
-    for id in fault.nodes or ():
+    for id in fault.nodes:
         if id in known:
             continue
         key, least, most = f"faults[{number}].nodes", next(iter(known)), next(reversed(known))
@@ -111,7 +140,20 @@ def _ids(number: int, fault: Fault, seed: int, sensors: Sequence[str], others: S
             raise ScenarioError(f"{id} has no sensor to be {fault.kind}", key=key, expected="ids of sensor nodes")
         expected = f"ids of this field, like {least}" if least == most else f"ids of this field, like {least}, {most}"
         raise ScenarioError(f"there is no {id!r}{suggestion(id, known)}", key=key, expected=expected)
-    return fault.nodes or ()
+    return fault.nodes
+
+
+def _with_role(number: int, fault: Fault, places: Sequence[Place]) -> list[str]:
+    """The ids of those whom a fault names by their role."""
+    key, role = f"faults[{number}].role", str(fault.role)
+    known = dict.fromkeys(place.role for place in places)
+    if role not in known:
+        what = f"nobody has the role {role!r}{suggestion(role, known)}"
+        raise ScenarioError(what, key=key, expected=f"one of {', '.join(known)}")
+    found = [place for place in places if place.role == role]
+    if isinstance(fault, SensorFault) and any(SENSES not in place.tags for place in found):
+        raise ScenarioError(f"a {role} has no sensor to be {fault.kind}", key=key, expected="a role with sensors")
+    return [place.id for place in found]
 
 
 def _fates(id: str, own: Sequence[Numbered], end_ns: int) -> Fates:

@@ -55,11 +55,14 @@ def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
     }
 
 
-def duty_of(scenario: Scenario, end_ns: int) -> dict[str, int] | None:
-    """When a sensor node that is awake listens for its threshold in a run until ``end_ns``; None if nobody tells it."""
+def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] | None:
+    """When a sensor node that is awake listens for its threshold; None if nobody tells it.
+
+    The first step is at ``origin_ns``, the run ends at ``end_ns``.
+    """
     if not (isinstance(scenario.sensor, Acoustic) and scenario.sensor.adaptive):
         return None
-    step_ns, guard_ns = round(scenario.target.step_s * NS), _guard_ns(scenario, end_ns)
+    step_ns, guard_ns = round(scenario.step_s * NS), _guard_ns(scenario, end_ns)
     match scenario.link:
         case LognormalPrr() | Csma154():
             window_ns = PATIENCE_NS + COMMANDS * slowest_ns(scenario)
@@ -68,7 +71,7 @@ def duty_of(scenario: Scenario, end_ns: int) -> dict[str, int] | None:
         case _:
             window_ns = PATIENCE_NS + slowest_ns(scenario)
     return {
-        "listen_from_ns": round(scenario.fusion.deadline_s * NS) - guard_ns,
+        "listen_from_ns": origin_ns + round(scenario.fusion.deadline_s * NS) - guard_ns,
         # At most until it listens again: what comes after the coming step's instant counts for those after it.
         "listen_for_ns": min(window_ns + 2 * guard_ns, step_ns),
     }

@@ -73,11 +73,13 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
 
 
 def remarks(plan: Plan) -> list[str]:
-    """What a user should know of the plan before it runs: gaps in the track, and trackers that cannot be smoothed."""
-    centre = next((process.config for process in plan.processes if process.role == "fusion"), {})
-    lag, tracks = centre.get("smooth_lag", 0), plan.info.trackers
-    rough = [name for name in centre.get("trackers", ()) if lag and lagged_name(name, lag) not in tracks]
+    """What a user should know of the plan before it runs: gaps in tracks, and trackers that cannot be smoothed."""
+    lag, tracks = plan.tracking.get("smooth_lag", 0), plan.info.trackers
+    rough = [name for name in plan.tracking["trackers"] if lag and lagged_name(name, lag) not in tracks]
+    alone = len(plan.info.truths) == 1
     return [
-        f"the track has no fixes from {a:.1f} s to {b:.1f} s ({b - a:.0f} s): a straight line stands in"
-        for a, b in plan.info.gaps
+        f"the track{'' if alone else f' of {truth.target}'} has no fixes from {a:.1f} s to {b:.1f} s ({b - a:.0f} s): "
+        "a straight line stands in"
+        for truth in plan.info.truths
+        for a, b in truth.gaps
     ] + [f"{name} does not tell the motion that it expects, so its track is not smoothed" for name in rough]

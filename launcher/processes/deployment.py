@@ -194,7 +194,10 @@ class Deployment:
         return round((time.monotonic_ns() - self.registry.start_ns) * self.plan.run.speed)
 
     def _clock(self) -> float | None:
-        return None if self.registry.start_ns is None else min(max(self.now_ns, 0), self._end_ns) / 1e9
+        """Seconds since the first step (None: before the start)."""
+        if self.registry.start_ns is None:
+            return None
+        return (min(max(self.now_ns, 0), self._end_ns) - self.plan.origin_ns) / 1e9
 
     def watch(self, tick: Callable[[], bool]) -> None:
         """Follow the run to its end; ``tick()`` returns True to end it early."""

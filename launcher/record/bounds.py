@@ -14,50 +14,51 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from launcher.records import MessageRow, Plan
+from launcher.record.tables import TrackRow
+from launcher.records import SENSES, Plan
 from trackfield.filters.bounds import information, position_sd, trajectory_crlb
 from trackfield.filters.following import ANYWHERE
 from trackfield.filters.gaussian import Motion
 from trackfield.filters.measurement import OfSensor
+from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Array, Measurement, Model
 from trackfield.models import motion
 from trackfield.role import NS
 from trackfield.world.sensors import make_sensor
 
 Reporting = Mapping[int, Collection[str]]
-"""Whose reports there are of each step."""
+"""Whose reports there are of each instant (ns)."""
 Series = dict[int, float]
-"""A bound on the sd of the position (m) by step."""
+"""A bound on the sd of the position (m) by instant (ns)."""
 
 
-def run_bound(plan: Plan, rows: Iterable[MessageRow]) -> Series:
-    """The bound of each step for the reports that came of use; empty if there is none."""
-    return _series(plan, came(plan, rows))
+def run_bound(plan: Plan, rows: Iterable[TrackRow]) -> Series:
+    """The bound at each step for the reports that these points used; empty if there is none.
+
+    Of several targets nobody knows whose reports are whose, so there is none.
+    """
+    return _series(plan, used(rows))
 
 
-def scenario_bound(plan: Plan, rows: Iterable[MessageRow]) -> Series:
-    """The bound of each step had all sensors in reach of the target reported it, besides those that did."""
-    return _series(plan, _all(plan, came(plan, rows)))
+def scenario_bound(plan: Plan, rows: Iterable[TrackRow]) -> Series:
+    """The bound at each step had all sensors in reach of the target reported it, besides those that did."""
+    return _series(plan, _all(plan, used(rows)))
 
 
-def bound_metrics(plan: Plan, rows: Iterable[MessageRow], steps: Collection[int]) -> dict[str, float | None]:
-    """The bounds over these steps as they stand in metrics.json: root mean squares, null where there is none."""
+def bound_metrics(plan: Plan, rows: Iterable[TrackRow]) -> dict[str, float | None]:
+    """The bounds as they stand in metrics.json, where there is both track and truth: rms, null where there is none."""
     kept = list(rows)
+    at = {row.t_ns for row in kept if row.has_track and row.truth}
     series = {"position": scenario_bound(plan, kept), "trajectory": run_bound(plan, kept)}
-    return {name: _rms([sd for step, sd in one.items() if step in steps]) for name, one in series.items()}
+    return {name: _rms([sd for t_ns, sd in one.items() if t_ns in at]) for name, one in series.items()}
 
 
-def came(plan: Plan, rows: Iterable[MessageRow]) -> Reporting:
-    """Whose reports of each step came in time, or late but young enough to be taken in."""
-    max_age_ns = _centre(plan).get("max_age_ns", 0)
-    heard = defaultdict[int, set[str]](set)
+def used(rows: Iterable[TrackRow]) -> Reporting:
+    """Whose reports of each instant any of these points used."""
+    reporting = defaultdict[int, set[str]](set)
     for row in rows:
-        if row.step is None or row.due_ns is None:
-            continue
-        young = row.outcome == "late" and row.due_ns - row.step * plan.step_ns <= max_age_ns
-        if row.outcome == "delivered" or young:
-            heard[row.step].add(row.src)
-    return heard
+        reporting[row.t_ns].update(row.point.sensors)
+    return reporting
 
 
 def _all(plan: Plan, heard: Reporting) -> Reporting:
@@ -65,31 +66,31 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
     sensors, truth = _sensors(plan), _truth(plan)
     if not sensors or not truth:
         return heard
-    ids, steps = list(sensors), list(truth)
-    near = cKDTree(list(sensors.values())).query_ball_point([truth[step][:2] for step in steps], plan.reach_m)
-    return {step: {ids[i] for i in found} | set(heard.get(step, ())) for step, found in zip(steps, near, strict=True)}
+    ids, times = list(sensors), list(truth)
+    near = cKDTree(list(sensors.values())).query_ball_point([truth[t][:2] for t in times], plan.reach_m)
+    return {t: {ids[i] for i in found} | set(heard.get(t, ())) for t, found in zip(times, near, strict=True)}
 
 
 def _series(plan: Plan, reporting: Reporting) -> Series:
     """From the start if there is a prior, else from when on the target is known to within ``lost_m``."""
-    centre, truth, sensors = _centre(plan), _truth(plan), _sensors(plan)
-    prior, sensor = centre.get("prior"), _sensor(centre)
-    first = next((step for step in truth if step and (prior or reporting.get(step))), None)
+    truth, sensors = _truth(plan), _sensors(plan)
+    prior, sensor = plan.tracking.get("prior"), _sensor(plan.tracking)
+    first = next((t for t in truth if t > plan.origin_ns and (prior or reporting.get(t))), None)
     if first is None or min(sensor.sd) <= 0.0:
         return {}
-    steps = [step for step in truth if step >= first]
-    informations = np.stack([_information(truth[step], reporting.get(step, ()), sensors, sensor) for step in steps])
+    times = [t for t in truth if t >= first]
+    informations = np.stack([_information(truth[t], reporting.get(t, ()), sensors, sensor) for t in times])
     begin = ANYWHERE if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
-    bounds = position_sd(trajectory_crlb(begin, _motions(truth, steps, plan.step_ns / NS), informations))
-    known = bounds <= plan.lost_m
-    shown = 0 if prior else int(known.argmax()) if known.any() else len(steps)
-    return dict(zip(steps[shown:], bounds[shown:].tolist(), strict=True))
+    bounds = position_sd(trajectory_crlb(begin, _motions(truth, times, plan.step_ns), informations))
+    known = bounds <= plan.tracking.get("lost_m", LOST_M)
+    shown = 0 if prior else int(known.argmax()) if known.any() else len(times)
+    return dict(zip(times[shown:], bounds[shown:].tolist(), strict=True))
 
 
-def _sensor(centre: Mapping[str, Any]) -> Measurement:
-    """What a reading says; of no centre, and of bearings without error, nothing can be said."""
-    own = OfSensor(make_sensor(**centre["sensor"])) if "sensor" in centre else None
-    return Model(radians(centre.get("doa_sd_deg", 0.0)), own=own).sensor
+def _sensor(tracking: Mapping[str, Any]) -> Measurement:
+    """What a reading says; of nobody who tracks, and of bearings without error, nothing can be said."""
+    own = OfSensor(make_sensor(**tracking["sensor"])) if "sensor" in tracking else None
+    return Model(radians(tracking.get("doa_sd_deg", 0.0)), own=own).sensor
 
 
 def _information(
@@ -100,26 +101,25 @@ def _information(
     return np.asarray(information(slopes, np.asarray(sensor.sd, float)).sum(axis=0))
 
 
-def _motions(truth: Mapping[int, Array], steps: Collection[int], dt: float) -> Motion:
+def _motions(truth: Mapping[int, Array], times: Collection[int], step_ns: int) -> Motion:
     """Nearly constant velocity (T, 4, 4), with as much acceleration in each step as there was."""
-    moved = [truth[step][2:] - truth.get(step - 1, truth[step])[2:] for step in steps]
+    dt = step_ns / NS
+    moved = [truth[t][2:] - truth.get(t - step_ns, truth[t])[2:] for t in times]
     square = np.square(moved).mean(axis=-1) / dt**2  # per axis
     return Motion(np.array(motion.transition(dt)), square[:, None, None] * np.array(motion.process_noise(dt, 1.0)))
 
 
-def _centre(plan: Plan) -> Mapping[str, Any]:
-    """What the fusion centre is told; nothing where there is none."""
-    return next((process.config for process in plan.processes if process.role == "fusion"), {})
-
-
 def _sensors(plan: Plan) -> dict[str, tuple[float, float]]:
-    return {place.id: (place.x, place.y) for place in plan.info.places if place.role == "node"}
+    return {place.id: (place.x, place.y) for place in plan.info.tagged(SENSES)}
 
 
 def _truth(plan: Plan) -> dict[int, Array]:
-    """Where the target is at each step at which it is there."""
-    states = ((step, plan.path.at(step * plan.step_ns / NS)) for step in range(plan.run.end_ns // plan.step_ns))
-    return {step: np.array(state) for step, state in states if state is not None}
+    """Where the target is at each step (ns) at which it is there; nothing of several."""
+    if len(plan.paths) != 1:
+        return {}
+    (path,) = plan.paths.values()
+    times = range(plan.origin_ns, plan.run.end_ns, plan.step_ns)
+    return {t: np.array(state) for t in times if (state := path.at(t / NS)) is not None}
 
 
 def _rms(values: Collection[float]) -> float | None:

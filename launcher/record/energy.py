@@ -11,7 +11,7 @@ from typing import Any, Final
 from scipy.spatial import cKDTree
 
 from launcher.record.ledger import Ledger
-from launcher.records import MessageRow, Plan
+from launcher.records import BATTERY, SENSES, MessageRow, Plan
 from trackfield.drivers.meter import Activity
 from trackfield.drivers.radio import RADIO
 from trackfield.drivers.spec import ProcessSpec
@@ -27,7 +27,7 @@ _FJ: Final = 1e-15
 
 
 @dataclass(frozen=True)
-class Node:
+class Battery:
     """A battery's whole story, over all lives of its process: ``power`` its device, ``died_ns`` when it was empty."""
 
     spec: ProcessSpec
@@ -52,18 +52,19 @@ class Node:
         return self.power.battery_fj * _FJ / spent * self.metered_ns / NS
 
 
-def nodes_of(plan: Plan, ledger: Ledger) -> list[Node]:
-    """The sensor nodes that know what they draw."""
+def batteries_of(plan: Plan, ledger: Ledger) -> list[Battery]:
+    """Those of the places that live on one, as far as they know what they draw."""
+    tagged = {place.id for place in plan.info.tagged(BATTERY)}
     lives: defaultdict[str, list[ProcessSpec]] = defaultdict(list)
     for diary in ledger.diaries.values():
-        if diary.spec.role == "node" and diary.spec.power:
+        if diary.spec.id in tagged and diary.spec.power:
             lives[diary.spec.id].append(diary.spec)
     found = []
     for specs in lives.values():
         records = [ledger.finals.get(spec.name, {}) for spec in specs]
         died = [d.died[0] for spec in specs if (d := ledger.diaries[spec.name]).died is not None]
         found.append(
-            Node(
+            Battery(
                 specs[0],
                 Power(**specs[0].power),
                 Activity.total(Activity(*r["activity"]) for r in records if "activity" in r),
@@ -74,47 +75,51 @@ def nodes_of(plan: Plan, ledger: Ledger) -> list[Node]:
     return found
 
 
-def energy_metrics(ledger: Ledger, nodes: Sequence[Node]) -> dict[str, Any]:
+def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, Any]:
     """``energy_j`` of metrics.json; null where nobody counts."""
-    if not nodes:
+    if not batteries:
         nothing = {"by": dict.fromkeys(CAUSES), "by_accounting": dict.fromkeys((*ACCOUNTINGS, *DEVICES))}
         return {"total": None, "max_node": None, **nothing}
-    spent = [node.spent_j for node in nodes]
+    spent = [one.spent_j for one in batteries]
     by = {cause: sum(one[cause] for one in spent) for cause in CAUSES}
     total = sum(by.values())
-    silent = total - by["listen"] + sum(n.activity.listen_ns * n.power.sleep_uw for n in nodes) * _FJ
-    figures = total, silent, silent + _overheard_j(ledger, nodes), _first_order_j(ledger, nodes)
+    silent = total - by["listen"] + sum(n.activity.listen_ns * n.power.sleep_uw for n in batteries) * _FJ
+    figures = total, silent, silent + _overheard_j(ledger, batteries), _first_order_j(ledger, batteries)
     return {
         "total": total,
         "max_node": max(sum(one.values()) for one in spent),
         "by": by,
-        "by_accounting": {**dict(zip(ACCOUNTINGS, figures, strict=True)), **_by_device_j(ledger, nodes)},
+        "by_accounting": {**dict(zip(ACCOUNTINGS, figures, strict=True)), **_by_device_j(ledger, batteries)},
     }
 
 
-def lifetime_metrics(plan: Plan, nodes: Sequence[Node], reach_m: float) -> dict[str, Any]:
+def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]:
     """``lifetime_s`` of metrics.json: of the batteries alone, at the rate of this run where they outlast it.
 
-    Coverage is lost when the target, on the path of this run, could pass a place unheard which it could not before:
-    all sensors within ``reach_m`` of it are empty.
+    Coverage is lost when a target, on its path in this run, could pass a place unheard which it could not before: all
+    sensors within reach of it are empty. Lifetimes last from the start of the run; times of ``empty`` count from the
+    first step, as those of faults do.
     """
-    ends = {node.spec.id: t for node in nodes if (t := node.lifetime_s) is not None}
+    ends = {one.spec.id: t for one in batteries if (t := one.lifetime_s) is not None}
     if not ends:
         return dict.fromkeys(("first_death", "half_dead", "coverage_lost", "extrapolated", "empty"))
     order = sorted(ends.values())
-    figures = [order[0], order[ceil(len(order) / 2) - 1], _coverage_lost(plan, nodes, ends, reach_m)]
+    figures = [order[0], order[ceil(len(order) / 2) - 1], _coverage_lost(plan, ends)]
     names = ("first_death", "half_dead", "coverage_lost")
+    empty = [(one.spec.id, one.died_ns) for one in batteries if one.died_ns is not None]
     return {
         **dict(zip(names, figures, strict=True)),
         "extrapolated": any(t is not None and t > plan.run.end_ns / NS for t in figures),
-        "empty": [{"id": node.spec.id, "t": node.died_ns / NS} for node in nodes if node.died_ns is not None],
+        "empty": [{"id": id, "t": (died_ns - plan.origin_ns) / NS} for id, died_ns in empty],
     }
 
 
-def _coverage_lost(plan: Plan, nodes: Sequence[Node], ends: Mapping[str, float], reach_m: float) -> float | None:
-    lasts = [ends.get(node.spec.id, inf) for node in nodes]
-    places = cKDTree([(node.spec.x, node.spec.y) for node in nodes])
-    near: list[list[int]] = [places.query_ball_point(point[1:], reach_m) for point in plan.info.truth]
+def _coverage_lost(plan: Plan, ends: Mapping[str, float]) -> float | None:
+    sensors = plan.info.tagged(SENSES)
+    lasts = [ends.get(place.id, inf) for place in sensors]
+    tree = cKDTree([(place.x, place.y) for place in sensors])
+    points = [point[1:] for truth in plan.info.truths for point in truth.points]
+    near: list[list[int]] = [tree.query_ball_point(point, plan.reach_m) for point in points]
     lost = min((max(lasts[i] for i in heard) for heard in near if heard), default=inf)
     return lost if lost < inf else None
 
@@ -122,7 +127,7 @@ def _coverage_lost(plan: Plan, nodes: Sequence[Node], ends: Mapping[str, float],
 # --- other accountings ------------------------------------------------------------------------------------------------
 
 
-def _by_device_j(ledger: Ledger, nodes: Iterable[Node]) -> dict[str, float]:
+def _by_device_j(ledger: Ledger, batteries: Iterable[Battery]) -> dict[str, float]:
     """What each device would have drawn for the same frames, listening and sleeping."""
     received: Counter[str] = Counter()
     heard: Counter[str] = Counter()
@@ -131,20 +136,20 @@ def _by_device_j(ledger: Ledger, nodes: Iterable[Node]) -> dict[str, float]:
             received[row.dst] += row.bytes
             heard[row.dst] += 1
     totals: dict[str, float] = dict.fromkeys(DEVICES, 0.0)
-    for node in nodes:
+    for one in batteries:
         for name, device in DEVICES.items():
-            sent, frames = ledger.sent_bytes[node.spec.id]
-            activity = node.activity._replace(
+            sent, frames = ledger.sent_bytes[one.spec.id]
+            activity = one.activity._replace(
                 send_ns=(sent + frames * device.overhead_bytes) * device.byte_ns,
-                receive_ns=(received[node.spec.id] + heard[node.spec.id] * device.overhead_bytes) * device.byte_ns,
+                receive_ns=(received[one.spec.id] + heard[one.spec.id] * device.overhead_bytes) * device.byte_ns,
             )
             totals[name] += sum(activity.energy_fj(device).values()) * _FJ
     return totals
 
 
-def _first_order_j(ledger: Ledger, nodes: Iterable[Node]) -> float:
+def _first_order_j(ledger: Ledger, batteries: Iterable[Battery]) -> float:
     """Heinzelman's model: bits alone cost, at the sender with the distance to the furthest hearer."""
-    counted = {node.spec.id for node in nodes}
+    counted = {one.spec.id for one in batteries}
     places = {diary.spec.id: (diary.spec.x, diary.spec.y) for diary in ledger.diaries.values()}
     furthest: dict[tuple[Any, ...], tuple[float, int]] = {}
     total = 0
@@ -160,12 +165,12 @@ def _first_order_j(ledger: Ledger, nodes: Iterable[Node]) -> float:
     return (total + sum(first_order.send_fj(8 * size, away) for away, size in furthest.values())) * _FJ
 
 
-def _overheard_j(ledger: Ledger, nodes: Sequence[Node]) -> float:
+def _overheard_j(ledger: Ledger, batteries: Sequence[Battery]) -> float:
     """What hearing the frames of others, and lost ones, costs those whose radio is on in their reach, above sleeping.
 
     A radio that listens draws as much as one that receives, or nearly: this is a part of ``listen``, not beside it.
     """
-    known = {node.spec.id: node for node in nodes}
+    known = {one.spec.id: one for one in batteries}
     total = 0
     for row, meant, awake in _awake(ledger, known):
         for id in awake - meant - {row.src}:

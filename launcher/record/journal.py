@@ -13,7 +13,8 @@ from launcher.record.bounds import run_bound
 from launcher.record.diary import Event
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.record.tables import track_rows, write_messages, write_tracks
+from launcher.record.tables import nearest, track_rows, write_messages, write_tracks
+from launcher.record.views import headline
 from launcher.records import MessageRow, Plan
 from launcher.timeline.timeline import Timeline
 from trackfield.drivers.frames import Charge, Died, Queued
@@ -23,7 +24,7 @@ TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
 
 Unplanned = tuple[str, float | None, str]
-"""A death that nobody planned: whose, when (s; None: nobody knows), and why."""
+"""A death that nobody planned: whose, when (s since the first step; None: nobody knows), and why."""
 
 
 class Telling:
@@ -51,7 +52,7 @@ class Telling:
         self._write(*self.ledger.close(name for name, *_ in deaths))
         for name, t_s, why in deaths:
             if t_s is not None:
-                self.timeline.death(round(t_s * NS), name.partition("~")[0], why)
+                self.timeline.death(self.plan.origin_ns + round(t_s * NS), name.partition("~")[0], why)
 
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
@@ -79,9 +80,8 @@ class Telling:
             case Note(text):
                 self.timeline.note(event.t_ns, event.process, text)
             case Publish(point):
-                t_ns = point.step * self.plan.step_ns
-                truth = self.plan.path.at(t_ns / NS)
-                self.timeline.estimate(t_ns, point, truth[:2] if truth else None)
+                truth, _ = nearest(self.plan.paths, point)
+                self.timeline.estimate(point, truth[:2] if truth else None)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
 
@@ -96,18 +96,13 @@ class Journal(Telling):
     def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
         """Write the rest, and the tables; the metrics that are known here."""
         self.end(deaths)
-        tracks = track_rows(
-            [(t, publish.estimate) for t, _, publish in self.ledger.estimates()],
-            self.plan.path,
-            self.plan.step_ns,
-        )
-        bound = run_bound(self.plan, self.ledger.rows)
-        for t_ns, step in sorted({(row.t_ns, row.point.step) for row in tracks}):
-            if step in bound:
-                self.timeline.bound(t_ns, bound[step])
+        tracks = track_rows(self.ledger.estimates(), self.plan.paths)
+        bound = run_bound(self.plan, headline(self.plan, tracks))
+        for t_ns in sorted({row.t_ns for row in tracks} & bound.keys()):
+            self.timeline.bound(t_ns, bound[t_ns])
         self.timeline.close()
         write_messages(self.ledger.rows, self.folder / "messages.parquet")
-        write_tracks(tracks, bound, self.folder / "tracks.parquet")
+        write_tracks(tracks, bound, self.folder / "tracks.parquet", self.plan.origin_ns)
         metrics = run_metrics(self.plan, self.ledger, tracks)
         metrics["recorder"]["messages"] = messages
         return metrics

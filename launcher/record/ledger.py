@@ -17,12 +17,21 @@ from launcher.record.diary import Diary, Event
 from launcher.records import MessageRow
 from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
-from trackfield.role import Publish
+from trackfield.role import Publish, TrackPoint
 from trackfield.wire.codec import WireError, decode
 from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 
 SYNCHRONISING: Final = ("sync-request", "sync-reply")
 """Kinds of messages by which clocks are set; they leave while the clock is still wrong."""
+
+
+class Published(NamedTuple):
+    """A point of a track, when (true time) and by which life of which process it was published."""
+
+    told_ns: int
+    source: str
+    incarnation: int
+    point: TrackPoint
 
 
 class Ledger:
@@ -97,15 +106,15 @@ class Ledger:
         """A process's last word."""
         self.finals[process] = dict(record)
 
-    def estimates(self) -> list[tuple[int, str, Publish]]:
-        """All that was published: (true time ns, process, estimate), in time order."""
+    def estimates(self) -> list[Published]:
+        """All that was published, in the order of time."""
         published = [
-            (told.key[0], diary.spec.id, told.effect)
+            Published(told.key[0], diary.spec.id, diary.spec.incarnation, told.effect.estimate)
             for diary in self.diaries.values()
             for told in diary.told
             if isinstance(told.effect, Publish)
         ]
-        return sorted(published, key=lambda item: item[:2])
+        return sorted(published, key=lambda one: (one.told_ns, one.source))
 
     # --- what is settled ------------------------------------------------------------------------------------------
 

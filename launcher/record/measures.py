@@ -25,8 +25,8 @@ class Rmse(_Figures):
     velocity: float | None
 
 
-class TrackerFigures(_Figures):
-    """How well one tracker did."""
+class ScoreFigures(_Figures):
+    """How well a tracker did in a view."""
 
     rmse: Rmse
     median_error: float | None
@@ -34,6 +34,22 @@ class TrackerFigures(_Figures):
     nees_band: tuple[float, float] | None
     lost: bool
     steps: int
+
+
+class TargetFigures(_Figures):
+    """RMSE of the position (m) over the ``steps`` in which this target was the nearest to the track."""
+
+    rmse: float | None
+    steps: int
+
+
+class TrackerFigures(ScoreFigures):
+    """How well a tracker did in the headline view; ``sources`` counts the steps in which a process had a track."""
+
+    association: Literal["nearest"] | None
+    targets: Mapping[str, TargetFigures]
+    sources: Mapping[str, int]
+    views: Mapping[str, ScoreFigures]
 
 
 class Bound(_Figures):
@@ -233,7 +249,8 @@ class RunFigures(_Figures):
         flat = dict(_flat(self.model_dump(exclude={"trackers"})))
         run = {key: flat[key] for key in OF_RUN}
         for name, tracker in self.trackers.items():
-            yield {"seed": self.seed, "tracker": name, **dict(_flat(tracker.model_dump())), **run}
+            figures = tracker.model_dump(exclude=set(TrackerFigures.model_fields) - set(ScoreFigures.model_fields))
+            yield {"seed": self.seed, "tracker": name, **dict(_flat(figures)), **run}
 
 
 OF_RUN: Final = (

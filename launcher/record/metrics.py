@@ -4,35 +4,37 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from math import isfinite
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from launcher.record.bounds import bound_metrics
-from launcher.record.energy import energy_metrics, lifetime_metrics, nodes_of
+from launcher.record.energy import batteries_of, energy_metrics, lifetime_metrics
 from launcher.record.ledger import Ledger
 from launcher.record.tables import TrackRow
+from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan
 from trackfield.drivers.histogram import Histogram
 from trackfield.filters import metrics as score
 
 CAUSES: Final = ("radio", "partition", "in_flight", "asleep", "frozen", "dead", "overflow")
+NEAREST: Final = "nearest"
+"""With several targets each point of a track is scored against the nearest of them."""
 Metrics = dict[str, Any]
 
 
 def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metrics:
     """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say."""
-    nodes = nodes_of(plan, ledger)
+    batteries = batteries_of(plan, ledger)
     return {
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
         "driver": None,
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
-        "trackers": tracker_metrics(tracks, plan.info.trackers, score.Lost(plan.lost_m)),
-        "bound": bound_metrics(plan, ledger.rows, {r.point.step for r in tracks if _has_track(r) and r.truth}),
+        "trackers": tracker_metrics(plan, tracks),
+        "bound": bound_metrics(plan, headline(plan, tracks)),
         "processes": {
             "started": len(plan.processes),
             "ready_s": None,
@@ -50,29 +52,42 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
             "inversions": _total(ledger, "inversions"),
             "host_late": _total(ledger, "host_late"),
         },
-        "energy_j": energy_metrics(ledger, nodes),
-        "lifetime_s": lifetime_metrics(plan, nodes, plan.reach_m),
+        "energy_j": energy_metrics(ledger, batteries),
+        "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped()},
     }
 
 
-def tracker_metrics(
-    tracks: Sequence[TrackRow],
-    names: Iterable[str],
-    lost: score.Lost = score.Lost(),  # noqa: B008  a frozen value
-) -> Metrics:
-    """Errors of each tracker over the steps after the start in which it had a track, and whether it lost the target."""
-    return {name: _tracker([r for r in tracks if r.point.tracker == name], lost) for name in names}
+def tracker_metrics(plan: Plan, tracks: Sequence[TrackRow]) -> Metrics:
+    """How well each tracker did in the headline view; then by target, by source and in each view."""
+    return {name: _tracker(plan, [r for r in tracks if r.point.tracker == name]) for name in plan.info.trackers}
 
 
-def _has_track(row: TrackRow) -> bool:
-    """Whether there is a track; a filter that diverged to what is no number has none."""
-    return bool(row.point.mean) and all(map(isfinite, (*row.point.mean, *row.point.covariance)))
+def _tracker(plan: Plan, rows: Sequence[TrackRow]) -> Metrics:
+    views = {view.name: seen(rows, view) for view in plan.views}
+    scores = {name: scored(chosen, plan.lost) for name, chosen in views.items()}
+    several = len(plan.paths) > 1
+    first = plan.views[0].name
+    return {
+        **scores[first],
+        "association": NEAREST if several else None,
+        "targets": {id: _target(views[first], id) for id in plan.paths} if several else {},
+        "sources": dict(sorted(Counter(row.point.source for row in rows if row.has_track).items())),
+        "views": scores,
+    }
 
 
-def _tracker(rows: Sequence[TrackRow], lost: score.Lost) -> Metrics:
-    known = [r for r in rows if _has_track(r) and r.truth is not None]
+def _target(rows: Sequence[TrackRow], target: str) -> Metrics:
+    """Over the steps in which this target was the one nearest to the track."""
+    errors = [np.subtract(r.point.mean, r.truth) for r in rows if r.has_track and r.truth and r.true_target == target]
+    return {"rmse": score.rmse(np.array(errors)[:, :2]) if errors else None, "steps": len(errors)}
+
+
+def scored(rows: Sequence[TrackRow], lost: score.Lost) -> Metrics:
+    """Errors of one tracker over the instants at which there is both track and truth; ``lost`` says when it is lost."""
+    judged = [r for r in rows if not (r.has_track and r.truth is None)]
+    known = [r for r in judged if r.has_track and r.truth is not None]
     if not known:
         nothing = dict.fromkeys(("x", "y", "position", "velocity"))
         return {"rmse": nothing, "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0}
@@ -80,9 +95,8 @@ def _tracker(rows: Sequence[TrackRow], lost: score.Lost) -> Metrics:
     covariances = np.array([r.point.covariance for r in known]).reshape(-1, 4, 4)
     nees = score.nees(errors, covariances)
     sound = bool(np.isfinite(nees).all())
-    judged = [r for r in rows if r.truth is not None or not _has_track(r)]
-    places = np.full((len(judged), 2), np.nan)
-    places[[_has_track(r) for r in judged]] = errors[:, :2]
+    off = np.full((len(judged), 2), np.nan)
+    off[[r.has_track for r in judged]] = errors[:, :2]
     return {
         "rmse": {
             "x": score.rmse(errors[:, 0:1]),
@@ -93,7 +107,7 @@ def _tracker(rows: Sequence[TrackRow], lost: score.Lost) -> Metrics:
         "median_error": score.median_error(errors[:, :2]),
         "nees": float(nees.mean()) if sound else None,
         "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
-        "lost": bool(lost.holds(places)),
+        "lost": bool(lost.holds(off)),
         "steps": len(known),
     }
 
@@ -119,15 +133,17 @@ def _frames(ledger: Ledger) -> Metrics:
 
 def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metrics:
     """Emulated: on the link, from a report's sending to its fusion, and from a step's instant to its track."""
-    fused: dict[int, int] = {}
+    fused: dict[tuple[str, int | None], int] = {}
     for track in tracks:
-        fused.setdefault(track.point.step, track.told_ns)
+        for sensor in track.point.sensors:
+            report = sensor, track.point.step
+            fused[report] = min(track.told_ns, fused.get(report, track.told_ns))
     link, to_filter = [], []
     for row in rows:
         if row.delivered and row.due_ns is not None:
             link.append(row.due_ns - row.sent_ns)
-            if row.outcome == "delivered" and row.step in fused:
-                to_filter.append(fused[row.step] - row.sent_ns)
+            if row.outcome == "delivered" and row.step is not None and (row.src, row.step) in fused:
+                to_filter.append(fused[row.src, row.step] - row.sent_ns)
     to_track = [track.told_ns - track.t_ns for track in tracks if not track.point.lag]
     return {"link": _exact(link), "to_filter": _exact(to_filter), "to_track": _exact(to_track)}
 

@@ -61,7 +61,7 @@ class Recorder(Listener):
         write_json(metrics, self.journal.folder / METRICS)
 
     def _status(self) -> dict[str, Any]:
-        return {"t_s": max(self.now_ns() or 0, 0) / NS, **summary(self.journal)}
+        return {"t_s": (max(self.now_ns() or 0, 0) - self.plan.origin_ns) / NS, **summary(self.journal)}
 
     def _await_finals(self) -> None:
         deadline = time.monotonic() + FINALS_TIMEOUT_S

@@ -2,39 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from math import hypot, isfinite
 from pathlib import Path as FilePath
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from launcher.record.ledger import Published
 from launcher.records import MessageRow
 from trackfield.role import NS, TrackPoint
 from trackfield.world.path import Path
 
 STATE = ("x", "y", "vx", "vy")
+Truth = tuple[float, float, float, float]
+"""(x, y, vx, vy) in m and m/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackRow:
-    """A published point of a track beside the truth at its time; ``told_ns`` is when it was published first."""
+    """A published point of a track beside the truth at its instant.
+
+    ``told_ns`` is when it was published first, ``incarnation`` the life of its source that did so last. ``truth`` is
+    the state of ``true_target``; with several targets the one nearest to the point, as nobody says which one it is of.
+    """
 
     told_ns: int
-    t_ns: int
     point: TrackPoint
-    truth: tuple[float, float, float, float] | None
+    truth: Truth | None = None
+    true_target: str = ""
+    incarnation: int = 0
+
+    @property
+    def t_ns(self) -> int:
+        """The instant that the point is about."""
+        return self.point.at_ns
+
+    @property
+    def has_track(self) -> bool:
+        """Whether there is a track; a filter that diverged to what is no number has none."""
+        return bool(self.point.mean) and all(map(isfinite, (*self.point.mean, *self.point.covariance)))
 
 
-def track_rows(estimates: Sequence[tuple[int, TrackPoint]], path: Path, step_ns: int) -> list[TrackRow]:
-    """The last estimate of each (tracker, target, step), in that order, and when there was one first."""
-    latest: dict[tuple[str, str, int], tuple[int, TrackPoint]] = {}
-    for told, point in estimates:
-        key = (point.tracker, point.target, point.step)
-        latest[key] = latest.get(key, (told, point))[0], point
+def track_rows(published: Iterable[Published], paths: Mapping[str, Path]) -> list[TrackRow]:
+    """The last point of each (source, tracker, target, instant), in that order, and when there was one first."""
+    latest: dict[tuple[str, str, str, int], tuple[int, Published]] = {}
+    for one in published:
+        key = (one.source, one.point.tracker, one.point.target, one.point.at_ns)
+        latest[key] = latest.get(key, (one.told_ns, one))[0], one
     return [
-        TrackRow(told, p.step * step_ns, p, path.at(p.step * step_ns / NS)) for _, (told, p) in sorted(latest.items())
+        TrackRow(told_ns, one.point, *nearest(paths, one.point), one.incarnation)
+        for _, (told_ns, one) in sorted(latest.items(), key=lambda item: item[0])
     ]
+
+
+def nearest(paths: Mapping[str, Path], point: TrackPoint) -> tuple[Truth | None, str]:
+    """The state of the target nearest to a point at its instant, and its id; of the first one if there is no track.
+
+    (None, "") where no target is there.
+    """
+    states = [(state, id) for id, path in paths.items() if (state := path.at(point.at_ns / NS)) is not None]
+    if not states:
+        return None, ""
+    x, y = point.mean[:2] if point.mean else states[0][0][:2]
+    return min(states, key=lambda one: hypot(one[0][0] - x, one[0][1] - y))
 
 
 def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
@@ -50,28 +82,38 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     pq.write_table(pa.table(columns), file)
 
 
-def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: FilePath) -> None:
+def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: FilePath, origin_ns: int = 0) -> None:
     """tracks.parquet."""
-    pq.write_table(tracks_table(rows, bound), file)
+    pq.write_table(tracks_table(rows, bound, origin_ns), file)
 
 
-def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> pa.Table:
-    """One row per (tracker, target, step): state, covariance row by row, truth; null before the track.
+def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns: int = 0) -> pa.Table:
+    """One row per (source, tracker, target, instant): state, covariance row by row, truth; null before the track.
 
-    ``bound`` is that of the position's sd (m) by step, as far as there is one.
+    Times in s count from the first step, at ``origin_ns``. ``bound`` is that of the position's sd (m) by instant (ns),
+    as far as there is one.
     """
-    floats, vector = pa.float64(), pa.list_(pa.float64())
+    floats, texts, vector = pa.float64(), pa.string(), pa.list_(pa.float64())
+    points = [r.point for r in rows]
     columns = {
-        "t_s": pa.array([r.t_ns / NS for r in rows], floats),
-        "step": pa.array([r.point.step for r in rows], pa.int32()),
-        "target": pa.array([r.point.target for r in rows], pa.string()),
-        "tracker": pa.array([r.point.tracker for r in rows], pa.string()),
-        "status": pa.array([r.point.status for r in rows], pa.string()),
-        "reports": pa.array([r.point.reports for r in rows], pa.int32()),
-        "told_s": pa.array([r.told_ns / NS for r in rows], floats),
-        **{n: pa.array([r.point.mean[i] if r.point.mean else None for r in rows], floats) for i, n in enumerate(STATE)},
-        "covariance": pa.array([list(r.point.covariance) or None for r in rows], vector),
+        "t_s": pa.array([(p.at_ns - origin_ns) / NS for p in points], floats),
+        "step": pa.array([p.step for p in points], pa.int32()),
+        "source": pa.array([p.source for p in points], texts),
+        "target": pa.array([p.target for p in points], texts),
+        "tracker": pa.array([p.tracker for p in points], texts),
+        "status": pa.array([p.status for p in points], texts),
+        "reports": pa.array([p.reports for p in points], pa.int32()),
+        "told_s": pa.array([(r.told_ns - origin_ns) / NS for r in rows], floats),
+        **{n: pa.array([p.mean[i] if p.mean else None for p in points], floats) for i, n in enumerate(STATE)},
+        "covariance": pa.array([list(p.covariance) or None for p in points], vector),
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
-        "bound_m": pa.array([None if r.point.lag else bound.get(r.point.step) for r in rows], floats),
+        "true_target": pa.array([r.true_target or None for r in rows], texts),
+        "bound_m": pa.array([None if p.lag else bound.get(p.at_ns) for p in points], floats),
+        "sensors": pa.array([list(p.sensors) for p in points], pa.list_(texts)),
+        "lag": pa.array([p.lag for p in points], pa.int32()),
+        "term": pa.array([p.term for p in points], pa.int32()),
+        "at_ns": pa.array([p.at_ns for p in points], pa.int64()),
+        "told_ns": pa.array([r.told_ns for r in rows], pa.int64()),
+        "incarnation": pa.array([r.incarnation for r in rows], pa.int32()),
     }
     return pa.table(columns)

@@ -13,4 +13,4 @@ def simulate(plan: Plan) -> tuple[Ledger, list[TrackRow]]:
     ledger = Ledger(plan.run, plan.processes)
     Virtual(plan.run, plan.processes, ledger).run()
     ledger.close()
-    return ledger, track_rows([(t, p.estimate) for t, _, p in ledger.estimates()], plan.path, plan.step_ns)
+    return ledger, track_rows(ledger.estimates(), plan.paths)

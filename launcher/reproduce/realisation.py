@@ -9,6 +9,7 @@ import numpy as np
 
 from launcher.plan.prepare import planned
 from launcher.record.virtually import simulate
+from launcher.records import SENSES
 from launcher.reproduce.papers.zhai.cases import Case
 from launcher.reproduce.records import Record
 from trackfield.filters.types import Array
@@ -41,14 +42,15 @@ def realise(case: Case, seed: int, trackers: Sequence[str]) -> Realisation:
     """Run it again with these trackers: they see and draw the same as beside all others."""
     plan = planned(case.scenario(seed, trackers))
     ledger, rows = simulate(plan)
-    steps = max(row.point.step for row in rows)
+    steps = max(plan.step_of(row.t_ns) for row in rows)
     estimates = {name: np.full((steps, 4), np.nan) for name in trackers}
     for row in rows:
         if row.point.mean:
-            estimates[row.point.tracker][row.point.step - 1] = row.point.mean
+            estimates[row.point.tracker][plan.step_of(row.t_ns) - 1] = row.point.mean
     step_s = plan.step_ns / NS
-    truth = [plan.path.at(step * step_s) or (np.nan,) * 4 for step in range(steps + 1)]
-    places = {place.id: (place.x, place.y) for place in plan.info.places if place.role == "node"}
+    (path,) = plan.paths.values()
+    truth = [path.at(step * step_s) or (np.nan,) * 4 for step in range(steps + 1)]
+    places = {place.id: (place.x, place.y) for place in plan.info.tagged(SENSES)}
     active = sorted({row.src for row in ledger.rows if row.kind == "doa"})
     return Realisation(
         seed,

@@ -50,17 +50,18 @@ def measure(case: Case, seed: int) -> Record:
     """Run it in virtual time."""
     plan = planned(case.scenario(seed))
     ledger, tracks = simulate(plan)
-    steps = max(row.point.step for row in tracks)
+    steps = max(plan.step_of(row.t_ns) for row in tracks)
     places = {name: i for i, name in enumerate(case.trackers)}
     errors = np.full((len(places), steps, 4), np.nan)
     reports = np.zeros(steps, np.int64)
     for row in tracks:
-        reports[row.point.step - 1] = row.point.reports
+        at = plan.step_of(row.t_ns) - 1
+        reports[at] = row.point.reports
         if row.point.mean and row.truth:
-            errors[places[row.point.tracker], row.point.step - 1] = np.subtract(row.point.mean, row.truth)
+            errors[places[row.point.tracker], at] = np.subtract(row.point.mean, row.truth)
     metrics = run_metrics(plan, ledger, tracks)
     energy = metrics["energy_j"]
     network = [metrics["frames"]["sent"], metrics["bytes"]["payload"], energy["by"]["send"], energy["total"]]
-    bounds = run_bound(plan, ledger.rows)
-    bound = np.array([bounds.get(step, np.nan) for step in range(1, steps + 1)])
+    bounds = run_bound(plan, tracks)
+    bound = np.array([bounds.get(plan.origin_ns + step * plan.step_ns, np.nan) for step in range(1, steps + 1)])
     return Record(errors, reports, bound, np.array(network, float))

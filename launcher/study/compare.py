@@ -21,6 +21,8 @@ FILES: Final[Mapping[str, Callable[[Path], object]]] = {
     "scenario.toml": lambda file: tomllib.loads(file.read_text(encoding="utf-8")),
 }
 """What a comparison needs of a run folder, and what fails where it is damaged."""
+_NEW: Final = {"tracks.parquet": {"source", "at_ns", "sensors"}, "messages.parquet": {"payload"}}
+"""Columns that an older version did not write."""
 
 
 def check_runs(runs: Sequence[Path]) -> None:
@@ -28,10 +30,13 @@ def check_runs(runs: Sequence[Path]) -> None:
     for run in runs:
         for name, read in FILES.items():
             try:
-                read(run / name)
+                found = read(run / name)
             except (OSError, ValueError) as error:
                 what = f"has no {name}" if isinstance(error, OSError) else f"its {name} is damaged"
                 raise ScenarioError(what, file=str(run), expected="the folder of a finished run") from None
+            if isinstance(found, pq.FileMetaData) and _NEW[name] - set(found.schema.to_arrow_schema().names):
+                expected = "a run by this version; trackfield run <its scenario.toml> makes it again"
+                raise ScenarioError("an older version made it", file=str(run / name), expected=expected)
 
 
 def differences(a: Path, b: Path, tolerance: float) -> list[str]:
@@ -41,7 +46,7 @@ def differences(a: Path, b: Path, tolerance: float) -> list[str]:
 
 
 def _track_differences(a: pa.Table, b: pa.Table, tolerance: float) -> list[str]:
-    keys = ("tracker", "target", "step", "status", "reports")
+    keys = ("source", "tracker", "target", "at_ns", "step", "status", "sensors")
     if a.select(keys) != b.select(keys):
         return [f"the tracks have other steps, states or numbers of reports ({a.num_rows} and {b.num_rows} points)"]
     found = []

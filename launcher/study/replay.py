@@ -1,7 +1,8 @@
 """The reports of a finished run, fused again: by other trackers, or without those that came late.
 
-The fusion centre is the one of a run, in all its lives, with its clock, its faults and its battery; it is given each
-frame that reached it at the time at which it did. What it sends goes nowhere: the field has already acted.
+Each process that tracked goes again over the steps of which it published something, with the reports that its tracks
+say they used; a later life goes on from what the one before it believed. What the trackers say is told when the run
+told it. Nothing is sent: the field has already acted.
 """
 
 from __future__ import annotations
@@ -9,13 +10,15 @@ from __future__ import annotations
 import json
 import shutil
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import pyarrow.parquet as pq
 
+from fusion.bank import Bank
+from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
 from launcher.record.folder import keep, prepare_folder, write_manifest
 from launcher.record.journal import METRICS, Journal
@@ -25,17 +28,13 @@ from launcher.record.metrics import Metrics
 from launcher.records import MessageRow, Plan
 from launcher.run import Outcome, close_folder
 from launcher.study.compare import check_runs
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Told, Undone
-from trackfield.drivers.meter import spent
-from trackfield.drivers.spec import build_core, link_of, places_of
-from trackfield.errors import ScenarioError
-from trackfield.link.fate import Link
-from trackfield.role import NS
-from trackfield.scenario.places import CENTRE
+from trackfield.drivers.frames import LATE, RANK_TIMER, Told
+from trackfield.drivers.spec import life_name
+from trackfield.role import NS, Publish, State
+from trackfield.wire.codec import decode
 
 FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")
-"""Parts of metrics.json that depend on the fusion centre; all others stay as they were."""
+"""Parts of metrics.json that depend on who tracks; all others stay as they were."""
 
 
 def replay(
@@ -57,13 +56,13 @@ def replay(
     RunFigures.of(metrics, str(run / METRICS))
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / "scenario.toml"), settings=settings, trackers=trackers)
-    rows = _rows(run / "messages.parquet")
+    rows = [MessageRow(**row) for row in pq.read_table(run / "messages.parquet").to_pylist()]
+    fusions = read_fusions(run / "tracks.parquet")
     plan = planned(scenario)
-    end_ns = _end_ns(plan, rows, run / "tracks.parquet")
     folder = prepare_folder(out, scenario.name, scenario.seed)
     keep(scenario, folder)
     write_manifest(folder, plan, command, None)
-    anew = _fuse(plan, rows, end_ns, metrics, folder)
+    anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
     shutil.copyfile(run / "messages.parquet", folder / "messages.parquet")
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
@@ -74,13 +73,7 @@ def replay(
 
 def caveats(metrics: Metrics) -> list[str]:
     """Why a replay of a run with these metrics may differ from it though nothing was changed."""
-    said = [
-        f"{died['id']} died unplanned in this run; the replay lets it live"
-        for died in metrics["processes"]["died"]
-        if died["id"].partition("~")[0] == CENTRE
-    ]
-    if lost := metrics["frames"]["host_lost"]:
-        said.append(f"{lost} frames that the machine lost in this run (frames.host_lost) arrive in the replay")
+    said = []
     if dropped := metrics["recorder"]["dropped"]:
         said.append(
             f"{dropped} frames of this run never reached the recorder (recorder.dropped): the replay lacks them"
@@ -90,57 +83,122 @@ def caveats(metrics: Metrics) -> list[str]:
     return said
 
 
-def fused(plan: Plan, rows: Iterable[MessageRow], end_ns: int) -> Iterator[tuple[str, Output]]:
-    """What each life of the fusion centre says up to a time to the frames that reached it, with the life's name."""
-    link = link_of(plan.run, places_of(plan.processes))
-    arrivals = [_arrival(row, link) for row in rows if row.dst == CENTRE and row.delivered]
-    before: Core | None = None
-    for life in (process for process in plan.processes if process.id == CENTRE):
-        core = build_core(plan.run, life, link)
-        if before is not None:
-            core.inherit(before.life.stored, spent(before.record(end_ns)))
-        for arrival in arrivals:
-            if core.owns(arrival.due_ns):
-                core.offer(arrival)
-        while (key := core.next_key()) is not None and key < (end_ns,):
-            yield from ((life.name, output) for output in core.handle_next())
-        before = core
+@dataclass(frozen=True)
+class Fusion:
+    """A process used the reports of these ``sensors`` for a step, and told what came of it first at ``told_ns``."""
+
+    source: str
+    incarnation: int
+    step: int
+    told_ns: int
+    sensors: tuple[str, ...]
+
+    @property
+    def life(self) -> str:
+        """The name of its life."""
+        return life_name(self.source, self.incarnation)
 
 
-def _fuse(plan: Plan, rows: Sequence[MessageRow], end_ns: int, before: Metrics, folder: Path) -> Metrics:
-    """Write the tracks and the timeline; the metrics of a run in which nobody but the centre said anything."""
+def read_fusions(tracks: Path) -> list[Fusion]:
+    """What was fused in a run, process by process and in the order of time."""
+    columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
+    first: dict[tuple[str, int], dict[str, Any]] = {}
+    for row in pq.read_table(tracks, columns=list(columns)).to_pylist():
+        if not row.pop("lag") and row["step"] is not None:
+            before = first.setdefault((row["source"], row["step"]), row)
+            before["told_ns"] = min(before["told_ns"], row["told_ns"])
+    return [Fusion(**{**row, "sensors": tuple(row["sensors"])}) for _, row in sorted(first.items())]
+
+
+class _Source:
+    """A process that tracked, doing so again; ``starts`` is when its planned later lives began, by their names."""
+
+    def __init__(self, bank: Bank, starts: Mapping[str, int]) -> None:
+        self.bank, self._starts = bank, starts
+        self._tracks: tuple[Any, ...] = ()
+        self._stored: tuple[int, bytes] | None = None
+        self._life, self._step, self._phase = "", 0, ""
+
+    def fuse(self, one: Fusion, heard: Mapping[str, Any]) -> Iterator[tuple[int, State | Publish]]:
+        """What it tells of a step, and when."""
+        resumed = self._starts.get(one.life) == one.told_ns  # it told of this step as it came back, not at a deadline
+        if one.life != self._life:
+            yield from self._begin(one, resumed=resumed)
+        for step in range(self._step + 1, one.step):
+            self._tracks = self.bank.advance(self._tracks, step, {}).tracks
+        self._tracks, points, earlier = self.bank.advance(self._tracks, one.step, heard)
+        self._step = one.step
+        told = [point for point in points.values() if point.mean or not resumed]
+        yield from ((one.told_ns, Publish(replace(point, source=one.source))) for point in (*told, *earlier))
+        if not resumed:
+            self._stored = one.step, pack(one.step, None, points)
+            yield from self._enter(one.told_ns, next(iter(points.values())).status)
+
+    def _begin(self, one: Fusion, *, resumed: bool) -> Iterator[tuple[int, State | Publish]]:
+        """A life begins, from what the one before it stored if there is anything."""
+        until, self._life, self._phase = one.step - 1, one.life, ""
+        if self._stored is None:
+            self._tracks = self.bank.begin(prior=until == 0)
+        else:
+            since, kept = self._stored
+            self._tracks, _ = self.bank.resume(unpack(kept).beliefs, since, until)
+        known = self._stored is not None and self._tracks[0].track is not None
+        start_ns = self._starts.get(one.life, one.told_ns if one.incarnation else 0)
+        self._step = until
+        yield from self._enter(start_ns, "coasting" if known else "waiting")
+
+    def _enter(self, t_ns: int, phase: str) -> Iterator[tuple[int, State | Publish]]:
+        if phase != self._phase:
+            self._phase = phase
+            yield t_ns, State(phase)
+
+
+def fused(
+    plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]
+) -> Iterator[tuple[Fusion, int, State | Publish]]:
+    """What all who tracked tell of their steps, with the reports that these messages hold, and when (ns)."""
+    reports = {(row.src, row.step): row.payload for row in rows if row.outcome in ("delivered", LATE)}
+    starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
+    sources: dict[str, _Source] = {}
+    for one in fusions:
+        if one.source not in sources:
+            sources[one.source] = _Source(Bank(**plan.bank_of(one.source)), starts)
+        keys = [(sensor, one.step) for sensor in one.sensors if (sensor, one.step) in reports]
+        heard = {sensor: decode(reports[sensor, step]) for sensor, step in keys}
+        for t_ns, effect in sources[one.source].fuse(one, heard):
+            yield one, t_ns, effect
+
+
+def _fuse(
+    plan: Plan,
+    fusions: Sequence[Fusion],
+    rows: Sequence[MessageRow],
+    before: Metrics,
+    folder: Path,
+    *,
+    drop_late: bool,
+) -> Metrics:
+    """Write the tracks and the timeline; the metrics of a run in which nobody but trackers said anything."""
     ledger = Ledger(plan.run, plan.processes)
-    ledger.end(end_ns)
-    for name, output in fused(plan, rows, end_ns):
-        if isinstance(output, Told | Refused | Undone):
-            ledger.told(name, output)
+    ledger.end(_end_ns(plan, fusions, rows))
+    first = {life.id: life for life in plan.processes if not life.incarnation}
+    told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
+    for number, (one, t_ns, effect) in enumerate(told):
+        if one.life not in ledger.diaries:  # of a life that nobody planned
+            ledger.life(replace(first[one.source], incarnation=one.incarnation, start_ns=t_ns, kill_ns=None))
+        ledger.told(one.life, Told((t_ns, RANK_TIMER, number), effect))
     journal = Journal(plan, ledger, folder)
     journal.take_over(rows)
     for died in before["processes"]["died"]:
         if died["t"] is not None:
-            journal.timeline.death(round(died["t"] * NS), died["id"].partition("~")[0], died["why"])
+            t_ns = plan.origin_ns + round(died["t"] * NS)
+            journal.timeline.death(t_ns, died["id"].partition("~")[0], died["why"])
     return journal.close([], messages=0)
 
 
-def _rows(file: Path) -> list[MessageRow]:
-    table = pq.read_table(file)
-    if "payload" not in table.column_names:
-        expected = "a run by this version; trackfield run <its scenario.toml> makes it again"
-        raise ScenarioError("has no payloads: an older version made it", file=str(file), expected=expected)
-    return [MessageRow(**row) for row in table.to_pylist()]
-
-
-def _arrival(row: MessageRow, link: Link) -> Arrival:
-    frame = Frame(row.src, row.incarnation, row.kind, row.sent_ns, row.copy, row.dst, row.medium, row.payload)  # type: ignore[arg-type]
-    assert row.due_ns is not None  # it was delivered
-    return Arrival(row.due_ns, frame, frame.fate(link, row.dst))
-
-
-def _end_ns(plan: Plan, rows: Iterable[MessageRow], tracks: Path) -> int:
+def _end_ns(plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> int:
     """When the run was over: as planned, or after the last it left if that is not about its last step."""
-    table = pq.read_table(tracks, columns=["step", "told_s"])
-    if max(table["step"].to_pylist(), default=0) >= plan.run.end_ns // plan.step_ns - 1:
+    if max((one.step for one in fusions), default=0) >= plan.step_of(plan.run.end_ns) - 1:
         return plan.run.end_ns
-    told_ns = (round(told_s * NS) for told_s in table["told_s"].to_pylist())
-    sent_ns = (row.sent_ns for row in rows)
-    return min(max((*told_ns, *sent_ns), default=0) + 1, plan.run.end_ns)
+    left = (*(one.told_ns for one in fusions), *(row.sent_ns for row in rows))
+    return min(max(left, default=0) + 1, plan.run.end_ns)

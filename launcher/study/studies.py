@@ -20,6 +20,7 @@ from launcher.record.folder import begin_folder, keep, prepare_folder
 from launcher.record.measures import RunFigures
 from launcher.record.metrics import run_metrics
 from launcher.record.tables import tracks_table
+from launcher.record.views import headline
 from launcher.record.virtually import simulate
 from launcher.run import run_virtual
 from trackfield.errors import ScenarioError
@@ -105,7 +106,9 @@ def study_run(scenario: Scenario) -> StudyRun:
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
     metrics["recorder"]["messages"] = metrics["frames"]["sent"]
-    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, run_bound(plan, ledger.rows)))
+    return StudyRun(
+        scenario.seed, RunFigures.of(metrics), tracks_table(rows, run_bound(plan, headline(plan, rows)), plan.origin_ns)
+    )
 
 
 def unordered(

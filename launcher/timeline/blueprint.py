@@ -12,8 +12,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun.blueprint.archetypes as rrba
 
-from launcher.records import FieldInfo, Place
+from launcher.records import SENSES, TRACKS, FieldInfo, Place
 from launcher.timeline.scene import extent, spacing
+from trackfield.role import NS
 
 EMU: Final = "emu"
 """The timeline of emulated time since the start of the run."""
@@ -103,6 +104,11 @@ def path(*parts: str) -> str:
     return "/" + "/".join(rr.escape_entity_path_part(part) for part in parts)
 
 
+def truth_path(target: str, part: str) -> str:
+    """The entity of a part of a target's truth: ``path``, ``interpolated`` or ``position``."""
+    return path("field", "truth", target, part)
+
+
 def line_style(colour: Colour, width: float, order: float) -> rr.LineStrips2D:
     """Lines of this width on screen; a higher order is drawn on top."""
     return rr.LineStrips2D.from_fields(colors=colour, radii=rr.Radius.ui_points(width / 2), draw_order=order)
@@ -116,15 +122,15 @@ def point_style(colour: Colour | None, radius: float, order: float) -> rr.Points
 def lanes(info: FieldInfo) -> list[Place]:
     """All places, the ones whose states are worth a look first.
 
-    That is whatever is no sensor, then the sensors in the order of how long the target is nearest to them.
+    That is whatever is no sensor, then the sensors in the order of how long a target is nearest to them.
     """
-    sensors = [place for place in info.places if place.role == "node"]
-    others = [place for place in info.places if place.role != "node"]
-    if not sensors or not info.truth:
+    sensors = info.tagged(SENSES)
+    others = [place for place in info.places if SENSES not in place.tags]
+    way = [(x, y) for truth in info.truths for _, x, y in truth.points]
+    if not sensors or not way:
         return others + sensors
     at = np.array([(place.x, place.y) for place in sensors])
-    some = info.truth[:: len(info.truth) // 150 + 1]
-    nearest = Counter(int(np.argmin(np.hypot(*(at - point[1:]).T))) for point in some)
+    nearest = Counter(int(np.argmin(np.hypot(*(at - point).T))) for point in way[:: len(way) // 150 + 1])
     first = [sensors[index] for index, _ in nearest.most_common()]
     return others + first + [place for index, place in enumerate(sensors) if index not in nearest]
 
@@ -135,10 +141,10 @@ def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
     The graph view draws a box of some 45 x 20 units around a name, so neighbours are a little further apart,
     and whatever is no sensor is drawn half a row further south, beside the sensors that it may stand amid.
     """
-    places = sorted(info.places, key=lambda place: place.role != "node")
+    places = sorted(info.places, key=lambda place: SENSES not in place.tags)
     at = np.array([(place.x, -place.y) for place in places])
     scale = _GRAPH_SPACING / spacing(info)
-    south = [0.0 if place.role == "node" else _GRAPH_SPACING / 2 for place in places]
+    south = [0.0 if SENSES in place.tags else _GRAPH_SPACING / 2 for place in places]
     return {place.id: (x, y + down) for place, (x, y), down in zip(places, (at * scale).tolist(), south, strict=True)}
 
 
@@ -214,9 +220,13 @@ def _field(info: FieldInfo) -> rrb.Spatial2DView:
     so_far = rrb.VisibleTimeRanges(
         rrb.VisibleTimeRange(EMU, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative())
     )
-    truth = [path("field", "truth", part) for part in ("path", "interpolated")]
-    trails = [*truth, *(path("field", name, "track") for name in info.trackers)]
-    points = [(place.x, place.y) for place in info.places] + [(x, y) for _, x, y in info.truth]
+    trails = [truth_path(truth.target, part) for truth in info.truths for part in ("path", "interpolated")]
+    sources = [place.id for place in info.tagged(TRACKS)]
+    for name in info.trackers:
+        names = [(name,)] if len(sources) <= 1 else [(name, source) for source in sources]
+        trails += [path("field", *parts, "track") for parts in names]
+    points = [(place.x, place.y) for place in info.places]
+    points += [(x, y) for truth in info.truths for _, x, y in truth.points]
     points += [(x, y) for _, legs in info.paths for _, x, y in legs]
     return rrb.Spatial2DView(
         origin="/",
@@ -267,7 +277,7 @@ def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:
 def _whole_run(info: FieldInfo) -> rrb.TimeAxis:
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
-            start=rrb.TimeRangeBoundary.absolute(seconds=0.0),
+            start=rrb.TimeRangeBoundary.absolute(seconds=-info.origin_ns / NS),
             end=rrb.TimeRangeBoundary.absolute(seconds=info.end_s),
         )
     )

@@ -8,16 +8,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from launcher.records import FieldInfo
+from launcher.records import SENSES, FieldInfo
 from launcher.timeline import blueprint as look
 from launcher.timeline import rows
-from launcher.timeline.scene import Points, Shown, crosses, extent, spacing
+from launcher.timeline.layers.rays import rays
+from launcher.timeline.scene import Add, Shown, crosses, extent, spacing
 
 PACE_NS: Final = 400_000
 """A layer of n points is drawn at most once in n times this: files grow with what happens, not with the field."""
-
-Add = Callable[[str, Callable[[list[Any]], rows.Columns], int, Any], None]
-"""Takes a row: entity, its columns, time, value."""
 
 
 class Picture:
@@ -34,7 +32,7 @@ class Picture:
         self.words: dict[str, int] = {}
         self._add = add
         self._places = {place.id: (place.x, place.y) for place in info.places}
-        self._sensors = {place.id for place in info.places if place.role == "node"}
+        self._sensors = {place.id for place in info.tagged(SENSES)}
         self._others = self._places.keys() - self._sensors
         self._whole = list(look.graph_positions(info)) if len(info.places) <= look.WHOLE_NETWORK else []
         self._reach = extent(info) / 4
@@ -137,19 +135,10 @@ class Picture:
         return len(edges)
 
     def _draw_rays(self, t_ns: int) -> int:
-        rays = self._rays()
-        self._add("/field/rays", rows.strips, t_ns, rays)
-        return len(rays)
-
-    def _rays(self) -> Points:
-        """From each sensor along its bearing to a little past the latest estimate, (n, 2, 2)."""
-        fix = next(iter(self.shown.now["fix"].values()), None)
-        found = []
-        for src, bearing in self.shown.now["ray"].items():
-            x, y = self._places[src]
-            length = self._reach if fix is None else 1.15 * math.dist((x, y), fix) + 5.0
-            found.append((x, y, x + length * math.sin(bearing), y + length * math.cos(bearing)))
-        return np.reshape(found, (-1, 2, 2))
+        now = self.shown.now
+        found = rays(now["ray"], self._places, now["fix"].values(), self._reach)
+        self._add("/field/rays", rows.strips, t_ns, found)
+        return len(found)
 
     def _draw_marks(self, t_ns: int) -> int:
         marks = self.shown.now["mark"]

@@ -74,13 +74,16 @@ def edges(values: list[npt.NDArray[np.str_]]) -> Columns:
     return rr.GraphEdges.columns(edges=np.concatenate(values)).partition(_lengths(values))
 
 
-def times(values: list[MessageRow]) -> Columns:
-    """When messages were sent, by the true time and by their senders' clocks, and received if they were, in s."""
+def times(values: list[tuple[MessageRow, int]]) -> Columns:
+    """When messages were sent, by the true time and by their senders' clocks, and received if they were.
+
+    In s since the first step; each message comes with that of its run (ns).
+    """
     found: list[list[float | str | None]] = [
-        [f"{row.src} → {row.dst} {row.kind}" for row in values],
-        [_seconds(row.local_ns) for row in values],
-        [_seconds(row.due_ns) if row.delivered else None for row in values],
-        [_seconds(row.sent_ns) for row in values],
+        [f"{row.src} → {row.dst} {row.kind}" for row, _ in values],
+        [_seconds(row.local_ns, since) for row, since in values],
+        [_seconds(row.due_ns, since) if row.delivered else None for row, since in values],
+        [_seconds(row.sent_ns, since) for row, since in values],
     ]
     columns: list[Any] = []
     for name, column in zip(TIMES, found, strict=True):
@@ -116,8 +119,8 @@ def sentence(row: MessageRow) -> tuple[str, str, int]:
     return text, "INFO", look.INFO
 
 
-def _seconds(t_ns: int | None) -> float | None:
-    return None if t_ns is None else round(t_ns / NS, 4)
+def _seconds(t_ns: int | None, since_ns: int) -> float | None:
+    return None if t_ns is None else round((t_ns - since_ns) / NS, 4)
 
 
 def _colours(values: Sequence[list[int]]) -> npt.NDArray[np.uint32]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -19,6 +19,8 @@ RASTER_NS: Final = 50_000_000
 """Instants at which the picture of field and network may change."""
 
 Points = npt.NDArray[np.float64]
+Add = Callable[[str, Callable[[list[Any]], Any], int, Any], None]
+"""Takes a row: entity, its columns (``rows``), time, value."""
 _Change = tuple[float, int, str, Any, Any, float]
 """Time, order of the call, kind, key, value, end; at its end a change comes once more."""
 

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from launcher.records import FieldInfo, Place
+from launcher.records import SENSES, FieldInfo, Place
 from launcher.timeline import blueprint as look
+from launcher.timeline.layers import truth
 from launcher.timeline.scene import halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
@@ -29,19 +30,17 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     dot = look.dot(info)
     yield "/field", rr.Transform3D(scale=[1, -1, 1])  # 2-D views point y down, north is up
     yield "/field/battery", look.point_style(None, dot + min(dot, 2.5), order=23)
-    yield "/field/sensors", *_places(_sensors(info), dot, look.state_colour(look.REST), 24)
+    yield "/field/sensors", *_places(info.tagged(SENSES), dot, look.state_colour(look.REST), 24)
     yield "/field/working", look.point_style(None, max(dot, 2.5), order=28)
     yield "/field/dead", look.line_style(look.LOST, 2.0, order=29)
     moving = [id for id, _ in info.paths]
-    still = [place for place in _centres(info) if place.id not in moving]
+    still = [place for place in _others(info) if place.id not in moving]
     yield "/field/centres", *_places(still, 8, look.CENTRE, 25, names=True)
     if moving:
         labels = rr.Points2D.from_fields(labels=moving, show_labels=True)
         yield "/field/moving", look.point_style(look.CENTRE, 8, order=25), labels
     yield "/field/rays", look.line_style(look.RAY, 1.2, order=5)
-    yield "/field/truth/path", look.line_style(look.TRUTH, 4.5, order=10)
-    yield "/field/truth/interpolated", look.line_style(look.INTERPOLATED, 4.5, order=10)
-    yield "/field/truth/position", look.point_style(look.TARGET, 3.5, order=60)
+    yield from truth.styles(info)
 
 
 def _network(info: FieldInfo) -> Iterator[Part]:
@@ -69,8 +68,8 @@ def _links(info: FieldInfo) -> Iterator[Part]:
             draw_order=10,
         ),
     )
-    yield "/links/sensors", *_places(_sensors(info), look.dot(info) / 1.5, look.TRUTH, 20)
-    yield "/links/centres", *_places(_centres(info), 6, look.CENTRE, 25, names=True)
+    yield "/links/sensors", *_places(info.tagged(SENSES), look.dot(info) / 1.5, look.TRUTH, 20)
+    yield "/links/centres", *_places(_others(info), 6, look.CENTRE, 25, names=True)
     shares = [1.0, 0.75, 0.5, 0.25, 0.0]
     yield (
         "/links/legend",
@@ -97,9 +96,6 @@ def _places(places: list[Place], radius: float, colour: int, order: float, *, na
     ]
 
 
-def _sensors(info: FieldInfo) -> list[Place]:
-    return [place for place in info.places if place.role == "node"]
-
-
-def _centres(info: FieldInfo) -> list[Place]:
-    return [place for place in info.places if place.role != "node"]
+def _others(info: FieldInfo) -> list[Place]:
+    """Whatever has no sensor: centres, and what else there is."""
+    return [place for place in info.places if SENSES not in place.tags]

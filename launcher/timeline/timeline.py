@@ -12,19 +12,20 @@ import pathlib
 import time
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 import rerun as rr
 import rerun_bindings
 
-from launcher.records import FieldInfo, MessageRow
+from launcher.records import SENSES, FieldInfo, MessageRow
 from launcher.timeline import blueprint as look
 from launcher.timeline import rows, scenery
 from launcher.timeline.blueprint import path as entity
+from launcher.timeline.layers.tracks import Tracks
+from launcher.timeline.layers.truth import Truths
 from launcher.timeline.picture import Picture
-from launcher.timeline.scene import Points, Seconds, rings
+from launcher.timeline.scene import Seconds
 from trackfield.link.places import position
 from trackfield.role import NS, TrackPoint
 
@@ -57,25 +58,25 @@ class Timeline:
     """The timeline of one run: as a file, or live, at a port of this machine to which viewers connect.
 
     Live, all is sent at every flush, and of many messages only some are listed. Times are emulated ns since the start
-    of the run, lengths metres. Calls may come up to a second out of order; whatever comes later than that is shown a
-    moment late, never dropped. Not safe for several threads.
+    of the run, and shown as counted from the first step; lengths are metres. Calls may come up to a second out of
+    order; whatever comes later than that is shown a moment late, never dropped. Not safe for several threads.
     """
 
     def __init__(self, to: pathlib.Path | int, info: FieldInfo) -> None:
         self._info, self._live = info, isinstance(to, int)
         self._places = {place.id for place in info.places}
-        self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if place.role == "node"}
+        self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if SENSES in place.tags}
         self._begun: set[str] = set()
         self._resting: dict[str, int] = {}
-        self._known = {(round(t_s * NS), process, text) for t_s, process, text in info.marks}
+        self._known = {(self._ns(t_s), process, text) for t_s, process, text in info.marks}
         self._pending: defaultdict[tuple[str, Callable[[list[Any]], Columns]], Rows] = defaultdict(list)
         self._messages: list[MessageRow] = []
         self._picture = Picture(info, self._add)
         self._seconds = Seconds()
-        self._tracks: dict[str, _Track] = {}
+        self._truths = Truths(info, self._add)
+        self._tracks = Tracks(info, self._add, self._static, self._picture.shown)
         self._mark_ns = round(info.end_s / MARKS * NS)
-        self._step_ns = NS
-        self._newest = self._flushes = self._truths = self._marks = self._moves = 0
+        self._newest = self._flushes = self._marks = self._moves = 0
         self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
@@ -86,8 +87,9 @@ class Timeline:
             self._static(*static)
         for name in ("lost", "bytes", "queue"):
             self._add(f"/plots/{name}", rows.scalars, 0, (0.0,) if name == "queue" else (0.0, 0.0))
-        for start, end in info.gaps:
-            self._note(round(start * NS), "target", f"path interpolated until {end:g} s", "WARN")
+        for truth in info.truths:
+            for start, end in truth.gaps:
+                self._note(self._ns(start), truth.target, f"path interpolated until {end:g} s", "WARN")
 
     def state(self, t_ns: int, process: str, name: str, lane: str = "") -> None:
         """A process (or one lane of it) entered a state, of any name."""
@@ -132,38 +134,13 @@ class Timeline:
         self._newest = max(self._newest, t_ns)
         self._note(t_ns, process, text, level)
 
-    def estimate(self, t_ns: int, point: TrackPoint, truth: tuple[float, float] | None) -> None:
-        """A tracker published a point; ``truth`` is where the target was at that step (metres).
-
-        Of a smoothed track only the line is drawn, at the times that its points are about.
-        """
-        self._newest = max(self._newest, t_ns)
-        track = self._track(point.tracker)
-        if track.at is not None and point.step > track.at[1]:
-            self._step_ns = (t_ns - track.at[0]) // (point.step - track.at[1])
-        track.at = (t_ns, point.step)
-        here = np.reshape(point.mean[:2], (-1, 2))
-        if not point.lag:
-            self._place(track, t_ns, here, point)
-        if len(here) and len(track.last):
-            self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
-        track.last = here
-        if point.mean and truth is not None:
-            error = math.dist(point.mean[:2], truth)
-            self._add(entity("plots", "error", point.tracker), rows.scalars, t_ns, (error,))
-
-    def _place(self, track: _Track, t_ns: int, here: Points, point: TrackPoint) -> None:
-        self._add(track.path + "/position", rows.points, t_ns, here)
-        self._add(track.path + "/ellipse", rows.strips, t_ns, rings(here, point.covariance))
-        particles = np.frombuffer(point.particles, "<f4").reshape(-1, 2)
-        if len(particles) or track.particles:
-            track.particles = True
-            self._add(track.path + "/particles", rows.points, t_ns, particles)
-        if point.mean:
-            self._picture.shown.show("fix", point.tracker, (point.mean[0], point.mean[1]), t_ns)
+    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
+        """A tracker published a point; ``truth`` is where the target was at its instant (metres)."""
+        self._newest = max(self._newest, point.at_ns)
+        self._tracks.estimate(point, truth)
 
     def bound(self, t_ns: int, sd_m: float) -> None:
-        """How small the trackers' error could be at a step (m, root mean square)."""
+        """How small the trackers' error could be at an instant (m, root mean square)."""
         self._add("/plots/error/bound", rows.scalars, t_ns, (sd_m,))
 
     def flush(self) -> None:
@@ -190,18 +167,9 @@ class Timeline:
 
     # --- what happens -------------------------------------------------------------------------------------
 
-    def _track(self, tracker: str) -> _Track:
-        if tracker not in self._tracks:
-            track = self._tracks[tracker] = _Track(entity("field", tracker))
-            colour = look.tracker_colour(self._info, tracker)
-            faint = colour & ~0xFF | 0x70
-            self._static(track.path + "/position", look.point_style(colour, 3.0, order=50))
-            self._static(track.path + "/track", look.line_style(colour, 1.5, order=20))
-            self._static(track.path + "/ellipse", look.line_style(colour, 1.5, order=40))
-            self._static(track.path + "/particles", look.point_style(faint, 1.2, order=35))
-            plot = entity("plots", "error", tracker)
-            self._static(plot, rr.SeriesLines(colors=colour, names=tracker, widths=1.5))
-        return self._tracks[tracker]
+    def _ns(self, t_s: float) -> int:
+        """The emulated time of so many seconds after the first step."""
+        return self._info.origin_ns + round(t_s * NS)
 
     def _static(self, path: str, *what: rr.AsComponents) -> None:
         self._rec.log(path, *what, static=True)
@@ -234,23 +202,21 @@ class Timeline:
         if self._live and (more := len(self._messages) - LINES) > 0:
             self._note(self._newest, "messages", f"{more} more, not listed while the run goes on", "INFO")
         self._messages.clear()
-        self._foreseen(self._newest / NS)
+        self._foreseen(self._newest)
         self._picture.settle(until_ns)
         for t_ns, name, values in self._seconds.until(until_ns):
             self._add(f"/plots/{name}", rows.scalars, t_ns, values)
 
-    def _foreseen(self, until_s: float) -> None:
+    def _foreseen(self, until_ns: int) -> None:
         """What was known beforehand, shown only as far as the run came."""
-        truth, marks = self._info.truth, self._info.marks
-        while self._truths < len(truth) and truth[self._truths][0] <= until_s:
-            self._truth(self._truths)
-            self._truths += 1
+        until_s, marks = (until_ns - self._info.origin_ns) / NS, self._info.marks
+        self._truths.until(until_s)
         while self._marks < len(marks) and marks[self._marks][0] <= until_s:
             t_s, process, text = marks[self._marks]
-            self._mark(round(t_s * NS), process, text, "WARN")
+            self._mark(self._ns(t_s), process, text, "WARN")
             self._marks += 1
         paths = dict(self._info.paths)
-        while paths and self._moves * MOVES_NS <= until_s * NS:
+        while paths and self._moves * MOVES_NS <= until_ns:
             t_ns = self._moves * MOVES_NS
             at = np.array([position(paths, id, t_ns) for id in paths])
             self._add("/field/moving", rows.points, t_ns, at)
@@ -259,30 +225,20 @@ class Timeline:
     def _list(self, row: MessageRow) -> None:
         t_ns = rows.instant(row)
         self._add(entity("messages", row.kind), rows.texts, t_ns, rows.sentence(row))
-        self._add("/times", rows.times, t_ns, row)
+        self._add("/times", rows.times, t_ns, (row, self._info.origin_ns))
 
     def _message(self, row: MessageRow) -> None:
         t_ns, show = rows.instant(row), self._picture.shown.show
         self._seconds.message(t_ns, row)
         if row.src not in self._places or row.dst not in self._places:
             return
-        over = row.sent_ns + self._step_ns
+        over = row.sent_ns + self._info.step_ns
         if not row.delivered:
             show("lost", row.src, True, row.sent_ns, over)
             return
         show("edge", (row.src, row.dst), True, t_ns, over)
         if row.bearing_deg is not None and row.outcome == "delivered":
             show("ray", row.src, math.radians(row.bearing_deg), t_ns, over)
-
-    def _truth(self, index: int) -> None:
-        t, x, y = self._info.truth[index]
-        t_ns = round(t * NS)
-        self._add("/field/truth/position", rows.points, t_ns, np.array([(x, y)]))
-        if index:
-            before, *start = self._info.truth[index - 1]
-            guessed = any(before < end and t > begin for begin, end in self._info.gaps)
-            path = "/field/truth/interpolated" if guessed else "/field/truth/path"
-            self._add(path, rows.strips, t_ns, np.array([[start, (x, y)]]))
 
     def _add(self, path: str, columns: Callable[[list[Any]], Columns], t_ns: int, value: Any) -> None:
         self._pending[path, columns].append((t_ns, value))
@@ -295,7 +251,7 @@ class Timeline:
                 times = np.array([t_ns for t_ns, _ in found], np.int64)
                 if columns is rows.times:
                     times = rows.apart(times)
-                index = rr.TimeColumn(look.EMU, duration=times.astype("timedelta64[ns]"))
+                index = rr.TimeColumn(look.EMU, duration=(times - self._info.origin_ns).astype("timedelta64[ns]"))
                 self._rec.send_columns(path, [index], columns([value for _, value in found]))
                 del self._pending[key]
 
@@ -303,13 +259,3 @@ class Timeline:
 def _server(port: int) -> rr.GrpcServerSink:
     """On this machine only; viewers that come late get what there was first."""
     return rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=LIVE_MEMORY)
-
-
-@dataclass(slots=True)
-class _Track:
-    """What of a tracker the next point needs: its entity, time and step of the last point, where it was."""
-
-    path: str
-    at: tuple[int, int] | None = None
-    last: Points = field(default_factory=lambda: np.empty((0, 2)))
-    particles: bool = False

@@ -41,6 +41,7 @@ from trackfield.role import (
     Ignored,
     IllegalEvent,
     Late,
+    Publish,
     Radio,
     Received,
     Role,
@@ -289,6 +290,8 @@ class Core:
             case _:
                 if isinstance(effect, Store):
                     self.life = self.life._replace(stored=effect.data)
+                elif isinstance(effect, Publish):
+                    effect = Publish(replace(effect.estimate, source=self.owner))
                 self._outputs.append(Told(key, effect))
 
     def _keep_alarms(self, alarms: dict[str, Alarm]) -> None:

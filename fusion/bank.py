@@ -1,0 +1,144 @@
+"""Trackers side by side on the same reports, step by step (Zhai et al., Fig. 2: fusion at the centre)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import nan, radians
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fusion.points import track_point
+from fusion.smoothing import Earlier, Smoothing, lagged_name
+from trackfield.filters.following import Following
+from trackfield.filters.measurement import OfSensor
+from trackfield.filters.metrics import LOST_M
+from trackfield.filters.rng import generator
+from trackfield.filters.trackers import make_tracker
+from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+from trackfield.role import NS, TrackPoint
+from trackfield.wire.messages import Doa, Measurement
+from trackfield.world.sensors import make_sensor
+
+Heard = Mapping[str, Any]
+"""The reports of one step (``Doa`` or ``Measurement``), by sensor."""
+
+
+class Advanced(NamedTuple):
+    """After a step: the trackers' states, its points by tracker, and what is now smoothed of an earlier step."""
+
+    tracks: tuple[Any, ...]
+    points: dict[str, TrackPoint]
+    earlier: list[TrackPoint]
+
+
+class Bank:
+    """Trackers that get the reports of ``sensors`` (id, x m, y m); step k is at ``origin_ns`` + k ``step_ns``.
+
+    ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
+    from the first reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where those
+    are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model; a track less certain than
+    ``lost_m`` is given up if it began without a prior. All randomness is keyed by ``seed``, the tracker and the step;
+    and by ``draws``, which tells a process from others that track. Each track is smoothed over ``smooth_lag`` steps,
+    too, unless that is 0. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the
+    arguments of ``make_sensor``). What is tracked is called ``target``.
+    """
+
+    def __init__(
+        self,
+        *,
+        trackers: Sequence[str],
+        sensors: Sequence[tuple[str, float, float]],
+        step_ns: int,
+        seed: int,
+        origin_ns: int = 0,
+        doa_sd_deg: float = nan,
+        prior: Mapping[str, Sequence[float]] | None = None,
+        target: str = "target",
+        sigma_v: float = 0.1,
+        smooth_lag: int = 0,
+        lost_m: float = LOST_M,
+        options: Mapping[str, Mapping[str, Any]] | None = None,
+        places: Mapping[str, str] | None = None,
+        sensor: Mapping[str, Any] | None = None,
+        draws: Sequence[str] = (),
+    ) -> None:
+        self.step_ns, self.origin_ns, self.seed, self.target, self.draws = step_ns, origin_ns, seed, target, draws
+        self.positions = {id: (x, y) for id, x, y in sensors}
+        self.sensor = None if sensor is None else make_sensor(**sensor)
+        own = None if self.sensor is None else OfSensor(self.sensor)
+        self.kind = "doa" if own is None else "measurement"
+        model, options = Model(radians(doa_sd_deg), sigma_v, own), options or {}
+        made = {name: make_tracker(name, options.get(name), places) for name in trackers}
+        self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
+        self.prior = (
+            None
+            if prior is None
+            else Gaussian(np.array(prior["mean"], float), np.diag(np.square(np.array(prior["sd"], float))))
+        )
+
+    def at_ns(self, step: int) -> int:
+        """When a step is."""
+        return self.origin_ns + step * self.step_ns
+
+    def step_at(self, t_ns: int) -> int:
+        """The latest step by then; below 0 before the first."""
+        return (t_ns - self.origin_ns) // self.step_ns
+
+    def takes(self, report: Doa | Measurement) -> bool:
+        """Whether it is one of this field's sensors' kind."""
+        if self.sensor is None:
+            return isinstance(report, Doa)
+        return isinstance(report, Measurement) and len(report.values) == len(self.sensor.resolution)
+
+    def begin(self, *, prior: bool) -> tuple[Any, ...]:
+        """The trackers' states before anything was heard, with the prior or waiting for reports."""
+        return tuple(tracker.begin(self.prior if prior else None) for tracker in self.trackers.values())
+
+    def resume(
+        self, beliefs: Mapping[str, Gaussian | None], since: int, until: int
+    ) -> tuple[tuple[Any, ...], list[TrackPoint]]:
+        """Each tracker from what it believed of the step ``since``, without reports up to the step ``until``.
+
+        With the points of that step, of those that have a track.
+        """
+        tracks, points = [], []
+        for name, tracker in self.trackers.items():
+            belief, estimate = beliefs.get(name), None
+            track = tracker.begin(None) if belief is None else tracker.resume(belief)
+            for step in range(since + 1, until + 1):
+                if track.track is None:
+                    break
+                track, estimate, _ = self._step(name, track, self._reports(step, {}))
+            tracks.append(track)
+            if estimate is not None:
+                points.append(self._point(name, self._reports(until, {}), estimate))
+        return tuple(tracks), points
+
+    def advance(self, tracks: tuple[Any, ...], step: int, heard: Heard) -> Advanced:
+        """All trackers take the reports of a step."""
+        reports, advanced, points, smoothed = self._reports(step, heard), [], {}, []
+        for (name, tracker), track in zip(self.trackers.items(), tracks, strict=True):
+            after, estimate, earlier = self._step(name, track, reports)
+            advanced.append(after)
+            points[name] = self._point(name, reports, estimate)
+            if earlier is not None:
+                smoothed.append(self._point(lagged_name(name, tracker.lag), *earlier, tracker.lag))
+        return Advanced(tuple(advanced), points, smoothed)
+
+    def _step(self, name: str, track: Any, reports: Reports) -> tuple[Any, Estimate | None, Earlier | None]:
+        rng = generator(self.seed, *self.draws, name, reports.step)
+        return self.trackers[name].step(track, reports, self.step_ns / NS, rng)
+
+    def _point(self, name: str, reports: Reports, estimate: Estimate | None, lag: int = 0) -> TrackPoint:
+        return track_point(name, self.target, self.at_ns(reports.step), reports, estimate, lag)
+
+    def _reports(self, step: int, heard: Heard) -> Reports:
+        ids = tuple(sorted(heard))
+        positions = np.array([self.positions[id] for id in ids], float).reshape(-1, 2)
+        if self.sensor is None:
+            bearings = np.radians([heard[id].bearing_deg for id in ids])
+            return Reports(step, ids, positions, bearings, np.array([heard[id].level_db for id in ids], float))
+        steps = np.array([heard[id].values for id in ids], float).reshape(-1, len(self.sensor.resolution))
+        nothing = np.full(len(ids), nan)
+        return Reports(step, ids, positions, nothing, nothing, steps * np.array(self.sensor.resolution))

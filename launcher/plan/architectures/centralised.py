@@ -1,0 +1,129 @@
+"""All sensor nodes report to one fusion centre, which tracks; it is the reference of their clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from launcher.plan.architectures.architecture import Arranged
+from launcher.plan.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
+from launcher.plan.roles import factory
+from launcher.plan.tracking import if_used, tracking_of
+from launcher.records import BATTERY, SENSES, TRACKS, Flow, Place, View
+from trackfield.drivers.spec import ProcessSpec, places_of
+from trackfield.role import NS
+from trackfield.scenario import Scenario, Site
+from trackfield.scenario.sensors import Acoustic
+from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
+from trackfield.world.sensors import make_sensor
+
+NODE: Final = "node"
+CENTRE: Final = "fusion"
+"""The role of the centre, whatever its id."""
+
+
+class Centralised:
+    """See the module; ``places`` has the centre first."""
+
+    def __init__(self, site: Site) -> None:
+        self.site, self.scenario = site, site.scenario
+        self.centre = site.scenario.architecture.centre
+
+    def places(self) -> tuple[Place, ...]:
+        """See ``Architecture``."""
+        mains = self.scenario.energy.centre_battery_j is None
+        tags = frozenset({TRACKS} if mains else {TRACKS, BATTERY})
+        centre = Place(self.centre, CENTRE, *self.site.centre, tags)
+        node = frozenset({SENSES, BATTERY})
+        return (centre, *(Place(id, NODE, x, y, node) for id, x, y in self.site.sensors))
+
+    def views(self) -> tuple[View, ...]:
+        """See ``Architecture``: the centre is the base, and nobody else tracks."""
+        return (View("base", (self.centre,)),)
+
+    def arrange(self, end_ns: int) -> Arranged:
+        """See ``Architecture``. Nodes and centre send to each other, and nobody else."""
+        tracking = tracking_of(self.site, self.centre)
+        nodes = tuple(self._nodes(end_ns))
+        centre = self._centre(tracking, nodes)
+        return Arranged((centre, *nodes), tracking, list(self._flows(end_ns)))
+
+    def _nodes(self, end_ns: int) -> Iterator[ProcessSpec]:
+        """The sensor nodes; what is the same for all of them is there once."""
+        site, scenario, role = self.site, self.scenario, factory(NODE)
+        power = power_of(scenario, scenario.energy.battery_j, round(scenario.energy.sample_mj * FJ_PER_MJ))
+        peers = {self.centre: site.route or site.centre}
+        for index, (id, x, y) in enumerate(site.sensors):
+            config: dict[str, Any] = {
+                "step_ns": site.step_ns,
+                **_threshold_db(scenario),
+                "centre": self.centre,
+                **if_used(
+                    origin_ns=site.origin_ns,
+                    sync=sync_of(scenario, id),
+                    adaptive=duty_of(scenario, site.origin_ns, end_ns),
+                ),
+            }
+            sound, clock = site.sound(index), clock_of(scenario, id)
+            yield ProcessSpec(id, NODE, role, config, x, y, sound, peers=peers, clock=clock, power=power)
+
+    def _centre(self, tracking: Mapping[str, Any], nodes: tuple[ProcessSpec, ...]) -> ProcessSpec:
+        fusion = self.scenario.fusion
+        config: dict[str, Any] = {
+            **tracking,
+            "deadline_ns": round(fusion.deadline_s * NS),
+            **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=_threshold(self.scenario)),
+        }
+        return ProcessSpec(
+            self.centre,
+            CENTRE,
+            factory(CENTRE),
+            config,
+            *self.site.centre,
+            sink=True,
+            peers=places_of(nodes),
+            power=power_of(self.scenario, self.scenario.energy.centre_battery_j),
+            legs=self.site.route,
+        )
+
+    def _flows(self, end_ns: int) -> Iterator[Flow]:
+        """What they say to each other, reports first."""
+        there = tuple((id, self.centre) for id, *_ in self.site.sensors)
+        back = tuple((b, a) for a, b in there)
+        now_us = end_ns // 1000
+        yield Flow(_report(self.scenario), there)
+        if sync_of(self.scenario, self.site.sensors[0][0]):
+            yield Flow(SyncRequest(65535, now_us), there)
+            yield Flow(SyncReply(65535, now_us, now_us, now_us), back)
+        if _threshold(self.scenario):
+            yield Flow(Threshold(65535, 70.0), back)
+
+
+def _report(scenario: Scenario) -> Doa | Measurement:
+    """One as long as they are where they are long; of a user's sensor, with as many numbers."""
+    section = scenario.sensor
+    if isinstance(section, Acoustic):
+        return Doa(step=65535, bearing_deg=359.99, level_db=70.0)
+    sensor = make_sensor(section.kind, section.options)
+    return Measurement(65535, (2**15 - 1,) * len(sensor.resolution))
+
+
+def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
+    """The level from which sensors report, if they measure one."""
+    return {"threshold_db": scenario.sensor.threshold_db} if isinstance(scenario.sensor, Acoustic) else {}
+
+
+def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
+    """Within which bounds the centre sets the sensors' threshold, beginning where, and whom it tells; None: never."""
+    sensor = scenario.sensor
+    if not isinstance(sensor, Acoustic) or not sensor.adaptive:
+        return None
+    low, high = sensor.thresholds_db
+    awake_m, _ = sensor.reach_m()
+    return {
+        "low_db": low,
+        "high_db": high,
+        "start_db": sensor.threshold_db,
+        "target_sd_m": scenario.fusion.target_sd_m,
+        "reach_m": awake_m,
+    }

@@ -1,0 +1,69 @@
+"""What whoever tracks is told, whichever process it is: the arguments of a ``fusion.bank.Bank``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fusion.smoothing import lagged_names
+from launcher.plan.extensions import own_sensor, tracker_places
+from trackfield.draw import normal
+from trackfield.filters.trackers import make_tracker
+from trackfield.role import NS
+from trackfield.scenario import Scenario, Site
+from trackfield.scenario.options import tables
+from trackfield.scenario.sensors import Acoustic
+
+
+def tracking_of(site: Site, source: str) -> dict[str, Any]:
+    """For the process ``source``, which is the first that tracks: by its id its prior is drawn.
+
+    Raises ``ScenarioError`` for trackers and sensors that do not fit each other.
+    """
+    scenario = site.scenario
+    return {
+        "trackers": list(scenario.fusion.trackers),
+        "sensors": [list(place) for place in site.believed],
+        "step_ns": site.step_ns,
+        **_noise(scenario),
+        "seed": scenario.seed,
+        "prior": _prior(site, source),
+        "sigma_v": scenario.fusion.sigma_v,
+        "lost_m": scenario.fusion.lost_m,
+        **if_used(
+            options=tables(scenario.fusion.options),
+            places=tracker_places(scenario.fusion),
+            smooth_lag=scenario.fusion.smooth_lag,
+            origin_ns=site.origin_ns,
+        ),
+    }
+
+
+def track_names(scenario: Scenario) -> tuple[str, ...]:
+    """The names of all tracks, smoothed ones last."""
+    names, options = scenario.fusion.trackers, tables(scenario.fusion.options)
+    made = ((name, make_tracker(name, options.get(name))) for name in names)
+    return (*names, *lagged_names(made, scenario.fusion.smooth_lag))
+
+
+def if_used(**more: Any) -> dict[str, Any]:
+    """Those that are not off: a role has them off by default, and a thousand nodes need not be told so."""
+    return {name: value for name, value in more.items() if value}
+
+
+def _noise(scenario: Scenario) -> Mapping[str, Any]:
+    """How reports are off, or of what kind of sensor they are."""
+    sensor = scenario.sensor
+    return (
+        {"doa_sd_deg": sensor.doa_sd_deg} if isinstance(sensor, Acoustic) else {"sensor": own_sensor(scenario, sensor)}
+    )
+
+
+def _prior(site: Site, source: str) -> Mapping[str, Sequence[float]] | None:
+    """Zhai et al.: the initial estimate is drawn around the truth (of the first target), anew for each run."""
+    scenario = site.scenario
+    truth, sd = next(iter(site.paths.values())).at(site.origin_ns / NS), scenario.fusion.prior_sd
+    if scenario.fusion.prior == "none" or truth is None:
+        return None
+    draws = [normal(scenario.seed, source, "prior", i) for i in range(len(sd))]
+    return {"mean": [x + s * z for x, s, z in zip(truth, sd, draws, strict=True)], "sd": list(sd)}
