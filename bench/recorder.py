@@ -27,7 +27,6 @@ from launcher.children import Children
 from launcher.prepare import load, planned
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.session import open_client
-from trackfield.scenario.places import CENTRE
 from trackfield.wire import keys
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope
@@ -67,7 +66,7 @@ class Bench:
     def feed(self, messages: int, rate: float | None = None) -> float:
         """Put so many reports, at a rate (1/s) or as fast as they are taken; how long that took (s)."""
         control = zenoh.CongestionControl.BLOCK if rate is None else zenoh.CongestionControl.DROP
-        to = [keys.unicast("field", CENTRE, node, "doa") for node in self._nodes]
+        to = [keys.unicast("field", "fusion", node, "doa") for node in self._nodes]
         payloads = [encode(Doa(1 + k, 0.7 * k, 60.0)) for k in range(500)]
         begun, begun_ns = time.monotonic(), time.monotonic_ns()
         for k in range(messages):
@@ -81,7 +80,7 @@ class Bench:
         """Say what was sent and delivered, as all processes of a run do."""
         for index, name in enumerate(self._nodes):
             self._final(name, {"sent": len(range(index, messages, len(self._nodes)))})
-        self._final(CENTRE, {"sent": 0, "delivered": messages})
+        self._final("fusion", {"sent": 0, "delivered": messages})
 
     def _final(self, name: str, record: dict[str, int]) -> None:
         blocking = zenoh.CongestionControl.BLOCK
@@ -146,7 +145,7 @@ def measure(messages: int = 200_000, rate: float = TARGET, seed: int = 1) -> Fig
     """All of it: a bare subscriber and a recorder as fast as they can, a recorder at the rate."""
     settings = [f"target.steps={max(round(messages / rate), 60)}"]
     with tempfile.TemporaryDirectory(prefix="trackfield-") as scratch:
-        plan = planned(load("spcpf", seed=seed, link="ideal", settings=settings))
+        plan = planned(load("zhai-spcpf", seed=seed, link="ideal", settings=settings))
         with Bench(plan, Path(scratch)) as bench:
             plain = [counted(bench, messages)]
             fast = recorded(bench, messages)

@@ -15,7 +15,6 @@ from trackfield.plugins import Maker, importable
 from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
-from trackfield.scenario.places import CENTRE
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sensors import OwnSensor
 from trackfield.world.sensors import SENSORS, Sensor, make_sensor
@@ -105,7 +104,7 @@ def _call(kind: str, name: str, method: Callable[..., Any], *arguments: object) 
 
 def check_importable(plan: Plan) -> None:
     """Raise ``ScenarioError`` for a tracker or a sensor that the processes of a run could not import."""
-    config = next(life.config for life in plan.processes if life.id == CENTRE)
+    config = next(life.config for life in plan.processes if life.role == "fusion")
     places = {f"tracker '{kind}'": place for kind, place in config.get("places", {}).items()}
     if sensor := config.get("sensor"):
         places[f"sensor '{sensor['kind']}'"] = sensor["place"]

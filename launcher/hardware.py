@@ -59,7 +59,7 @@ def duty_of(scenario: Scenario, end_ns: int) -> dict[str, int] | None:
     """When a sensor node that is awake listens for its threshold in a run until ``end_ns``; None if nobody tells it."""
     if not (isinstance(scenario.sensor, Acoustic) and scenario.sensor.adaptive):
         return None
-    step_ns, guard_ns = round(scenario.target.step_s * NS), _guard_ns(scenario, end_ns)
+    step_ns, guard_ns = round(scenario.step_s * NS), _guard_ns(scenario, end_ns)
     match scenario.link:
         case LognormalPrr() | Csma154():
             window_ns = PATIENCE_NS + COMMANDS * slowest_ns(scenario)

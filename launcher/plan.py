@@ -25,7 +25,6 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import tables
-from trackfield.scenario.places import CENTRE
 from trackfield.scenario.sensors import Acoustic, OwnSensor
 from trackfield.wire.registry import product_kinds
 
@@ -42,7 +41,9 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     site = survey(scenario)
     # The last step's deadline falls after the path's end; one step more lets it pass.
     end_ns = (site.steps + 1) * site.step_ns
-    faults = resolve(scenario.faults, scenario.seed, [id for id, *_ in site.sensors], [CENTRE], end_ns)
+    faults = resolve(
+        scenario.faults, scenario.seed, [id for id, *_ in site.sensors], [scenario.architecture.centre], end_ns
+    )
     link = scenario.plain()["link"]
     queue = {"queue": link.pop("queue")} if "queue" in link else {}  # of the process, not of what is in the air
     spec = RunSpec(run, scenario.seed, end_ns, link, speed, faults.partitions, **queue)
@@ -54,7 +55,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     info = _info(site, spec, processes, faults.marks)
     _, report_m = scenario.sensor.reach_m()
     again, lost_m = scenario.restart == "on-death", scenario.fusion.lost_m
-    return Plan(spec, processes, site.path, info, site.step_ns, report_m, again, lost_m)
+    return Plan(spec, processes, next(iter(site.paths.values())), info, site.step_ns, report_m, again, lost_m)
 
 
 def _check_link(spec: RunSpec) -> None:
@@ -104,7 +105,7 @@ def _nodes(site: Site, peers: Places, end_ns: int) -> Iterator[ProcessSpec]:
         config: dict[str, Any] = {
             "step_ns": site.step_ns,
             **_threshold_db(scenario),
-            "centre": CENTRE,
+            "centre": scenario.architecture.centre,
             **_if_used(sync=sync_of(scenario, id), adaptive=duty_of(scenario, end_ns)),
         }
         sound, clock = site.sound(index), clock_of(scenario, id)
@@ -132,7 +133,7 @@ def _centre(site: Site) -> ProcessSpec:
         ),
     }
     return ProcessSpec(
-        CENTRE,
+        scenario.architecture.centre,
         "fusion",
         factory("fusion"),
         config,
@@ -180,10 +181,10 @@ def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
 def _prior(site: Site) -> Mapping[str, Sequence[float]] | None:
     """Zhai et al.: the initial estimate is drawn around the truth, anew for each run."""
     scenario = site.scenario
-    truth, sd = site.path.at(0.0), scenario.fusion.prior_sd
+    truth, sd = next(iter(site.paths.values())).at(0.0), scenario.fusion.prior_sd
     if scenario.fusion.prior == "none" or truth is None:
         return None
-    draws = [normal(scenario.seed, CENTRE, "prior", i) for i in range(len(sd))]
+    draws = [normal(scenario.seed, "fusion", "prior", i) for i in range(len(sd))]
     return {"mean": [x + s * z for x, s, z in zip(truth, sd, draws, strict=True)], "sd": list(sd)}
 
 
@@ -197,7 +198,9 @@ def _tracks(scenario: Scenario) -> tuple[str, ...]:
 def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tuple[Mark, ...]) -> FieldInfo:
     every_s = site.step_ns / NS / TRUTH_SAMPLES
     times = np.arange(site.steps * TRUTH_SAMPLES + 1) * every_s
-    truth = tuple((t, state[0], state[1]) for t in times.tolist() if (state := site.path.at(t)) is not None)
+    truth = tuple(
+        (t, state[0], state[1]) for t in times.tolist() if (state := next(iter(site.paths.values())).at(t)) is not None
+    )
     places = tuple(Place(p.id, p.role, p.x, p.y) for p in processes if not p.incarnation)
     paths = tuple((p.id, p.legs) for p in processes if p.legs and not p.incarnation)
     return FieldInfo(
@@ -205,7 +208,7 @@ def _info(site: Site, spec: RunSpec, processes: Sequence[ProcessSpec], marks: tu
         site.scenario.name,
         places,
         truth,
-        site.path.gaps,
+        next(iter(site.paths.values())).gaps,
         _tracks(site.scenario),
         spec.end_ns / NS,
         marks,

@@ -8,7 +8,6 @@ from typing import Final
 from launcher.records import Plan
 from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.link.models import make_link
-from trackfield.scenario.places import CENTRE
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 from trackfield.wire.registry import kind_of
@@ -35,8 +34,9 @@ def receptions(plan: Plan) -> dict[str, Shares]:
         back.append(SyncReply(65535, now_us, now_us, now_us))
     if any(p.config.get("adaptive") for p in nodes.values()):
         back.append(Threshold(65535, 70.0))
-    links = [(one, [(id, CENTRE) for id in nodes]) for one in there] + [
-        (one, [(CENTRE, id) for id in nodes]) for one in back
+    centre = next(p.id for p in plan.processes if p.role == "fusion")
+    links = [(one, [(id, centre) for id in nodes]) for one in there] + [
+        (one, [(centre, id) for id in nodes]) for one in back
     ]
     return {kind_of(one).name: _shares(plan, one, pairs) for one, pairs in links}
 

@@ -31,7 +31,6 @@ from trackfield.drivers.spec import build_core, link_of, places_of
 from trackfield.errors import ScenarioError
 from trackfield.link.fate import Link
 from trackfield.role import NS
-from trackfield.scenario.places import CENTRE
 
 FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")
 """Parts of metrics.json that depend on the fusion centre; all others stay as they were."""
@@ -76,7 +75,7 @@ def caveats(metrics: Metrics) -> list[str]:
     said = [
         f"{died['id']} died unplanned in this run; the replay lets it live"
         for died in metrics["processes"]["died"]
-        if died["id"].partition("~")[0] == CENTRE
+        if died["id"].partition("~")[0] == "fusion"
     ]
     if lost := metrics["frames"]["host_lost"]:
         said.append(f"{lost} frames that the machine lost in this run (frames.host_lost) arrive in the replay")
@@ -92,9 +91,11 @@ def caveats(metrics: Metrics) -> list[str]:
 def fused(plan: Plan, rows: Iterable[MessageRow], end_ns: int) -> Iterator[tuple[str, Output]]:
     """What each life of the fusion centre says up to a time to the frames that reached it, with the life's name."""
     link = link_of(plan.run, places_of(plan.processes))
-    arrivals = [_arrival(row, link) for row in rows if row.dst == CENTRE and row.delivered]
+    lives = [process for process in plan.processes if process.role == "fusion"]
+    centre = lives[0].id
+    arrivals = [_arrival(row, link) for row in rows if row.dst == centre and row.delivered]
     before: Core | None = None
-    for life in (process for process in plan.processes if process.id == CENTRE):
+    for life in lives:
         core = build_core(plan.run, life, link)
         if before is not None:
             core.inherit(before.life.stored, spent(before.record(end_ns)))

@@ -27,7 +27,6 @@ from launcher.result import METRICS, Journal, write_json
 from launcher.watch import Death, Stop
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import ScenarioError
-from trackfield.scenario.places import CENTRE
 
 PSS_SAMPLE: Final = 20
 """How many nodes are asked for their memory."""
@@ -237,7 +236,7 @@ def _remark(field: Deployment, stop: Stop) -> str:
 
 def _pss_mb(field: Deployment) -> float | None:
     pids = field.pids()
-    nodes = [pids[p.name] for p in field.plan.processes if p.id != CENTRE and p.name in pids]
+    nodes = [pids[p.name] for p in field.plan.processes if p.role != "fusion" and p.name in pids]
     sizes = []
     for pid in nodes[:: max(len(nodes) // PSS_SAMPLE, 1)]:
         try:

@@ -21,7 +21,6 @@ from launcher.reception import receptions
 from launcher.records import ARRIVED, Plan
 from launcher.run import Observer, Outcome
 from launcher.words import alarms, span
-from trackfield.scenario.places import CENTRE
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
@@ -131,13 +130,14 @@ def tell(what: str) -> None:
 
 def foresee(plan: Plan) -> None:
     """How well each link in use carries what goes over it."""
+    centre = next(place.id for place in plan.info.places if place.role == "fusion")
     for kind, shares in receptions(plan).items():
         worst = min(shares, key=lambda link: shares[link])
         mean = sum(shares.values()) / len(shares)
-        there = worst[1] == CENTRE
+        there = worst[1] == centre
         node = worst[0] if there else worst[1]
         way = (
-            f"at {CENTRE} from {len(shares)} sensor nodes" if there else f"at {len(shares)} sensor nodes from {CENTRE}"
+            f"at {centre} from {len(shares)} sensor nodes" if there else f"at {len(shares)} sensor nodes from {centre}"
         )
         console.print(f"reception of {kind} {way}: mean {mean:.1%}, worst {shares[worst]:.1%} ({node})")
         poor = sum(share < POOR for share in shares.values())

@@ -20,7 +20,6 @@ from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Gaussian, Model, Reports, Tracker
 from trackfield.role import NS
-from trackfield.scenario.places import CENTRE
 from trackfield.wire.codec import decode
 from trackfield.wire.messages import Doa
 
@@ -69,7 +68,7 @@ def heard(case: Case, seed: int) -> Heard:
     plan = planned(case.scenario(seed))
     ear = _Ear(plan)
     Virtual(plan.run, plan.processes, ear).run()
-    config = next(process.config for process in plan.processes if process.id == CENTRE)
+    config = next(process.config for process in plan.processes if process.role == "fusion")
     return Heard(config, tuple(_reports(config, ear.heard, plan.run.end_ns // plan.step_ns - 1)))
 
 
