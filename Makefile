@@ -10,7 +10,7 @@ OWN_BASE := trackfield/base:bookworm
 BASE ?= $(OWN_BASE)
 IMAGE ?= trackfield
 NODES ?= 25
-SCENARIO ?= spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
+SCENARIO ?= zhai-spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint study bench base-image image field clean

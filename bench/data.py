@@ -36,15 +36,15 @@ class Track(NamedTuple):
 
 
 def track(seed: int = 1) -> Track:
-    """The track and its bearings, as the sensors of ``spcpf`` hear them."""
+    """The track and its bearings, as the sensors of ``zhai-spcpf`` hear them."""
     scenario = Scenario.load(
-        "spcpf", {"seed": seed, "target.path": "s1", "sensor.threshold": 0.5, "sensor.doa_sd_deg": SD_DEG}
+        "zhai-spcpf", {"seed": seed, "target.path": "s1", "sensor.threshold": 0.5, "sensor.doa_sd_deg": SD_DEG}
     )
     site = survey(scenario)
     places = np.array([place[1:] for place in site.sensors])
     truth, sensors, bearings = [], [], []
     for step in range(1, STEPS + 1):
-        state = site.path.at(step * DT)
+        state = site.paths["target"].at(step * DT)
         if state is None:
             raise ValueError(f"no target at step {step}")
         near = np.argsort(np.hypot(*(places - state[:2]).T))[:BEARINGS]
@@ -52,7 +52,7 @@ def track(seed: int = 1) -> Track:
         truth.append(state)
         sensors.append(places[near])
         bearings.append([radians(one.bearing_deg) for one in heard if one is not None])
-    begin, sd = site.path.at(0.0), np.array(scenario.fusion.prior_sd)
+    begin, sd = site.paths["target"].at(0.0), np.array(scenario.fusion.prior_sd)
     prior = Gaussian(np.array(begin), np.diag(np.square(sd)))
     model = Model(radians(SD_DEG), scenario.fusion.sigma_v)
     return Track(np.array(truth), np.array(sensors), np.array(bearings), prior, model)

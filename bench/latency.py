@@ -39,7 +39,18 @@ def measure(threshold: float, seconds: int = 60, seed: int = 1) -> Figures:
         out = Path(scratch) / "run"
         settings = [f"target.steps={seconds}", f"sensor.threshold={threshold}", "fusion.trackers=['fix-imm-ukf']"]
         asked = [word for setting in settings for word in ("--set", setting)]
-        command = [sys.executable, "-m", "launcher.cli", "run", "spcpf", "--link", "ideal", "--seed", str(seed), *asked]
+        command = [
+            sys.executable,
+            "-m",
+            "launcher.cli",
+            "run",
+            "zhai-spcpf",
+            "--link",
+            "ideal",
+            "--seed",
+            str(seed),
+            *asked,
+        ]
         with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as run:
             assert run.stderr is not None
             for line in run.stderr:

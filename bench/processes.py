@@ -31,7 +31,7 @@ def measure(nodes: int, steps: int, seconds: float, seed: int) -> dict[str, Any]
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "run"
         asked = ["--nodes", str(nodes), "--set", f"target.steps={steps}", "--seed", str(seed), "--out", str(out)]
-        command = [sys.executable, "-m", "launcher.cli", "run", "spcpf", *asked]
+        command = [sys.executable, "-m", "launcher.cli", "run", "zhai-spcpf", *asked]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
             assert run.stderr is not None
             for line in run.stderr:

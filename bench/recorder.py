@@ -149,7 +149,7 @@ def measure(messages: int = 200_000, rate: float = TARGET, seed: int = 1) -> Fig
     """All of it: a bare subscriber and a recorder as fast as they can, a recorder at the rate."""
     settings = [f"target.steps={max(round(messages / rate), 60)}"]
     with tempfile.TemporaryDirectory(prefix="trackfield-") as scratch:
-        plan = planned(load("spcpf", seed=seed, link="ideal", settings=settings))
+        plan = planned(load("zhai-spcpf", seed=seed, link="ideal", settings=settings))
         with Bench(plan, Path(scratch)) as bench:
             plain = [counted(bench, messages)]
             fast = recorded(bench, messages)

@@ -45,7 +45,7 @@ def scenario(nodes: int, link: str, seconds: int, seed: int) -> Scenario:
         "fusion.prior": "none",
     }
     values = [f"{key}={json.dumps(value)}" for key, value in settings.items()]
-    return load("spcpf", settings=values, seed=seed, nodes=nodes, link=link, trackers=["fix-imm-ukf"])
+    return load("zhai-spcpf", settings=values, seed=seed, nodes=nodes, link=link, trackers=["fix-imm-ukf"])
 
 
 def route(field_m: float, seconds: int) -> list[tuple[float, float, float]]:

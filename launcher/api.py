@@ -101,7 +101,7 @@ def run(
     ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
     folder all the same. Ctrl-C ends the run early, leaves a whole folder, and is raised afterwards.
     """
-    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("spcpf")')
+    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("zhai-spcpf")')
     if driver not in get_args(Driver):
         what = f"is {driver!r}{suggestion(str(driver), get_args(Driver))}"
         raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
@@ -126,7 +126,7 @@ def study(scenario: Scenario, seeds: Iterable[int], *, n_jobs: int = -1, out: Fo
     ``joblib.parallel_config`` chooses other machinery, like a Dask cluster. A terminal shows progress. Raises
     ``ScenarioError``.
     """
-    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("spcpf")')
+    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("zhai-spcpf")')
     with _arguments():
         return run_study(scenario, seeds, n_jobs, None if out is None else Path(out))
 

@@ -186,11 +186,11 @@ class Study:
 
 
 def spcpf(target: str, *settings: str) -> Way:
-    return Way("spcpf", (f"target.path={target}", *settings))
+    return Way("zhai-spcpf", (f"target.path={target}", *settings))
 
 
 def _clocks() -> Study:
-    fields = {"spcpf s1": spcpf("s1"), "spcpf s2": spcpf("s2"), "bus": Way("bus")}
+    fields = {"zhai-spcpf s1": spcpf("s1"), "zhai-spcpf s2": spcpf("s2"), "bus": Way("bus")}
     clocks = {("right", "-"): ("clock.offset_ms=0", "clock.drift_ppm=0")} | {
         (f"{offset} ms", sync): (f"clock.offset_ms={offset}", "clock.drift_ppm=20", f"clock.sync={value}")
         for offset in (20, 100, 300)
@@ -273,7 +273,7 @@ def _energy() -> Study:
         for name, threshold in (("", "0.75"), (", adaptive", "adaptive"))
         for sync, value in (("off", "false"), ("on", "true"))
     }
-    rows = {(s, name): (Way(s, way),) for s in ("spcpf", "bus") for name, way in ways.items()}
+    rows = {(s, name): (Way(s, way),) for s in ("zhai-spcpf", "bus") for name, way in ways.items()}
     by_cause = {f"{cause}, J": spent(cause, digits=3) for cause in ("send", "receive", "listen", "sleep", "sense")}
     days = {
         f"{name.replace('_', ' ')}, days": mean("lifetime_s", name, scale=1 / DAY_S, digits=1)

@@ -111,13 +111,13 @@ def test_a_run_is_that_of_the_command_line(trackfield: Call, tmp_path: Path) -> 
 def test_runs_below_a_folder_get_names_of_their_own(tmp_path: Path) -> None:
     one, other = (tf.run(SMALL, seed=seed, out=f"{tmp_path}/") for seed in (1, 2))
     assert [run.path.parent for run in (one, other)] == [tmp_path] * 2
-    assert (one.path.name[:8], other.path.name[:8]) == ("spcpf-1-", "spcpf-2-")
+    assert (one.path.name[:13], other.path.name[:13]) == ("zhai-spcpf-1-", "zhai-spcpf-2-")
 
 
 def test_a_folder_tells_how_to_repeat_its_run() -> None:
     result = tf.run(SMALL, seed=5)
     assert result.path.parent == Path("runs")
-    assert result.path.name.startswith("spcpf-5-")
+    assert result.path.name.startswith("zhai-spcpf-5-")
     command = json.loads((result.path / "manifest.json").read_text())["command"]
     assert command == ["trackfield", "run", str(result.path / "scenario.toml"), "--virtual"]
     assert repeatable(tf.run(tf.Scenario.load(result.path / "scenario.toml")).metrics) == repeatable(result.metrics)

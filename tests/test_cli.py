@@ -25,7 +25,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
     said = trackfield("run", "spcpf", *SHORT, "--out", "mine")
     assert (said.code, said.out) == (0, "")
     first, *_, folder, following = said.err.splitlines()
-    assert first == "spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
+    assert first == "zhai-spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
     assert (folder, following) == ("run folder: mine", "next: trackfield view mine")
     for tracker in ("fix-imm-ukf", "spcpf"):
         assert re.search(rf"{tracker} +│ +\d\.\d\d m ", said.err)
@@ -39,7 +39,7 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
 def test_a_folder_of_its_own_carries_scenario_seed_and_time(trackfield: Call, tmp_path: Path) -> None:
     assert trackfield("run", "spcpf", *SHORT, "--seed", "7", "--quiet").code == 0
     (run,) = (tmp_path / "runs").iterdir()
-    assert re.fullmatch(r"spcpf-7-\d{8}T\d{6}\.\d{3}", run.name)
+    assert re.fullmatch(r"zhai-spcpf-7-\d{8}T\d{6}\.\d{3}", run.name)
 
 
 def test_an_empty_folder_will_do(trackfield: Call, tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_quiet_says_nothing_but_errors(trackfield: Call) -> None:
     assert "mine" in said.err
     said = trackfield("run", "spcpf", *SHORT, "--quiet", "--json", "--out", "other")
     assert (said.code, said.err) == (0, "")
-    assert json.loads(said.out)["scenario"] == "spcpf"
+    assert json.loads(said.out)["scenario"] == "zhai-spcpf"
 
 
 def test_a_link_that_loses_all_says_so(trackfield: Call, tmp_path: Path) -> None:
@@ -83,7 +83,7 @@ def test_list_names_scenarios_trackers_and_sensors(trackfield: Call) -> None:
     said = trackfield("list")
     assert (said.code, said.err) == (0, "")
     *scenarios, trackers, sensors = said.out.splitlines()
-    assert [line.split()[0] for line in scenarios] == ["bus", "radar", "spcpf"]
+    assert [line.split()[0] for line in scenarios] == ["bus", "radar", "zhai-spcpf"]
     assert trackers == "trackers: fix-imm-ukf, spcpf, bootstrap, fix-doa, ekf, ukf, predict-only"
     assert sensors == "sensors: acoustic"
 
@@ -234,7 +234,7 @@ def test_validate_takes_sensors_too(trackfield: Call, tmp_path: Path) -> None:
     (tmp_path / "posts.csv").write_text("id,x,y\ngate,60,80\ndoor,90,110\n")
     said = trackfield("validate", "spcpf", "--sensors", "posts.csv")
     assert (said.code, said.out) == (0, "")
-    assert said.err.startswith("spcpf: 2 sensor nodes, 61 s, ")
+    assert said.err.startswith("zhai-spcpf: 2 sensor nodes, 61 s, ")
     assert list(tmp_path.iterdir()) == [tmp_path / "posts.csv"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import dist
 from typing import Any
 
@@ -123,6 +123,15 @@ def test_out_of_range_or_unmeasured_is_nothing() -> None:
     blind = placed(blind_m=50.0)
     assert [t for t in range(50) if blind.sample(t * NS)] == [*range(1, 13), *range(28, 40)]
     assert (placed().next_window(7 * NS), placed().next_window(51 * NS)) == (0, None)
+
+
+def test_of_several_targets_the_nearest_is_measured() -> None:
+    rests = Path.of([(0.0, 100.0, 50.0, 0.0, 0.0), (200.0, 100.0, 50.0, 0.0, 0.0)])
+    other, both = replace(placed(), paths=(rests,)), replace(placed(), paths=(rests, WALK))
+    assert both.sample(20 * NS) == placed().sample(20 * NS)  # 30 m away
+    assert both.sample(5 * NS) == other.sample(5 * NS)
+    assert both.sample(150 * NS) == other.sample(150 * NS)  # the other is gone
+    assert own_ears(plain(both, "ranger", {}, ""), ()).sample(20 * NS) == both.sample(20 * NS)
 
 
 def test_its_plain_form_makes_the_same_sensor() -> None:

@@ -26,7 +26,7 @@ DEFAULT, ALONE = "fix-imm-ukf", "predict-only"
 def beside(*points: tuple[float, float, float], **field: Any) -> tuple[float, float]:
     """Where the sensor stands beside a target on this way."""
     scenario = Scenario.load({"name": "mine", "target": {"path": "s1"}, "field": {"layout": "beside", **field}})
-    ground = Ground(scenario.seed, (scenario.target,), (waypoints(points),))
+    ground = Ground(scenario.seed, (waypoints(points),), "fusion", lambda: None)
     ((id, x, y),), centre = scenario.field.stand(ground)
     assert (id, centre) == ("n000", None)
     return x, y
@@ -55,8 +55,8 @@ def test_one_radar_15_km_beside_a_target_of_the_papers_start_and_speed() -> None
     scenario = Scenario.load("radar")
     site = survey(scenario)
     assert (site.steps, site.step_ns, len(site.sensors)) == (60, 10 * 10**9, 1)
-    assert site.path.at(0.0) == pytest.approx((-9000.0, 12_000.0, 75.0, -10.0))  # Zhai et al. (2009), Fig. 3
-    ((_, x, y),), middle = site.sensors, site.path.at(300.0)
+    assert site.paths["target"].at(0.0) == pytest.approx((-9000.0, 12_000.0, 75.0, -10.0))  # Zhai et al. (2009), Fig. 3
+    ((_, x, y),), middle = site.sensors, site.paths["target"].at(300.0)
     assert middle is not None
     assert hypot(x - middle[0], y - middle[1]) == pytest.approx(15_000.0)
     assert site.centre == pytest.approx((x, y))

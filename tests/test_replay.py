@@ -114,7 +114,7 @@ def test_a_replay_can_be_replayed() -> None:
     twice = replay(once).folder
     assert differences(once, twice, 1e-9) == []
     assert once.parent == Path("runs")
-    assert once.name.startswith("spcpf-1-")
+    assert once.name.startswith("zhai-spcpf-1-")
 
 
 # --- what can be changed ----------------------------------------------------------------------------------------------

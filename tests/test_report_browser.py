@@ -41,4 +41,4 @@ def test_a_page_opens_offline_on_a_screen_of_any_width(troubled: Path, tmp_path:
     assert len(sizes) == 5
     assert all(natural > 1000 and shown > 300 for natural, shown in sizes)
     assert wide <= width
-    assert title == "spcpf, seed 1 – Trackfield report"
+    assert title == "zhai-spcpf, seed 1 – Trackfield report"

@@ -19,7 +19,7 @@ EASTWARD = waypoints([(0, 0, 0), (10, 500, 0)])
 def laid_out(seed: int = 1, **field: Any) -> tuple[list[str], Array]:
     """Ids and places (n, 2)."""
     scenario = Scenario.load({"name": "mine", "seed": seed, "target": {"path": "s1"}, "field": field})
-    sensors, centre = scenario.field.stand(Ground(seed, (scenario.target,), (EASTWARD,)))
+    sensors, centre = scenario.field.stand(Ground(seed, (EASTWARD,), "fusion", lambda: None))
     assert centre is None
     return [id for id, *_ in sensors], np.array([place[1:] for place in sensors])
 
@@ -137,7 +137,7 @@ def test_about_so_many_nodes_on_the_command_line(kind: str) -> None:
 def test_every_layout_can_be_planned(kind: str) -> None:
     site = survey(Scenario.load("spcpf", {"field.layout": kind}))
     sensors = [site.acoustic(i) for i in range(len(site.sensors))]
-    states = [site.path.at(float(step)) for step in range(site.steps + 1)]
+    states = [site.paths["target"].at(float(step)) for step in range(site.steps + 1)]
     for step, state in enumerate(states):
         assert state is not None
         for sensor in sensors:

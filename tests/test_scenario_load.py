@@ -9,9 +9,10 @@ from trackfield.errors import ScenarioError
 from trackfield.link import MODELS, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.link.shadowing import CHANNELS
-from trackfield.scenario import Scenario, schema
+from trackfield.scenario import Scenario, names, schema
 from trackfield.scenario.layouts import AlongPath, Grid
 from trackfield.scenario.links import LognormalPrr
+from trackfield.scenario.packaged import ALIASES
 from trackfield.scenario.paths import FromFile, Waypoints
 
 LEAST: dict[str, Any] = {"name": "mine", "target": {"path": "s1"}}
@@ -137,8 +138,8 @@ def test_a_scenario_never_changes() -> None:
 
 def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
-    sections = {"field", "sensor", "target", "link", "fusion", "clock", "energy", "faults"}
-    assert properties.keys() == {"name", "seed", "restart"} | sections
+    sections = {"field", "sensor", "target", "targets", "link", "architecture", "fusion", "clock", "energy", "faults"}
+    assert properties.keys() == {"name", "seed", "restart", "run", "score"} | sections
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
     layouts = {"grid", "jittered", "random", "ring", "along-path", "beside", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
@@ -317,7 +318,7 @@ def test_waypoints_that_are_none(waypoints: list[list[Any]], message: str) -> No
 def test_name_and_target_are_missed() -> None:
     assert failure({}).splitlines() == [
         "name: missing; expected letters, digits, and _ . - between them",
-        "target: missing; expected a section [target]",
+        "target: missing; expected a section [target], or sections [[targets]]",
     ]
 
 
@@ -326,7 +327,7 @@ def test_trackers_are_checked_where_they_are_known() -> None:
     assert Scenario.load(given).fusion.trackers == ("spcf",)
     message = failure(given, known_trackers=["spcpf", "fix-imm-ukf"])
     assert message == "fusion.trackers: unknown tracker 'spcf'; did you mean spcpf?; expected one of fix-imm-ukf, spcpf"
-    assert Scenario.load("spcpf", known_trackers={"spcpf": 1, "fix-imm-ukf": 2}).name == "spcpf"
+    assert Scenario.load("spcpf", known_trackers={"spcpf": 1, "fix-imm-ukf": 2}).name == "zhai-spcpf"
 
 
 def test_all_errors_come_at_once_with_file_and_line(tmp_path: Path) -> None:
@@ -353,8 +354,9 @@ delay_ms = 0.1
         f"{file}:10: sensor.alpha: is 0; expected a number from 0.5 to 20",
         f"{file}:15: link.delay_ms: is 0.1; expected a number of at least 1",
         f"{file}:17: lnik: unknown; did you mean link?; "
-        "expected one of name, seed, restart, field, sensor, target, link, fusion, clock, energy, faults",
-        f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, step_s, steps",
+        "expected one of name, seed, restart, field, sensor, target, targets, link, architecture, fusion, clock, "
+        "energy, run, score, faults",
+        f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, id, step_s, steps",
         f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]
 
@@ -375,9 +377,15 @@ def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
 
 
 def test_an_unknown_scenario_brings_the_nearest_name() -> None:
-    message = "unknown scenario 'spcfp'; did you mean spcpf?; expected one of bus, radar, spcpf, or a TOML file"
-    assert failure("spcfp") == message
-    assert failure("zzzzz") == "unknown scenario 'zzzzz'; expected one of bus, radar, spcpf, or a TOML file"
+    expected = "expected one of bus, radar, zhai-spcpf, or a TOML file"
+    assert failure("zhai-spcfp") == f"unknown scenario 'zhai-spcfp'; did you mean zhai-spcpf?; {expected}"
+    assert failure("zzzzz") == f"unknown scenario 'zzzzz'; {expected}"
+
+
+def test_a_former_name_loads_and_is_told_to_nobody() -> None:
+    for alias, name in ALIASES.items():
+        assert Scenario.load(alias) == Scenario.load(name)
+        assert alias not in names()
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:

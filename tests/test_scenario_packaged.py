@@ -23,14 +23,14 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
 
 def test_there_are_three() -> None:
-    assert names() == ("bus", "radar", "spcpf")
+    assert names() == ("bus", "radar", "zhai-spcpf")
     for name in names():
         assert Scenario.load(name).name == name
         assert 20 < len(summary(name)) < 120
         assert not summary(name).startswith("#")
 
 
-def test_spcpf_is_the_papers() -> None:
+def test_zhai_spcpf_is_the_papers() -> None:
     scenario = Scenario.load("spcpf", known_trackers=["spcpf", "fix-imm-ukf"])
     sensor = scenario.sensor
     assert (sensor.level_db, sensor.alpha, sensor.threshold, sensor.doa_sd_deg) == (70.0, 2.0, 0.75, 3.0)
@@ -42,7 +42,7 @@ def test_spcpf_is_the_papers() -> None:
     assert survey(scenario.set("target.path", "s2")).steps == 75
 
 
-def test_spcpf_has_a_radio_that_works_there_right_clocks_and_mains() -> None:
+def test_zhai_spcpf_has_a_radio_that_works_there_right_clocks_and_mains() -> None:
     scenario = Scenario.load("spcpf")
     assert (scenario.link.model, scenario.plain()["link"]["radio"]) == ("lognormal_prr", "802154-20dbm")
     assert scenario.clock == Clocks()
@@ -72,7 +72,7 @@ def test_the_bus_lets_the_demo_end_in_time() -> None:
     site = survey(Scenario.load("bus"))
     assert 80 <= site.steps <= 110
     assert 50 <= len(site.sensors) <= 121
-    assert site.path.gaps == ()
+    assert site.paths["target"].gaps == ()
 
 
 def written(name: str) -> list[tuple[str, str, str]]:
@@ -103,7 +103,7 @@ def test_every_key_of_its_kind_is_there_and_has_a_comment(name: str) -> None:
 @pytest.mark.parametrize("drives", [True, False])
 def test_the_keys_that_are_commented_out_are_right_too(name: str, drives: bool, tmp_path: Path) -> None:
     """All at once, but for those that go with another radio or tell where the centre is in another way."""
-    alone = "sf|x_m|y_m" if drives else "sf|path"
+    alone = "sf|x_m|y_m" if drives else r"sf|path = \[\[0,"
     text = re.sub(rf"^# (?!({alone}) )(\w+ = |\[\[)", r"\2", packaged_file(name).read_text(), flags=re.MULTILINE)
     text = text.replace('"bus.gpx"', f'"{FILE}"')
     (tmp_path / "all.toml").write_text(text)
@@ -140,7 +140,7 @@ def test_the_bus_drives_like_a_bus() -> None:
 
 
 def test_the_bus_turns_around_three_corners() -> None:
-    path = survey(Scenario.load("bus")).path
+    path = survey(Scenario.load("bus")).paths["target"]
     corners = 0
     for t in range(5, int(path.end_s) - 10):
         before, after = path.at(float(t)), path.at(float(t + 10))
@@ -183,9 +183,11 @@ def test_a_document_needs_its_marks() -> None:
 
 
 def test_the_documents_own_scenario_and_faults_work(tmp_path: Path) -> None:
-    crossing, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
+    crossing, targets, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
+    several = Scenario.load({"name": "mine"} | tomllib.loads(targets))
+    assert [target.id for target in several.every_target] == ["target", "truck"]
     faulty = planned(Scenario.load("spcpf", tomllib.loads(faults)))
     assert [p.name for p in faulty.processes if p.incarnation] == ["fusion~1", "n060~1"]
     assert sum(bool(p.faults) for p in faulty.processes) == 12 + any(

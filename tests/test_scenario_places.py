@@ -30,7 +30,7 @@ def text(file: Path, *lines: str) -> Path:
 
 def failure(file: Path, origin: Any = None) -> str:
     with pytest.raises(ScenarioError) as caught:
-        read_places(file, origin)
+        read_places(file, origin, "fusion")
     return str(caught.value)
 
 
@@ -39,12 +39,12 @@ def failure(file: Path, origin: Any = None) -> str:
 
 def test_metres_come_out_as_they_are_in_the_files_order(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "id,x,y", "gate,3.5,-7", "a-1,0,0", "_b.2,1e3,.25")
-    assert read_places(file, None) == ([("gate", 3.5, -7.0), ("a-1", 0.0, 0.0), ("_b.2", 1000.0, 0.25)], None)
+    assert read_places(file, None, "fusion") == ([("gate", 3.5, -7.0), ("a-1", 0.0, 0.0), ("_b.2", 1000.0, 0.25)], None)
 
 
 def test_degrees_are_laid_on_the_plane_of_the_origin(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "id,lat,lon", "here,50,8", "there,50.01,7.98")
-    sensors, _ = read_places(file, ORIGIN)
+    sensors, _ = read_places(file, ORIGIN, "fusion")
     east, north, _ = pymap3d.geodetic2enu(50.01, 7.98, 0.0, 50.0, 8.0, 0.0)
     assert sensors[0] == ("here", pytest.approx(0.0, abs=1e-9), pytest.approx(0.0, abs=1e-9))
     assert sensors[1] == ("there", pytest.approx(east), pytest.approx(north))
@@ -53,26 +53,26 @@ def test_degrees_are_laid_on_the_plane_of_the_origin(tmp_path: Path) -> None:
 
 def test_columns_may_be_in_any_order_and_case_and_others_do_not_matter(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "Y , model,ID,X", "", "2, m4, a ,1", " , , ,", '4,"m5, new",b,3')
-    assert read_places(file, None)[0] == [("a", 1.0, 2.0), ("b", 3.0, 4.0)]
+    assert read_places(file, None, "fusion")[0] == [("a", 1.0, 2.0), ("b", 3.0, 4.0)]
     (tmp_path / "b.csv").write_bytes(b"\xef\xbb\xbfid,x,y\r\na,1,2\r\n")
-    assert read_places(tmp_path / "b.csv", None)[0] == [("a", 1.0, 2.0)]
+    assert read_places(tmp_path / "b.csv", None, "fusion")[0] == [("a", 1.0, 2.0)]
 
 
 def test_a_file_with_both_kinds_of_place_is_read_as_the_target_has_it(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "id,x,y,lat,lon", "a,1,2,50,8")
-    assert read_places(file, None)[0] == [("a", 1.0, 2.0)]
-    assert read_places(file, ORIGIN)[0][0][1:] == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert read_places(file, None, "fusion")[0] == [("a", 1.0, 2.0)]
+    assert read_places(file, ORIGIN, "fusion")[0][0][1:] == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def test_the_role_says_who_is_a_sensor_and_where_the_centre_stands(tmp_path: Path) -> None:
     rows = ["a,1,2,node", "fusion,5,6,fusion", "b,3,4,", "c,7,8"]
-    sensors, centre = read_places(text(tmp_path / "a.csv", "id,x,y,role", *rows), None)
+    sensors, centre = read_places(text(tmp_path / "a.csv", "id,x,y,role", *rows), None, "fusion")
     assert sensors == [("a", 1.0, 2.0), ("b", 3.0, 4.0), ("c", 7.0, 8.0)]
     assert centre == (5.0, 6.0)
 
 
 def test_two_sensors_may_share_a_place(tmp_path: Path) -> None:
-    assert len(read_places(text(tmp_path / "a.csv", "id,x,y", "a,1,2", "b,1,2"), None)[0]) == 2
+    assert len(read_places(text(tmp_path / "a.csv", "id,x,y", "a,1,2", "b,1,2"), None, "fusion")[0]) == 2
 
 
 # --- ids --------------------------------------------------------------------------------------------------------------
@@ -136,7 +136,10 @@ COLUMNS = "a CSV file with columns id,x,y or id,lat,lon"
         (b"id,x,y\na,1,2\nb,1,2\n\na,3,4\n", ":5: id 'a' is there twice; expected another than in line 2"),
         (b"id,x,y,role\na,1,2,head\n", ":2: role is 'head'; expected one of node, fusion"),
         (b"id,x,y,role\na,1,2,Node\n", ":2: role is 'Node'; expected one of node, fusion"),
-        (b"id,x,y,role\na,1,2,node\nhub,1,2,fusion\n", ":3: a fusion is called 'hub'; expected the id fusion"),
+        (
+            b"id,x,y,role\na,1,2,node\nhub,1,2,fusion\n",
+            ":3: a fusion is called 'hub'; expected the id fusion, or archi",
+        ),
         (b"id,x,y,role\nfusion,1,2,fusion\n", ": no sensors; expected a row at least whose role is node"),
         (b"id,x,y,role\nfusion,1,2,fusion\nfusion,1,2,fusion\n", ":3: id 'fusion' is there twice; expected"),
         (
@@ -212,7 +215,7 @@ def test_sensors_lie_on_the_tracks_own_plane(tmp_path: Path, start: str | None) 
     site = survey(surveyed(places, path="file", file=str(track(tmp_path / "t.csv")), **window))
     begin = {None: 0.0, "08:00:20": 20.0, "08:00:20.500": 20.5}[start]
     for (_, *place), t in zip(site.sensors, (30.0, 50.0), strict=True):
-        state = site.path.at(t - begin)
+        state = site.paths["target"].at(t - begin)
         assert state is not None
         assert state[:2] == pytest.approx(place, abs=1e-6)
 

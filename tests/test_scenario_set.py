@@ -57,7 +57,7 @@ def test_setting_gives_another_scenario_and_leaves_the_first() -> None:
         ("sensor.doa_sd", 3, "sensor.doa_sd: unknown; did you mean doa_sd_deg?"),
         ("snsor.alpha", 3, "snsor: unknown; did you mean sensor?"),
         ("sensor.alpha.x", 3, "sensor.alpha: is 2.0; expected a section"),
-        ("name.x", 3, "name: is 'spcpf'; expected a section"),
+        ("name.x", 3, "name: is 'zhai-spcpf'; expected a section"),
         ("sensor.alpha", "steep", 'sensor.alpha: is "steep"; expected a number from 0.5 to 20'),
         ("link.model", "gilbert", "link.model: unknown model 'gilbert'; did you mean gilbert_elliott?"),
         ("link.model", ["fixed"], "link.model: unknown model"),

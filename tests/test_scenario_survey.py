@@ -13,7 +13,7 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, survey
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS
-from trackfield.scenario.survey import target_path
+from trackfield.scenario.survey import target_paths
 from trackfield.wire import Doa, WireError, encode
 from trackfield.world.targets import s1, s2, s3, waypoints
 from trackfield.world.windows import distances
@@ -29,9 +29,15 @@ def mine(field: dict[str, Any] | None = None, **target: Any) -> Scenario:
     return Scenario.load({"name": "mine", "target": target, "field": field or {"layout": "grid"}, "fusion": soon})
 
 
+def target_path(scenario: Scenario) -> tuple[int, Any]:
+    """The number of steps, and the path of the only target."""
+    steps, paths = target_paths(scenario)
+    return steps, paths["target"]
+
+
 def layout(scenario: Scenario, path: Any) -> Any:
     """The sensors alone."""
-    sensors, centre = scenario.field.stand(Ground(scenario.seed, (scenario.target,), (path,)))
+    sensors, centre = scenario.field.stand(Ground(scenario.seed, (path,), "fusion", lambda: None))
     assert centre is None
     return sensors
 
@@ -251,7 +257,7 @@ def test_sensors_line_the_streets_of_a_real_bus(data_file: DataFile, start: str,
     site = survey(Scenario.load("bus", ride))
     assert site.steps == 180
     assert 25 < len(site.sensors) < 300
-    assert distances(np.array([place[1:] for place in site.sensors]), site.path, 150.0).max() <= 150.0
+    assert distances(np.array([place[1:] for place in site.sensors]), site.paths["target"], 150.0).max() <= 150.0
     for step in range(181):
         assert sum(any(a <= step * S <= b for a, b in own) for own in site.windows) >= 2
 

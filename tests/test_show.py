@@ -114,7 +114,7 @@ def test_the_screen_counts_who_is_ready_and_then_shows_a_table(plan: Plan, said:
         assert drawn(live) == "starting processes: 120 of 122 ready, missing fusion, n000\n"
         screen.running(STATUS)
         table = drawn(live)
-    assert "spcpf  t = 2 / 6 s" in table
+    assert "zhai-spcpf  t = 2 / 6 s" in table
     for cell in ("asleep 100", "reporting 4", "frames sent 90", "delivered 75", "lost (radio) 9", "fix-imm-ukf 1.23 m"):
         assert cell in table
 
@@ -135,7 +135,7 @@ def test_a_terminal_gets_the_screen(plan: Plan, monkeypatch: pytest.MonkeyPatch)
 def test_a_plan_is_announced_with_its_gaps(plan: Plan, said: Said) -> None:
     show.announce(replace(plan, info=replace(plan.info, gaps=((3.0, 41.5), (50.0, 62.0)))))
     assert said().splitlines() == [
-        "spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf",
+        "zhai-spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf",
         "note: the track has no fixes from 3.0 s to 41.5 s (38 s): a straight line stands in",
         "note: the track has no fixes from 50.0 s to 62.0 s (12 s): a straight line stands in",
     ]

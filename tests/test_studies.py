@@ -12,7 +12,7 @@ from tests import studies
 from tests.simulated import simulated, spcpf
 from tests.studies import STUDIES, Outcome, Study, Way, first_set, lines, measured, outcome
 
-QUIET = Way("spcpf", ("target.steps=12", "link.model=ideal"))
+QUIET = Way("zhai-spcpf", ("target.steps=12", "link.model=ideal"))
 
 
 def cells(line: str) -> list[str]:
@@ -31,10 +31,10 @@ def table(study: Study, found: Mapping[Way, list[Outcome]]) -> list[dict[str, st
 
 @pytest.fixture(scope="module")
 def clocks() -> dict[tuple[str, ...], dict[str, str]]:
-    """The rows of spcpf s1 of the study of clocks, three runs each."""
+    """The rows of zhai-spcpf s1 of the study of clocks, three runs each."""
     whole = STUDIES["clocks"]
     wanted = [("right", "-"), ("300 ms", "on"), ("300 ms", "off")]
-    rows = {("spcpf s1", *name): whole.rows["spcpf s1", *name] for name in wanted}
+    rows = {("zhai-spcpf s1", *name): whole.rows["zhai-spcpf s1", *name] for name in wanted}
     study = Study(whole.names, rows, whole.tables)
     found = measured([way for ways in rows.values() for way in ways], range(1, 4))
     return {(row["clocks"], row["sync"]): row for row in table(study, found)}
@@ -75,7 +75,7 @@ def test_an_outcome_is_what_the_run_said() -> None:
 
 @pytest.mark.parametrize("seed", [4, 8])
 def test_a_track_stays_in_a_field_in_which_one_or_two_hear_the_target(seed: int) -> None:
-    one = outcome(Way("spcpf", ("target.path=s3", "sensor.threshold=0.78", "link.model=ideal")), seed)
+    one = outcome(Way("zhai-spcpf", ("target.path=s3", "sensor.threshold=0.78", "link.model=ideal")), seed)
     assert 1.0 < one.of("frames", "by_kind", "doa", "sent") / len(one.errors) < 2.0
     assert max(one.errors) < 50.0
 
@@ -83,7 +83,7 @@ def test_a_track_stays_in_a_field_in_which_one_or_two_hear_the_target(seed: int)
 def test_a_step_without_a_track_is_counted() -> None:
     """The centre is down for the deadlines of steps 3 to 6, and goes on with where it was at step 7."""
     down = "faults=[{kind='restart', nodes=['fusion'], at_s=3, until_s=8}]"
-    one = outcome(Way("spcpf", (*QUIET.settings, down)), 3)
+    one = outcome(Way("zhai-spcpf", (*QUIET.settings, down)), 3)
     assert (len(one.errors), one.blank) == (8, 4)
 
 
@@ -99,7 +99,7 @@ def test_when_a_node_first_knows_the_time() -> None:
     assert after
     assert before
     assert max(after) < 3.0 < max(before)
-    one = outcome(Way("spcpf", tuple(settings)), 2)
+    one = outcome(Way("zhai-spcpf", tuple(settings)), 2)
     assert sorted(one.set_ms) == sorted(after)
     assert sorted(one.clock_ms) == sorted(before + after)
 
@@ -122,7 +122,7 @@ def test_every_way_of_every_study_can_be_planned(name: str) -> None:
 
 def test_a_table_has_a_row_for_each_row_and_a_cell_for_each_column() -> None:
     study = STUDIES["energy"]
-    one = outcome(Way("spcpf", ("target.steps=5", "energy.battery_j=20000")), 1)
+    one = outcome(Way("zhai-spcpf", ("target.steps=5", "energy.battery_j=20000")), 1)
     found = {way: [one] for ways in study.rows.values() for way in ways}
     said = list(lines(study, found))
     first, second = said[: said.index("")], said[said.index("") + 1 :]

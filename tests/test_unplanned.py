@@ -23,7 +23,6 @@ from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
 from tests.running import until
 from trackfield.role import NS
-from trackfield.scenario.places import CENTRE
 
 
 def small(steps: int, *, speed: float = 1.0, **changes: Any) -> Plan:
@@ -92,7 +91,7 @@ def going_on(plan: Plan, folder: Path) -> Iterator[Deployment]:
         field.finish()
 
 
-EVERYBODY = ("n003", "n007", ROUTER, RECORDER, CENTRE)
+EVERYBODY = ("n003", "n007", ROUTER, RECORDER, "fusion")
 
 
 def test_each_death_is_seen_within_a_second(tmp_path: Path) -> None:
@@ -127,16 +126,16 @@ def test_each_stop_is_seen_within_two_seconds_and_so_is_its_end(tmp_path: Path) 
 
 def test_a_centre_that_stood_still_catches_up(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
     """Zenoh keeps its frames for as long as its lease lasts."""
-    outcome = disturbed(small(8), (2, CENTRE, signal.SIGSTOP), (5, CENTRE, signal.SIGCONT))
+    outcome = disturbed(small(8), (2, "fusion", signal.SIGSTOP), (5, "fusion", signal.SIGCONT))
     [stop] = outcome.metrics["processes"]["stopped"]
-    assert stop["id"] == CENTRE
+    assert stop["id"] == "fusion"
     assert 2 < stop["t"] < 5
     assert 1 < stop["s"] < 5
     assert outcome.metrics["processes"]["died"] == []
     assert outcome.metrics["frames"]["host_lost"] == 0
     assert tracked_steps(tmp_path) == set(range(1, 9))
     assert outcome.exit_code == 1
-    assert outcome.complaints[0] == f"{CENTRE} was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s"
+    assert outcome.complaints[0] == "fusion was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s"
 
 
 def test_who_never_goes_on_does_not_hold_up_the_end(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
@@ -189,9 +188,9 @@ def test_an_order_that_was_lost_with_the_router_is_given_again(tmp_path: Path) -
 
 
 def test_the_dead_are_started_again_and_take_their_places(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
-    outcome = disturbed(small(14, restart=True), (2, "n010", signal.SIGKILL), (4, CENTRE, signal.SIGKILL))
+    outcome = disturbed(small(14, restart=True), (2, "n010", signal.SIGKILL), (4, "fusion", signal.SIGKILL))
     died = [(death["id"], death["why"]) for death in outcome.metrics["processes"]["died"]]
-    assert died == [("n010", "signal 9"), (CENTRE, "signal 9")]
+    assert died == [("n010", "signal 9"), ("fusion", "signal 9")]
     assert all("(started again)" in complaint for complaint in outcome.complaints)
     assert outcome.exit_code == 1
     assert lives_heard(tmp_path, "n010") == {0, 1}

@@ -74,6 +74,33 @@ def test_a_target_on_top_of_the_sensor_is_heard_at_its_source_level() -> None:
     assert replace(SENSOR, paths=(still,)).sample(0) == Heard(70.0, 0.0)
 
 
+def test_of_several_targets_the_loudest_is_heard() -> None:
+    # 40 m to the north at t = 10 s, and another that stands 50 m to the east
+    east = Path.of([(0.0, 50.0, 0.0, 0.0, 0.0), (30.0, 50.0, 0.0, 0.0, 0.0)])
+    both, other = replace(SENSOR, paths=(PASSING, east), doa_sd_deg=3.0), replace(SENSOR, paths=(east,), doa_sd_deg=3.0)
+    alone = replace(SENSOR, doa_sd_deg=3.0)
+    assert both.sample(10 * S) == alone.sample(10 * S)  # with the same noise as if it were alone
+    assert both.sample(5 * S) == other.sample(5 * S)  # the first is 64 m away
+    assert both.sample(25 * S) == other.sample(25 * S)  # and gone
+    assert both.sample(31 * S) is None
+
+
+def test_of_targets_as_loud_as_each_other_the_first_is_heard() -> None:
+    north, east = (Path.of([(0.0, x, y, 0.0, 0.0), (1.0, x, y, 0.0, 0.0)]) for x, y in ((0.0, 5.0), (5.0, 0.0)))
+    for paths, bearing_deg in (((north, east), 0.0), ((east, north), 90.0)):
+        heard = replace(SENSOR, paths=paths).sample(0)
+        assert heard is not None
+        assert heard.bearing_deg == pytest.approx(bearing_deg)
+
+
+def test_it_travels_with_what_it_needs_of_each_path() -> None:
+    there = replace(SENSOR, paths=(s1(1), s1(2), PASSING), position=(200.0, 200.0), windows=((20 * S, 35 * S),))
+    back = AcousticSensor.from_plain(msgpack.unpackb(msgpack.packb(there.to_plain())))
+    assert [len(path.t) for path in back.paths][:2] == [18, 18]
+    for t in range(20 * S, 35 * S + 1, S // 4):
+        assert back.sample(t) == there.sample(t)
+
+
 def test_noise_has_the_given_spread_and_no_bias() -> None:
     # the target stands 10 m to the east-south-east, so that no bearing wraps
     still = Path.of([(0.0, 10.0, -2.0, 0.0, 0.0), (1.0, 10.0, -2.0, 0.0, 0.0)])

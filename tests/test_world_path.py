@@ -1,11 +1,14 @@
 """The target's path: exact where it has to be, silent where it knows nothing, small when cut."""
 
+from dataclasses import replace
+
 import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from trackfield.world.path import Path
+from trackfield.world.targets import s1
 
 # x = 3t + t^2 and y = 5 - t for 2 s, then constant velocity.
 ROWS = [(0.0, 0.0, 5.0, 3.0, -1.0), (2.0, 10.0, 3.0, 7.0, -1.0), (6.0, 38.0, -1.0, 7.0, -1.0)]
@@ -135,3 +138,26 @@ def test_clipping_wider_than_the_path_changes_nothing() -> None:
 def test_there_is_nothing_to_clip_outside(window: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="nothing between"):
         Path.of(ROWS).clip(*window)
+
+
+@pytest.mark.parametrize("seconds", [0.1, 12.3, 86400.0, 1e6])
+def test_a_shifted_path_is_the_same_so_much_later(seconds: float) -> None:
+    path = replace(s1(3, 200, 0.1), gaps=((0.3, 0.7),))
+    later = path.shifted(seconds)
+    for k in range(201):
+        t_ns = round(seconds * 1e9) + 100_000_000 * k
+        assert later.at(t_ns / 1e9) == path.at(100_000_000 * k / 1e9)  # also at the last, which is not missed
+    assert later.at((t_ns + 1000) / 1e9) is None
+    assert later.gaps == ((pytest.approx(seconds + 0.3), pytest.approx(seconds + 0.7)),)
+
+
+def test_by_nothing_it_is_the_path_itself() -> None:
+    path = s1(3)
+    assert path.shifted(0.0) is path
+
+
+def test_of_knots_that_meet_far_away_the_first_stays() -> None:
+    path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (1.0, 1.0, 0.0, 1.0, 0.0), (1.0 + 1e-12, 1.1, 0.0, 1.0, 0.0)])
+    assert path.shifted(100.0).t == (100.0, 101.0)
+    turns = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (1.0, 1.0, 0.0, 1.0, 0.0), (1.0, 1.0, 0.0, 0.0, 1.0), (2, 1, 1, 0, 1)])
+    assert turns.shifted(100.0).t == (100.0, 101.0, 101.0, 102.0)

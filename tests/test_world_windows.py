@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackfield.world.path import Path
 from trackfield.world.targets import s1, s2, s3, waypoints
-from trackfield.world.windows import distances, windows
+from trackfield.world.windows import distances, merged, windows
 
 S = 1_000_000_000
 Window = tuple[int, int]
@@ -140,3 +140,18 @@ def test_distances_are_hardly_too_long_at_their_limit() -> None:
     far = distances(np.column_stack([np.linspace(0, 1000, 777), np.full(777, 149.8)]), path, 150.0)
     assert far.min() >= 149.8
     assert far.max() <= 149.95
+
+
+@pytest.mark.parametrize(
+    ("parts", "whole"),
+    [
+        ([], ()),
+        ([((1, 2), (5, 9))], ((1, 2), (5, 9))),
+        ([((5, 9),), ((1, 2),)], ((1, 2), (5, 9))),
+        ([((1, 4), (6, 7)), ((2, 6),)], ((1, 7),)),
+        ([((1, 9),), ((2, 3), (4, 5))], ((1, 9),)),
+        ([((1, 3),), ((3, 4),), ((5, 6),)], ((1, 4), (5, 6))),
+    ],
+)
+def test_windows_of_several_paths_are_in_order_and_apart(parts: list[tuple[Window, ...]], whole: object) -> None:
+    assert merged(parts) == whole

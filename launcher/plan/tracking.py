@@ -12,7 +12,7 @@ from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.options import tables
-from trackfield.scenario.sensors import Acoustic
+from trackfield.scenario.sensors import Acoustic, OwnSensor
 
 
 def tracking_of(site: Site, source: str) -> dict[str, Any]:
@@ -54,9 +54,10 @@ def if_used(**more: Any) -> dict[str, Any]:
 def _noise(scenario: Scenario) -> Mapping[str, Any]:
     """How reports are off, or of what kind of sensor they are."""
     sensor = scenario.sensor
-    return (
-        {"doa_sd_deg": sensor.doa_sd_deg} if isinstance(sensor, Acoustic) else {"sensor": own_sensor(scenario, sensor)}
-    )
+    if isinstance(sensor, Acoustic):
+        return {"doa_sd_deg": sensor.doa_sd_deg}
+    assert isinstance(sensor, OwnSensor)
+    return {"sensor": own_sensor(scenario, sensor)}
 
 
 def _prior(site: Site, source: str) -> Mapping[str, Sequence[float]] | None:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -70,9 +71,17 @@ def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: s
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
     for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
-        part = getattr(scenario, section)
-        if isinstance(part, FromFile | Surveyed | Trace):
-            file = Path(part.file)
-            copy = shutil.copyfile(file, folder / f"{name}{file.suffix}")
-            scenario = scenario.model_copy(update={section: part.model_copy(update={"file": copy.name})})
+        scenario = scenario.model_copy(update={section: _kept(getattr(scenario, section), folder, name)})
+    names = [f"target-{one.id}" if one is not scenario.every_target[0] else "target" for one in scenario.targets]
+    targets = tuple(_kept(one, folder, name) for one, name in zip(scenario.targets, names, strict=True))
+    scenario = scenario.model_copy(update={"targets": targets})
     (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
+
+
+def _kept(part: Any, folder: Path, name: str) -> Any:
+    """A section whose file is the copy made of it in the folder; one that names no file as it is."""
+    if not isinstance(part, FromFile | Surveyed | Trace):
+        return part
+    file = Path(part.file)
+    copy = shutil.copyfile(file, folder / f"{name}{file.suffix}")
+    return part.model_copy(update={"file": copy.name})

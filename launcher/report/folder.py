@@ -22,7 +22,6 @@ from trackfield.errors import ScenarioError
 from trackfield.filters import metrics as score
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
-from trackfield.scenario.places import CENTRE
 
 Array = npt.NDArray[np.float64]
 REPORTS: Final = ("doa", "measurement")
@@ -169,7 +168,9 @@ def read_run(folder: Path) -> Run:
     scenario = Scenario.load(folder / "scenario.toml")
     site = survey(scenario)
     end_ns = (site.steps + 1) * site.step_ns
-    faults = resolve(scenario.faults, scenario.seed, [id for id, *_ in site.sensors], [CENTRE], end_ns)
+    faults = resolve(
+        scenario.faults, scenario.seed, [id for id, *_ in site.sensors], [scenario.architecture.centre], end_ns
+    )
     toml = (folder / "scenario.toml").read_text(encoding="utf-8")
     read = _tracks(tracks, scenario.fusion.trackers)
     return Run(folder, metrics, manifest, toml, site, faults.marks, read, Frames(frames.select(_COLUMNS)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -16,8 +17,12 @@ END: Final = "<!-- keys: end -->"
 def tables() -> str:
     """Every key with unit, default, range and meaning, as Markdown; a table for each section."""
     parts = ["### Outside any section", "", *_table({"": top_level()}, "")]
+    seen: list[tuple[str, Mapping[str, Mapping[str, Key]]]] = []
     for name, section in sections_of_file().items():
-        parts += ["", f"### `{section.header(name)}`", "", *_table(section.kinds, section.tag)]
+        same = next((f"`{header}`" for header, kinds in seen if kinds == section.kinds), "")
+        table = [f"The keys of {same}."] if same else _table(section.kinds, section.tag)
+        parts += ["", f"### `{section.header(name)}`", "", *table]
+        seen.append((section.header(name), section.kinds))
     return "\n".join(parts)
 
 
@@ -35,7 +40,8 @@ def _table(kinds: Mapping[str, Mapping[str, Key]], tag: str) -> Iterable[str]:
     rows: dict[Key, list[str]] = {}
     for kind, keys in kinds.items():
         for key in keys.values():
-            rows.setdefault(key, []).append(kind)
+            for one in (key, *(replace(part, name=f"{key.name}.{part.name}") for part in key.parts)):
+                rows.setdefault(one, []).append(kind)
     heads = ["key", *([f"for `{tag}`"] if tag else []), "unit", "default", "has to be", "meaning"]
     yield _row(heads)
     yield _row(["---"] * len(heads))

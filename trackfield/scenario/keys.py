@@ -21,7 +21,10 @@ _UNITS: Final = {
 
 @dataclass(frozen=True)
 class Key:
-    """A key: its unit, its default in TOML (empty if it has none), what it has to be, and what it means."""
+    """A key: its unit, its default in TOML (empty if it has none), what it has to be, and what it means.
+
+    One whose value is a table has ``parts``, the keys of that.
+    """
 
     name: str
     unit: str
@@ -29,6 +32,7 @@ class Key:
     expected: str
     meaning: str
     required: bool
+    parts: tuple[Key, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,19 +117,36 @@ def _values(model: Any, tag: str) -> tuple[str, ...]:
 def _keys(model: type[Section]) -> Mapping[str, Key]:
     schema = model.model_json_schema(by_alias=True)
     required = schema.get("required", ())
-    return {name: _key(name, about, name in required) for name, about in schema["properties"].items()}
+    fields = {field.alias or name: field for name, field in model.model_fields.items()}
+    return {
+        name: _key(name, about, name in required, _parts(fields[name].annotation))
+        for name, about in schema["properties"].items()
+    }
 
 
-def _key(name: str, about: Mapping[str, Any], required: bool) -> Key:
+def _parts(hint: Any) -> tuple[Key, ...]:
+    """The keys of a table."""
+    return tuple(_keys(hint).values()) if isinstance(hint, type) and issubclass(hint, Section) else ()
+
+
+def _key(name: str, about: Mapping[str, Any], required: bool, parts: tuple[Key, ...]) -> Key:
     default = about.get("default")
     return Key(
         name=name,
         unit=_UNITS.get(name.rpartition("_")[2], "") if "_" in name else "",
-        default="" if default is None else json.dumps(default),
+        default="" if default is None else _written(default),
         expected=_expected(about),
         meaning=about.get("description", ""),
         required=required,
+        parts=parts,
     )
+
+
+def _written(value: Any) -> str:
+    """A default in TOML; a table without what is unset in it."""
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {json.dumps(one)}' for key, one in value.items() if one is not None)} }}"
+    return json.dumps(value)
 
 
 def _expected(about: Mapping[str, Any]) -> str:

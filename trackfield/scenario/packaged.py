@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+ALIASES: Final = {"spcpf": "zhai-spcpf"}
+"""Former names, under which packaged scenarios still load."""
+
 _FOLDER: Final = Path(__file__).parent
 
 
@@ -14,8 +17,8 @@ def names() -> tuple[str, ...]:
 
 
 def packaged_file(name: str) -> Path:
-    """The file of the packaged scenario ``name``."""
-    return _FOLDER / f"{name}.toml"
+    """The file of the packaged scenario ``name``, which may be a former name of it."""
+    return _FOLDER / f"{ALIASES.get(name, name)}.toml"
 
 
 def summary(name: str) -> str:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from trackfield.errors import ScenarioError
+from trackfield.scenario.section import ID, ID_WORDS
 from trackfield.world.rows import PLACES, Column, read_rows
 from trackfield.world.tracks import plane
 from trackfield.world.windows import Array
@@ -18,23 +19,18 @@ Point = tuple[float, float]
 Place = tuple[str, float, float]
 """(id, metres east, metres north)"""
 
-CENTRE: Final = "fusion"
-"""The role of the fusion centre, and its id."""
-ROLES: Final = ("node", CENTRE)
+ROLES: Final = ("node", "fusion")
 RESERVED: Final = ("router", "recorder", "live")
 """Other processes of a run that go by these names."""
 
-_ID: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}")
-"""What ``trackfield.wire.keys.check_id`` lets pass."""
 
-
-def read_places(file: FilePath, origin: Array | None) -> tuple[list[Place], Point | None]:
+def read_places(file: FilePath, origin: Array | None, centre: str) -> tuple[list[Place], Point | None]:
     """The sensors of a CSV file in its own order, and where it has the fusion centre stand.
 
     Columns are ``id``, either ``lat``, ``lon`` in degrees or ``x``, ``y`` in metres, and, if the file has it,
-    ``role``: ``node`` (also where it is empty) or ``fusion``. ``origin`` (2,) is the latitude and longitude of
-    (0, 0); None if nobody knows them. A file with both kinds of place is read as the origin has it. Raises
-    ``ScenarioError`` if the file cannot be used.
+    ``role``: ``node`` (also where it is empty) or ``fusion``, for the row whose id is ``centre``. ``origin`` (2,) is
+    the latitude and longitude of (0, 0); None if nobody knows them. A file with both kinds of place is read as the
+    origin has it. Raises ``ScenarioError`` if the file cannot be used.
     """
     degrees, metres = ("id", "lat", "lon"), ("id", "x", "y")
     formats = (metres, degrees) if origin is None else (degrees, metres)
@@ -44,7 +40,7 @@ def read_places(file: FilePath, origin: Array | None) -> tuple[list[Place], Poin
         raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
     lines: dict[str, int] = {}
     for line, row in rows:
-        _check_name(f"{file}:{line}", row["id"], row.get("role", "node"), lines)
+        _check_name(f"{file}:{line}", row["id"], row.get("role", "node"), centre, lines)
         lines[row["id"]] = line
     geodetic = "lat" in rows[0][1]
     if geodetic != (origin is not None):
@@ -54,23 +50,25 @@ def read_places(file: FilePath, origin: Array | None) -> tuple[list[Place], Poin
     points = np.array([[row[name] for name in formats[0][1:]] for _, row in rows])
     places = zip(lines, (points if origin is None else plane(points, origin)).tolist(), strict=True)
     found = {id: (x, y) for id, (x, y) in places}
-    centre = found.pop(CENTRE, None)
+    place = found.pop(centre, None)
     if not found:
         raise ScenarioError("no sensors", file=str(file), expected="a row at least whose role is node")
-    return [(id, *point) for id, point in found.items()], centre
+    return [(id, *point) for id, point in found.items()], place
 
 
-def _check_name(where: str, id: str, role: str, lines: dict[str, int]) -> None:
+def _check_name(where: str, id: str, role: str, centre: str, lines: dict[str, int]) -> None:
     """Raise ``ScenarioError`` unless the id is new, and free for this role."""
     if id in lines:
         raise ScenarioError(f"id {id!r} is there twice", file=where, expected=f"another than in line {lines[id]}")
-    if id in RESERVED or (id == CENTRE) != (role == CENTRE):
-        expected = f"the id {CENTRE}" if role == CENTRE else f"an id other than {', '.join((CENTRE, *RESERVED))}"
+    if id in RESERVED or (id == centre) != (role == "fusion"):
+        expected = f"the id {centre}" if role == "fusion" else f"an id other than {', '.join((centre, *RESERVED))}"
+        if role == "fusion" and id not in RESERVED:
+            expected += f", or architecture.centre = {id!r} in the scenario"
         raise ScenarioError(f"a {role} is called {id!r}", file=where, expected=expected)
 
 
 def _id(text: str) -> str:
-    if not _ID.fullmatch(text):
+    if not re.fullmatch(ID, text):
         raise ValueError
     return text
 
@@ -83,6 +81,6 @@ def _role(text: str) -> str:
 
 _COLUMNS: Final[dict[str, Column]] = {
     **PLACES,
-    "id": (_id, "1 to 32 of A-Z a-z 0-9 _ . -, the first of them no . or -"),
+    "id": (_id, ID_WORDS),
     "role": (_role, f"one of {', '.join(ROLES)}"),
 }

@@ -11,7 +11,7 @@ from typing import Any, Final
 from pydantic import ValidationError
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario.keys import Kinds, own_option, sections_of_file, top_level
+from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 
 NUMBER: Final = re.compile(r"\[(\d+)\]")
@@ -49,7 +49,7 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
             what, expected = context["what"], context["expected"]
             path = [*(path if context["key"].startswith(".") else ()), *filter(None, context["key"].split("."))] or path
         case "extra_forbidden":
-            what, expected = _unknown(path[-1], section, kind)
+            what, expected = _unknown(path, section, kind)
         case "union_tag_invalid" if section:
             what, expected = f"unknown {section.tag} {context['tag']!r}", _one_of(section.kinds)
             what += suggestion(str(context["tag"]), section.kinds)
@@ -57,9 +57,9 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
         case "union_tag_not_found" if section:
             what, expected, path = "missing", _one_of(section.kinds), [*path, section.tag]
         case _ if section:
-            keys = section.keys(kind)
+            keys = section.keys(kind) if len(path) < 3 else _parts(section.keys(kind)[path[1]])
             expected = (
-                (keys.get(path[1]) or own_option(path[1])).expected if len(path) > 1 else _a_section(path[0], section)
+                (keys.get(path[-1]) or own_option(path[-1])).expected if len(path) > 1 else _a_section(path[0], section)
             )
         case _:
             expected = top_level()[path[0]].expected
@@ -77,7 +77,13 @@ def _where(loc: Sequence[str | int]) -> tuple[list[str], Kinds | None, str]:
     kind = path.pop(1) if section.tag and len(path) > 1 else ""
     if section.many and len(loc) > 1:
         path[0] += f"[{loc[1]}]"
-    return path[:2], section, kind  # further down there are only the parts of a value
+    key = section.keys(kind).get(path[1]) if len(path) > 1 else None
+    return path[: 3 if key and key.parts else 2], section, kind  # further down there are only the parts of a value
+
+
+def _parts(key: Key) -> dict[str, Key]:
+    """The keys of a table by name."""
+    return {part.name: part for part in key.parts}
 
 
 def _a_section(name: str, section: Kinds) -> str:
@@ -86,10 +92,15 @@ def _a_section(name: str, section: Kinds) -> str:
     return f"{'sections' if section.many and alone == name else 'a section'} {section.header(alone)}"
 
 
-def _unknown(name: str, section: Kinds | None, kind: str) -> tuple[str, str]:
+def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str, str]:
     """What to say of a key that nobody knows, or that belongs to another kind of its section."""
+    name = path[-1]
+    known: Collection[str]
+    if section and len(path) > 2:
+        known = _parts(section.keys(kind)[path[1]])
+        return f"unknown{suggestion(name, known)}", _one_of(known)
     if section is None:
-        known: Collection[str] = [*top_level(), *sections_of_file()]
+        known = [*top_level(), *sections_of_file()]
         return f"unknown{suggestion(name, known)}", _one_of(known)
     known = section.keys(kind)
     others = [other for other, keys in section.kinds.items() if name in keys]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import tomlkit
 from pydantic import ValidationError
@@ -16,8 +16,11 @@ from trackfield.scenario.contents import Contents
 from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
-from trackfield.scenario.packaged import names, packaged_file
+from trackfield.scenario.packaged import ALIASES, names, packaged_file
 from trackfield.scenario.problems import combined, problems
+
+_WITH_FILES: Final = ("field", "target", "targets", "link")
+"""Sections that may name a file."""
 
 
 class Scenario(Contents):
@@ -60,6 +63,9 @@ class Scenario(Contents):
     def plain(self) -> dict[str, Any]:
         """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""
         written = self.model_dump(mode="json", by_alias=True, exclude_none=True)
+        for target, values in zip(self.targets, written["targets"], strict=True):
+            for name in {"step_s", "steps"} - target.model_fields_set:  # the first target's count
+                values.pop(name, None)
         return {name: value for name, value in written.items() if value != []}
 
     def to_toml(self) -> str:
@@ -104,7 +110,7 @@ def schema() -> dict[str, Any]:
 def _file_of(source: str | Path) -> Path:
     file = Path(source)
     if isinstance(source, str):
-        if source in names():
+        if source in names() or source in ALIASES:
             return packaged_file(source)
         if file.suffix != ".toml" and not file.exists():
             what = f"unknown scenario {source!r}{suggestion(source, names())}"
@@ -114,12 +120,16 @@ def _file_of(source: str | Path) -> Path:
 
 def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
     """The same, with the files that it names as absolute paths."""
-    anchored = dict(data)
-    for name in ("field", "target", "link"):
-        section = data.get(name)
-        if isinstance(section, Mapping) and isinstance(section.get("file"), str) and section["file"]:
-            anchored[name] = {**section, "file": str((base / section["file"]).absolute())}
-    return anchored
+    return {name: _with_file(part, base) if name in _WITH_FILES else part for name, part in data.items()}
+
+
+def _with_file(part: Any, base: Path) -> Any:
+    """A section, or a list of them, with its file as an absolute path; what is neither stays as it is."""
+    if isinstance(part, list | tuple):
+        return [_with_file(one, base) for one in part]
+    if isinstance(part, Mapping) and isinstance(part.get("file"), str) and part["file"]:
+        return {**part, "file": str((base / part["file"]).absolute())}
+    return part
 
 
 def _tuples(value: Any) -> Any:

@@ -13,6 +13,11 @@ from pydantic_core import PydanticCustomError
 OTHER: Final = "any other"
 """Stands for all kinds of a section that users bring."""
 
+ID: Final = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}"
+"""What a process or a target may be called: what ``trackfield.wire.keys.check_id`` lets pass."""
+ID_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, the first of them no . or -"
+
+Id = Annotated[str, Field(pattern=f"^{ID}$", json_schema_extra={"expected": ID_WORDS})]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -12,14 +12,13 @@ import numpy as np
 from trackfield.draw import normal
 from trackfield.errors import ScenarioError
 from trackfield.scenario.layouts import Ground
-from trackfield.scenario.paths import MAX_STEPS, Course
+from trackfield.scenario.paths import MAX_STEPS, Course, origin_of
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sensors import Acoustic
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
-from trackfield.world.readings import Window
-from trackfield.world.windows import Array, distances, windows
+from trackfield.world.windows import Array, Windows, distances, merged, windows
 
 Leg = tuple[int, float, float]
 
@@ -28,58 +27,75 @@ _NS: Final = 1_000_000_000
 
 @dataclass(frozen=True)
 class Site:
-    """A scenario worked out; all times in ns since the start of the run.
+    """A scenario worked out; all times are emulated, in ns since the start of the run.
 
-    The steps are at 0, ``step_ns``, ... up to and including ``steps`` times ``step_ns``. ``windows`` hold
-    each sensor's audible windows; ``believed`` are the sensors where the fusion centre takes them to stand;
-    ``centre`` is where it stands itself (m), and if it drives, ``route`` when it is where: (t ns, x m, y m), in a
-    straight line from one to the next.
+    Step k is at ``origin_ns`` + k ``step_ns``, up to and including ``steps``. ``paths`` are those of the targets by
+    their ids, in their order. ``windows`` hold for each sensor when it may hear any of them, in order and apart;
+    ``believed`` are the sensors where the fusion centre takes them to stand; ``centre`` is where it stands itself (m),
+    and if it drives, ``route`` when it is where: (t ns, x m, y m), in a straight line from one to the next.
     """
 
     scenario: Scenario
-    path: Path
+    paths: Mapping[str, Path]
     steps: int
     step_ns: int
+    origin_ns: int
     sensors: tuple[Place, ...]
     believed: tuple[Place, ...]
-    windows: tuple[tuple[Window, ...], ...]
+    windows: tuple[Windows, ...]
     centre: Point
     route: tuple[Leg, ...] = ()
 
     def sound(self, index: int) -> dict[str, Any]:
         """The plain form of the sensor of this index, acoustic or of a user's own."""
-        scenario = self.scenario
-        return scenario.sensor.plain(self.sensors[index], [self.path], self.windows[index], scenario.seed)
+        scenario, paths = self.scenario, tuple(self.paths.values())
+        return scenario.sensor.plain(self.sensors[index], paths, self.windows[index], scenario.seed)
 
     def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
         """What the acoustic sensor of this index hears."""
-        sensor, seed = self.scenario.sensor, self.scenario.seed
+        sensor, seed, paths = self.scenario.sensor, self.scenario.seed, tuple(self.paths.values())
         assert isinstance(sensor, Acoustic)
-        return sensor.placed(self.sensors[index], [self.path], self.windows[index], seed, incarnation)
+        return sensor.placed(self.sensors[index], paths, self.windows[index], seed, incarnation)
 
 
 def survey(scenario: Scenario) -> Site:
     """Work a scenario out.
 
-    Raises ``ScenarioError`` if a file cannot be used, there are no sensors, or the target comes in range of
-    none of them.
+    Raises ``ScenarioError`` if a file cannot be used, there are no sensors, one has the fusion centre's id, or no
+    target comes in range of any of them.
     """
-    steps, path = target_path(scenario)
-    sensors, centre = scenario.field.stand(Ground(scenario.seed, (scenario.target,), (path,)))
-    check(scenario, sensors, path)
+    steps, found = target_paths(scenario)
+    sensors, place = _stand(scenario, tuple(found.values()))
+    check(scenario, sensors, tuple(found.values()))
     positions = np.array([place[1:] for place in sensors])
     awake_m, _ = scenario.sensor.reach_m()
+    setup_s = scenario.run.setup_s
+    origin_ns = round(setup_s * _NS)
+    paths = {id: path.shifted(setup_s) for id, path in found.items()}
+    heard = [windows(positions, path, awake_m) for path in paths.values()]
     return Site(
         scenario=scenario,
-        path=path,
+        paths=paths,
         steps=steps,
         step_ns=_step_ns(scenario),
+        origin_ns=origin_ns,
         sensors=tuple(sensors),
         believed=tuple(believed(scenario, sensors)),
-        windows=tuple(windows(positions, path, awake_m)),
-        centre=_centre(scenario, centre, positions),
-        route=tuple((round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
+        windows=tuple(map(merged, zip(*heard, strict=True))),
+        centre=_centre(scenario, place, positions),
+        route=tuple((origin_ns + round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
     )
+
+
+def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Point | None]:
+    """The sensors, and where the fusion centre stands if the layout says so."""
+    centre = scenario.architecture.centre
+    origin = partial(origin_of, scenario.keyed_targets)
+    sensors, place = scenario.field.stand(Ground(scenario.seed, paths, centre, origin))
+    if any(id == centre for id, *_ in sensors):
+        what = f"is {centre!r}, and so is a sensor's id"
+        raise ScenarioError(what, key="architecture.centre", expected="an id that no sensor has")
+    return sensors, place
 
 
 def believed(scenario: Scenario, sensors: Sequence[Place]) -> Sequence[Place]:
@@ -102,37 +118,41 @@ def _centre(scenario: Scenario, surveyed: Point | None, positions: Array) -> Poi
     return east if fusion.x_m is None else fusion.x_m, north if fusion.y_m is None else fusion.y_m
 
 
-def target_path(scenario: Scenario) -> tuple[int, Path]:
-    """The number of steps, and the target's path for as long as they take.
+def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
+    """The number of steps, and each target's path by its id, from the first step to the last at most.
 
-    Raises ``ScenarioError`` if its file cannot be used, or if it is not there long enough for a step.
+    Raises ``ScenarioError`` if a file cannot be used, or a target is not there long enough for a step.
     """
-    target, step_ns = scenario.target, _step_ns(scenario)
-    steps, path = target.run(Course(scenario.seed, step_ns, target.steps))
-    steps = min(steps, target.steps or steps)
+    step_ns, targets = _step_ns(scenario), scenario.keyed_targets
+    origin = origin_of(targets) if len(targets) > 1 else None  # who moves alone lays the plane by the way
+    course = partial(Course, scenario.seed, step_ns, scenario.steps, origin)
+    runs = [target.run(course(key)) for key, target in targets]
+    longest = max(steps for steps, _ in runs)
+    steps = min(longest, scenario.steps or longest)
     if steps > MAX_STEPS:
-        what = f"the run would have {steps} steps"
-        raise ScenarioError(what, key="target.steps", expected=f"at most {MAX_STEPS}, as far as a report counts")
+        what, key = f"the run would have {steps} steps", f"{targets[0][0]}.steps"
+        raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, as far as a report counts")
     end_s = steps * step_ns / _NS
-    if steps < 1 or path.start_s > end_s:
-        there = f"{path.start_s:g} s to {path.end_s:g} s"
-        what = f"the target is there from {there}, and the run ends after {end_s:g} s"
-        raise ScenarioError(what, key="target.steps", expected="some step at which it is there")
-    return steps, path.clip(0.0, end_s)
+    for (key, _), (there_for, path) in zip(targets, runs, strict=True):
+        if there_for < 1 or path.start_s > end_s:
+            there = f"{path.start_s:g} s to {path.end_s:g} s"
+            what = f"the target is there from {there}, and the run ends after {end_s:g} s"
+            raise ScenarioError(what, key=f"{key}.steps", expected="some step at which it is there")
+    return steps, {target.id: path.clip(0.0, end_s) for (_, target), (_, path) in zip(targets, runs, strict=True)}
 
 
-def check(scenario: Scenario, sensors: Sequence[Place], path: Path) -> None:
-    """Raise ``ScenarioError`` unless the target comes near enough to some sensor for a report."""
+def check(scenario: Scenario, sensors: Sequence[Place], paths: Sequence[Path]) -> None:
+    """Raise ``ScenarioError`` unless some target comes near enough to some sensor for a report."""
     positions = np.array([place[1:] for place in sensors])
     _, radius = scenario.sensor.reach_m()
-    if np.isfinite(distances(positions, path, radius)).any():
+    if any(np.isfinite(distances(positions, path, radius)).any() for path in paths):
         return
-    far = distances(positions, path, np.inf)
+    far = np.min([distances(positions, path, np.inf) for path in paths], axis=0)
     nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
-    what = f"the target never comes in range: it stays {nearest}"
+    who = "the target never comes in range: it stays" if len(paths) == 1 else "no target comes in range: they stay"
     expected = f"a path within the {radius:.0f} m that a sensor hears"
-    raise ScenarioError(what, key=scenario.sensor.reach_key, expected=expected)
+    raise ScenarioError(f"{who} {nearest}", key=scenario.sensor.reach_key, expected=expected)
 
 
 def _step_ns(scenario: Scenario) -> int:
-    return round(scenario.target.step_s * _NS)
+    return round(scenario.step_s * _NS)

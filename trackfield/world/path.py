@@ -10,11 +10,13 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, Final, Self
 
 Knot = tuple[float, float, float, float, float]
 State = tuple[float, float, float, float]
 Interval = tuple[float, float]
+
+_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +89,24 @@ class Path:
         if knots[-1][0] < hi:
             knots.append((hi, *last))
         return Path.of(knots, ((max(a, lo), min(b, hi)) for a, b in self.gaps if a < hi and b > lo))
+
+    def shifted(self, seconds: float) -> Path:
+        """A whole path, so much later, in whole nanoseconds; by 0 it is the path itself.
+
+        Of knots that come to lie at one instant, but not at one place, the first stays.
+        """
+        if not seconds:
+            return self
+
+        def later(t_s: float) -> float:
+            return (round(t_s * _NS) + round(seconds * _NS)) / _NS
+
+        knots: list[Knot] = []
+        for i, t in enumerate(self.t):
+            knot = (later(t), *self._knot(i)[1:])
+            if not knots or knot[0] > knots[-1][0] or knot[:3] == knots[-1][:3]:
+                knots.append(knot)
+        return Path.of(knots, ((later(a), later(b)) for a, b in self.gaps))
 
     def cut(self, intervals: Iterable[Interval]) -> Path:
         """As little of the path as answers ``at`` inside these (from s, to s), bit for bit as the whole does.

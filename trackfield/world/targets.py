@@ -17,16 +17,16 @@ from trackfield.draw import normal
 from trackfield.world.path import Knot, Path
 
 
-def s1(seed: int, steps: int = 60, step_s: float = 1.0) -> Path:
+def s1(seed: int, steps: int = 60, step_s: float = 1.0, id: str = "target") -> Path:
     """Scenario 1: straight motion disturbed by a random acceleration (sd 0.1 m/s^2) that holds for a step.
 
-    Starts at (50, 70) m with (6, 5) m/s and lasts ``steps`` times ``step_s`` seconds; another seed, another
-    path.
+    Starts at (50, 70) m with (6, 5) m/s and lasts ``steps`` times ``step_s`` seconds; another seed or
+    ``id``, another path.
     """
     x, y, vx, vy = 50.0, 70.0, 6.0, 5.0
     knots: list[Knot] = [(0.0, x, y, vx, vy)]
     for k in range(steps):
-        ax, ay = (0.1 * normal(seed, "target", 0, axis, k) for axis in ("ax", "ay"))
+        ax, ay = (0.1 * normal(seed, id, 0, axis, k) for axis in ("ax", "ay"))
         x, vx = x + vx * step_s + 0.5 * ax * step_s**2, vx + ax * step_s
         y, vy = y + vy * step_s + 0.5 * ay * step_s**2, vy + ay * step_s
         t = round((k + 1) * step_s * 1e9) / 1e9  # whole ns, as a driver's steps are

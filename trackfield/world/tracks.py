@@ -31,28 +31,39 @@ _AROUND: Final = 10
 _DAY_S: Final = 86400
 
 
-def read_track(file: FilePath, start: str | None = None, end: str | None = None) -> Path:
+def read_track(
+    file: FilePath,
+    start: str | None = None,
+    end: str | None = None,
+    *,
+    origin: Array | None = None,
+    key: str = "target",
+) -> Path:
     """The path in a ``.gpx`` or ``.csv`` file between two times; t=0 is ``start``, or else the first fix.
 
     Times are HH:MM[:SS] or a full ISO date and time, in the file's zone unless they name their own; seconds
     for a CSV file with a column ``t_s``. The fixes next to the window on either side still shape its ends.
-    Raises ``ScenarioError`` if the file cannot be used, or has no fix inside the window.
+    ``origin`` (2,) is the latitude and longitude of (0, 0); None: the window's first fix. Raises ``ScenarioError``
+    with the ``key`` of the target if the file cannot be used, or has no fix inside the window.
     """
     fixes = read_fixes(file)
-    (from_s, to_s), first, last = _inside(file, fixes, start, end)
+    (from_s, to_s), first, last = _inside(file, fixes, start, end, key)
     around = slice(max(first - 1, 0), last + 2)
-    xy = plane(fixes.points[around], fixes.points[first]) if fixes.geodetic else fixes.points[around]
+    zero = fixes.points[first] if origin is None else origin
+    xy = plane(fixes.points[around], zero) if fixes.geodetic else fixes.points[around]
     t = fixes.t[around]
     return _through(t - from_s, xy, _gaps(fixes.t)[around.start : around.start + len(t) - 1]).clip(0.0, to_s - from_s)
 
 
-def track_origin(file: FilePath, start: str | None = None, end: str | None = None) -> Array | None:
+def track_origin(
+    file: FilePath, start: str | None = None, end: str | None = None, *, key: str = "target"
+) -> Array | None:
     """(2,) latitude and longitude in degrees of the path's (0, 0); None where the file is in metres.
 
     Takes and raises what ``read_track`` does.
     """
     fixes = read_fixes(file)
-    _, first, _ = _inside(file, fixes, start, end)
+    _, first, _ = _inside(file, fixes, start, end, key)
     return fixes.points[first] if fixes.geodetic else None
 
 
@@ -62,9 +73,9 @@ def plane(degrees: Array, origin: Array) -> Array:
     return np.column_stack([east, north])
 
 
-def _inside(file: FilePath, fixes: Fixes, start: str | None, end: str | None) -> tuple[Interval, int, int]:
+def _inside(file: FilePath, fixes: Fixes, start: str | None, end: str | None, key: str) -> tuple[Interval, int, int]:
     """The window on the time scale of the fixes, and the first and last of the fixes inside."""
-    from_s, to_s = _window(file, fixes, start, end)
+    from_s, to_s = _window(file, fixes, start, end, key)
     inside = np.flatnonzero((fixes.t >= from_s) & (fixes.t <= to_s))
     if not len(inside):
         raise ScenarioError("no fix inside the window", file=str(file), expected=f"times in {fixes.span()}")
@@ -97,15 +108,15 @@ def _through(t: Array, xy: Array, gap: NDArray[np.bool_]) -> Path:
     return Path.of(knots, gaps)
 
 
-def _window(file: FilePath, fixes: Fixes, start: str | None, end: str | None) -> Interval:
+def _window(file: FilePath, fixes: Fixes, start: str | None, end: str | None, key: str) -> Interval:
     """(from, to) on the time scale of the fixes."""
-    from_s = float(fixes.t[0]) if start is None else _moment(file, fixes, "from", start, float(fixes.t[0]))
-    to_s = float(fixes.t[-1]) if end is None else _moment(file, fixes, "to", end, from_s)
+    from_s = float(fixes.t[0]) if start is None else _moment(file, fixes, f"{key}.from", start, float(fixes.t[0]))
+    to_s = float(fixes.t[-1]) if end is None else _moment(file, fixes, f"{key}.to", end, from_s)
     if to_s <= from_s:
         raise ScenarioError(
             "the window ends before it begins",
             file=str(file),
-            key="target.to",
+            key=f"{key}.to",
             expected=f"times in {fixes.span()}",
         )
     return from_s, to_s
@@ -124,7 +135,7 @@ def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -
             return ((moment if moment.tzinfo else moment.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
     except ValueError:
         expected = "seconds" if zero is None else "HH:MM[:SS] or an ISO date and time"
-        raise ScenarioError(f"{text!r} is no time", file=str(file), key=f"target.{key}", expected=expected) from None
+        raise ScenarioError(f"{text!r} is no time", file=str(file), key=key, expected=expected) from None
     zone = clock.tzinfo or zero.tzinfo
     first = (datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero).total_seconds()
     later = first + -(-(after_s - first) // _DAY_S) * _DAY_S

@@ -10,6 +10,7 @@ too short.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,9 +19,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from trackfield.world.path import Path
+from trackfield.world.readings import Window
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Windows = tuple[Window, ...]
 
 _NS: Final = 1e9
 _ROUNDING: Final = 1.0 + 1e-9
@@ -46,13 +49,13 @@ class _Pieces:
         )
 
 
-def windows(positions: Array, path: Path, radius_m: float) -> list[tuple[tuple[int, int], ...]]:
+def windows(positions: Array, path: Path, radius_m: float) -> list[Windows]:
     """When the target may be within ``radius_m`` of each of the ``positions`` (n, 2), as (from ns, to ns).
 
     No instant at which it is within is missing. Where a window is too long, the target is beyond the radius
     by no more than an eighth of it, or two metres. Raises ``ValueError`` for a path that was cut.
     """
-    found: list[tuple[tuple[int, int], ...]] = [()] * len(positions)
+    found: list[Windows] = [()] * len(positions)
     if radius_m <= 0 or not len(positions):
         return found
     tree = [_pieces(path, max(radius_m / 25.0, 0.5))]
@@ -65,6 +68,17 @@ def windows(positions: Array, path: Path, radius_m: float) -> list[tuple[tuple[i
     for i, window in zip(sensor[new].tolist(), zip(begin.tolist(), end.tolist(), strict=True), strict=True):
         found[i] += (window,)
     return found
+
+
+def merged(parts: Iterable[Windows]) -> Windows:
+    """Windows of several paths as those of all: in order, and apart."""
+    found: list[Window] = []
+    for begin, end in sorted(window for part in parts for window in part):
+        if found and begin <= found[-1][1]:
+            found[-1] = found[-1][0], max(found[-1][1], end)
+        else:
+            found.append((begin, end))
+    return tuple(found)
 
 
 def distances(positions: Array, path: Path, within_m: float) -> Array:

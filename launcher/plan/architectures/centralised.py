@@ -46,7 +46,7 @@ class Centralised:
         tracking = tracking_of(self.site, self.centre)
         nodes = tuple(self._nodes(end_ns))
         centre = self._centre(tracking, nodes)
-        return Arranged((centre, *nodes), tracking, list(self._flows(end_ns)))
+        return Arranged((centre, *nodes), tracking, list(self._flows(tracking, end_ns)))
 
     def _nodes(self, end_ns: int) -> Iterator[ProcessSpec]:
         """The sensor nodes; what is the same for all of them is there once."""
@@ -86,12 +86,12 @@ class Centralised:
             legs=self.site.route,
         )
 
-    def _flows(self, end_ns: int) -> Iterator[Flow]:
+    def _flows(self, tracking: Mapping[str, Any], end_ns: int) -> Iterator[Flow]:
         """What they say to each other, reports first."""
         there = tuple((id, self.centre) for id, *_ in self.site.sensors)
         back = tuple((b, a) for a, b in there)
         now_us = end_ns // 1000
-        yield Flow(_report(self.scenario), there)
+        yield Flow(_report(tracking), there)
         if sync_of(self.scenario, self.site.sensors[0][0]):
             yield Flow(SyncRequest(65535, now_us), there)
             yield Flow(SyncReply(65535, now_us, now_us, now_us), back)
@@ -99,13 +99,11 @@ class Centralised:
             yield Flow(Threshold(65535, 70.0), back)
 
 
-def _report(scenario: Scenario) -> Doa | Measurement:
+def _report(tracking: Mapping[str, Any]) -> Doa | Measurement:
     """One as long as they are where they are long; of a user's sensor, with as many numbers."""
-    section = scenario.sensor
-    if isinstance(section, Acoustic):
+    if "sensor" not in tracking:
         return Doa(step=65535, bearing_deg=359.99, level_db=70.0)
-    sensor = make_sensor(section.kind, section.options)
-    return Measurement(65535, (2**15 - 1,) * len(sensor.resolution))
+    return Measurement(65535, (2**15 - 1,) * len(make_sensor(**tracking["sensor"]).resolution))
 
 
 def _threshold_db(scenario: Scenario) -> Mapping[str, float]:

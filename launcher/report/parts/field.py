@@ -44,7 +44,7 @@ def field(run: Run) -> Figure:
 def _path(run: Run) -> Array:
     """(n, 2) where the target was, at each step and a few times in between; m."""
     every_s = run.end_s / max(4 * run.site.steps, 1)
-    states = [run.site.path.at(i * every_s) for i in range(4 * run.site.steps + 1)]
+    states = [next(iter(run.site.paths.values())).at(i * every_s) for i in range(4 * run.site.steps + 1)]
     return np.array([state[:2] if state else (np.nan, np.nan) for state in states], float)
 
 
@@ -92,8 +92,8 @@ def _truth(axes: Axes, run: Run, path: Array) -> None:
     axes.plot(*path.T, color=style.TRUTH, lw=5.0, alpha=0.45, label="true path", zorder=2)
     known = path[np.isfinite(path).all(axis=1)]
     axes.plot(*known[0], "o", color="white", mec=style.INK, mew=1.2, ms=6, label="start", zorder=7)
-    for index, (begin, end) in enumerate(run.site.path.gaps):
-        states = [run.site.path.at(t) for t in np.linspace(begin, end, 20)]
+    for index, (begin, end) in enumerate(next(iter(run.site.paths.values())).gaps):
+        states = [next(iter(run.site.paths.values())).at(t) for t in np.linspace(begin, end, 20)]
         line = np.array([state[:2] for state in states if state])
         if len(line):
             axes.plot(

@@ -89,7 +89,7 @@ def _reports(axes: Axes, run: Run) -> None:
 
 def _events(axes: Axes, run: Run) -> None:
     """Stretches without data of the target, and when something broke."""
-    for index, (begin, end) in enumerate(run.site.path.gaps):
+    for index, (begin, end) in enumerate(next(iter(run.site.paths.values())).gaps):
         axes.axvspan(begin, end, color=style.GAP, alpha=0.12, lw=0, label=None if index else "no data of the target")
     for index, t_s in enumerate(broken_at(run)):
         axes.axvline(t_s, color=style.DEAD, lw=0.9, ls=":", label=None if index else "fault or death")

@@ -20,18 +20,25 @@ class FaultSection(Section):
     """A fault; ``kind`` is its name, and it happens or begins ``at_s``."""
 
     kind: str
-    nodes: Ids | None = Field(default=None, description="whom it befalls, by id; or say a share")
+    nodes: Ids | None = Field(default=None, description="whom it befalls, by id; or say a share, or a role")
     share: float | None = Field(
-        default=None, gt=0, le=1, description="of the sensor nodes, drawn by seed and the fault's number; or name nodes"
+        default=None,
+        gt=0,
+        le=1,
+        description="of the role, or else of the sensor nodes, drawn by seed and the fault's number; or name nodes",
+    )
+    role: str | None = Field(
+        default=None, min_length=1, description="all processes of it, like node or fusion; or a share of them"
     )
     at_s: float
 
     @model_validator(mode="after")
     def _befalls_someone(self) -> Self:
-        if self.nodes is None and self.share is None:
-            raise wrong("befalls nobody", "nodes, a list of ids, or share, from 0 to 1", ".nodes")
-        if self.nodes is not None and self.share is not None:
-            raise wrong("stands beside nodes", "either of them alone", ".share")
+        others = [name for name in ("share", "role") if getattr(self, name) is not None]
+        if self.nodes is None and not others:
+            raise wrong("befalls nobody", "nodes, a list of ids, or share, from 0 to 1, or role", ".nodes")
+        if self.nodes is not None and others:
+            raise wrong("stands beside nodes", "either of them alone", f".{others[0]}")
         for id in self.nodes or ():
             if self.nodes and self.nodes.count(id) > 1:
                 raise wrong(f"{id!r} is there twice", "each id once", ".nodes")

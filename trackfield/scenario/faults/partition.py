@@ -15,3 +15,6 @@ class Partition(WindowFault):
     kind: Literal["partition"] = Field(
         default="partition", description="no frame passes between these and all others; each side has its own"
     )
+    medium: Literal["field", "backbone"] | None = Field(
+        default=None, description="on which medium alone; unset: on every one"
+    )

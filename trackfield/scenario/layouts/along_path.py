@@ -20,9 +20,9 @@ class AlongPath(SpacedSection):
     """A grid of which only the part near the targets' paths is there."""
 
     layout: Literal["along-path"] = Field(
-        default="along-path", description="a grid, but only where the target comes near"
+        default="along-path", description="a grid, but only where a target comes near"
     )
-    within_m: Positive = Field(default=150.0, description="how near the path has to come")
+    within_m: Positive = Field(default=150.0, description="how near a path has to come")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """Within reach of a path, or the ``nodes`` places nearest to one.

@@ -16,7 +16,9 @@ from trackfield.scenario.places import Place
 class Beside(LayoutSection):
     """A single sensor beside the path of the first target."""
 
-    layout: Literal["beside"] = Field(default="beside", description="one sensor, to the right of the target's path")
+    layout: Literal["beside"] = Field(
+        default="beside", description="one sensor, to the right of the first target's path"
+    )
     distance_m: float = Field(
         default=15_000.0, gt=0, le=1e7, description="from the target at half time, square to its way from begin to end"
     )

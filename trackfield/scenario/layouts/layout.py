@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import floor
 from typing import Final
@@ -12,7 +12,6 @@ from pydantic import Field
 
 from trackfield.draw import uniform
 from trackfield.errors import ScenarioError
-from trackfield.scenario.paths import PathSection
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.section import NotNegative, Positive, Section
 from trackfield.world.path import Path
@@ -24,11 +23,15 @@ LIMIT: Final = 1_000_000
 
 @dataclass(frozen=True)
 class Ground:
-    """What a layout may go by: the seed, the targets and their paths from t=0 on, one of each at least."""
+    """What a layout may go by: the seed, the targets' paths from the first step on (one at least), the centre's id.
+
+    ``origin`` tells the latitude and longitude (2,) of (0, 0), or None: a call, as it may have to read a file.
+    """
 
     seed: int
-    targets: tuple[PathSection, ...]
     paths: tuple[Path, ...]
+    centre: str
+    origin: Callable[[], Array | None]
 
 
 class LayoutSection(Section):

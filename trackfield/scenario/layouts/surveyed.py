@@ -8,7 +8,6 @@ from typing import Literal
 from pydantic import Field
 
 from trackfield.scenario.layouts.layout import Ground, LayoutSection
-from trackfield.scenario.paths import origin_of
 from trackfield.scenario.places import Place, Point, read_places
 
 
@@ -23,4 +22,4 @@ class Surveyed(LayoutSection):
 
     def stand(self, ground: Ground) -> tuple[list[Place], Point | None]:
         """See ``LayoutSection``; the file may say where the fusion centre stands."""
-        return read_places(FilePath(self.file), origin_of(ground.targets))
+        return read_places(FilePath(self.file), ground.origin(), ground.centre)

@@ -36,7 +36,7 @@ class FromFile(PathSection):
         default=None,
         alias="from",
         json_schema_extra=_MOMENT,
-        description="t=0; unset: the file's first fix",
+        description="the first step; unset: the file's first fix",
     )
     to: Moment | None = Field(
         default=None, json_schema_extra=_MOMENT, description="the end; unset: the file's last fix"
@@ -44,8 +44,9 @@ class FromFile(PathSection):
 
     def run(self, course: Course) -> tuple[int, Path]:
         """See ``PathSection``."""
-        return whole_steps(read_track(FilePath(self.file), self.from_, self.to), course)
+        path = read_track(FilePath(self.file), self.from_, self.to, origin=course.origin, key=course.key)
+        return whole_steps(path, course)
 
-    def origin(self) -> Array | None:
+    def origin(self, key: str) -> Array | None:
         """See ``PathSection``."""
-        return track_origin(FilePath(self.file), self.from_, self.to)
+        return track_origin(FilePath(self.file), self.from_, self.to, key=key)

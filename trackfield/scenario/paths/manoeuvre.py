@@ -27,7 +27,7 @@ class Manoeuvre(PathSection):
         end_s = steps * course.step_ns / NS
         match self.path:
             case "s1":
-                return steps, targets.s1(course.seed, steps, course.step_ns / NS)
+                return steps, targets.s1(course.seed, steps, course.step_ns / NS, self.id)
             case "s2":
                 return steps, targets.s2(end_s)
             case "s3":

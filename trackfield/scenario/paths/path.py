@@ -8,7 +8,7 @@ from typing import Final
 
 from pydantic import Field
 
-from trackfield.scenario.section import Section
+from trackfield.scenario.section import Id, Section
 from trackfield.world.path import Path
 from trackfield.world.windows import Array
 
@@ -19,25 +19,35 @@ MAX_STEPS: Final = 65535
 
 @dataclass(frozen=True)
 class Course:
-    """What a target's path may go by: the run's seed, its step in ns, and its number of steps if it has one."""
+    """What a target's path may go by: the run's seed, its step in ns, and its number of steps if it says one.
+
+    ``origin`` (2,) is the latitude and longitude of (0, 0), None if the target itself decides; ``key`` is the
+    target's own in the scenario, for messages.
+    """
 
     seed: int
     step_ns: int
     steps: int | None
+    origin: Array | None = None
+    key: str = "target"
 
 
 class PathSection(Section):
     """A target; ``path`` is the kind of its path."""
 
     path: str
+    id: Id = Field(default="target", description="what the target is called; each of [[targets]] says it")
     step_s: float = Field(
-        default=1.0, ge=0.001, le=3600, description="a step: sensors report and the centre fuses once in it"
+        default=1.0,
+        ge=0.001,
+        le=3600,
+        description="a step of the run, as the first target has it: sensors report and the centre fuses once in it",
     )
     steps: int | None = Field(
         default=None,
         ge=1,
         le=MAX_STEPS,
-        description="length of the run; unset: as long as the path (s1 60, s2 75, s3 40 s)",
+        description="of the run, as the first target has it; unset: till the last path ends (s1 60, s2 75, s3 40 s)",
     )
 
     def run(self, course: Course) -> tuple[int, Path]:
@@ -47,8 +57,11 @@ class PathSection(Section):
         """
         raise NotImplementedError
 
-    def origin(self) -> Array | None:
-        """(2,) latitude and longitude in degrees of (0, 0); None for a path that has no place on the globe."""
+    def origin(self, key: str) -> Array | None:
+        """(2,) latitude and longitude in degrees of (0, 0); None for a path that has no place on the globe.
+
+        ``key`` is the target's own in the scenario. Raises ``ScenarioError`` if its file cannot be used.
+        """
         return None
 
 
@@ -57,6 +70,9 @@ def whole_steps(path: Path, course: Course) -> tuple[int, Path]:
     return round(path.end_s * NS) // course.step_ns, path
 
 
-def origin_of(targets: Iterable[PathSection]) -> Array | None:
-    """(2,) latitude and longitude in degrees of (0, 0), by the first of the targets that knows; None if none does."""
-    return next((origin for target in targets if (origin := target.origin()) is not None), None)
+def origin_of(targets: Iterable[tuple[str, PathSection]]) -> Array | None:
+    """(2,) latitude and longitude in degrees of (0, 0), by the first of the targets that knows; None if none does.
+
+    Takes each with its key. Raises ``ScenarioError`` if a file cannot be used.
+    """
+    return next((origin for key, target in targets if (origin := target.origin(key)) is not None), None)

@@ -49,13 +49,13 @@ SINGLE: Final[Mapping[str, Options]] = {"spcpf-paper": {"tracker": "spcpf", "sin
 class Case:
     """One field, one target, and the trackers on it; ``trackers`` maps their names to their options.
 
-    ``settings`` are dotted keys over the packaged scenario ``spcpf``, or over ``base`` where there is one.
+    ``settings`` are dotted keys over the packaged scenario ``zhai-spcpf``, or over ``base`` where there is one.
     """
 
     name: str
     settings: Mapping[str, Any]
     trackers: Mapping[str, Options]
-    base: str | Mapping[str, Any] = "spcpf"
+    base: str | Mapping[str, Any] = "zhai-spcpf"
 
     def scenario(self, seed: int, only: Collection[str] | None = None) -> Scenario:
         """The scenario of one run, with all trackers or ``only`` some; each gets the same random draws either way."""
