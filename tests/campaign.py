@@ -216,7 +216,7 @@ def run(plan: Plan) -> Run:
     ledger = Ledger(plan.run, plan.processes)
     Virtual(plan.run, plan.processes, ledger).run(stop)
     ledger.close()
-    tracks = track_rows([(t, p.estimate) for t, _, p in ledger.estimates()], plan.path, plan.step_ns)
+    tracks = track_rows(ledger.estimates(), plan.paths)
     return Run(plan, ledger, tracks, run_metrics(plan, ledger, tracks), events <= MAX_EVENTS)
 
 

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from launcher.records import FieldInfo, MessageRow, Place
+from launcher.records import BATTERY, SENSES, TRACKS, FieldInfo, MessageRow, Place, Truth
 from launcher.timeline.timeline import Timeline
 from trackfield.role import NS, TrackPoint
 
 TRACKERS = ("fix-imm-ukf", "spcpf")
+NODE, CENTRE = frozenset({SENSES, BATTERY}), frozenset({TRACKS})
 HEARING_M = 95.0
 DEADLINE_NS = 300_000_000
 
@@ -26,16 +27,15 @@ def info(side: int = 11, steps: int = 60, gaps: tuple[tuple[float, float], ...] 
     """``side`` x ``side`` sensors on a grid of 50 m, a fusion centre amid them, a path of 4 points a step."""
     half = 25.0 * (side - 1)
     sensors = [
-        Place(f"n{row * side + column:03}", "node", 50.0 * column - half, 50.0 * row - half)
+        Place(f"n{row * side + column:03}", "node", 50.0 * column - half, 50.0 * row - half, NODE)
         for row in range(side)
         for column in range(side)
     ]
     return FieldInfo(
         run="fake-1",
         scenario="fake",
-        places=(*sensors, Place("fusion", "fusion", 0.0, 0.0)),
-        truth=tuple((t / 4, *where(t / 4, half)) for t in range(4 * steps + 1)),
-        gaps=gaps,
+        places=(*sensors, Place("fusion", "fusion", 0.0, 0.0, CENTRE)),
+        truths=(Truth("target", tuple((t / 4, *where(t / 4, half)) for t in range(4 * steps + 1)), gaps),),
         trackers=TRACKERS,
         end_s=float(steps + 1),
         marks=((12.0, "n005", "freeze until 18 s"),),
@@ -63,7 +63,7 @@ def calls(field: FieldInfo, seed: int = 1) -> Iterator[Call]:
     ]
     heard: set[str] = set()
     awake: set[str] = set()
-    for step, (t, x, y) in enumerate(field.truth[4::4], 1):
+    for step, (t, x, y) in enumerate(field.truths[0].points[4::4], 1):
         now = round(t * NS)
         for place in field.places:
             if place.role != "node":
@@ -76,7 +76,7 @@ def calls(field: FieldInfo, seed: int = 1) -> Iterator[Call]:
         done = now + DEADLINE_NS
         if step in PHASES:
             found.append((done, "state", (done, "fusion", PHASES[step])))
-        found += [(done, "estimate", (now, _point(name, step, (x, y), rng), (x, y))) for name in TRACKERS]
+        found += [(done, "estimate", (_point(name, step, (x, y), rng), (x, y))) for name in TRACKERS]
     found += _misfortunes(field)
     found.append((0, "note", (0, "fusion", "two trackers on the same reports")))
     return iter(sorted(found, key=lambda call: call[0]))
@@ -144,7 +144,7 @@ def _report(now: int, place: Place, target: tuple[float, float], rng: random.Ran
 
 def _point(tracker: str, step: int, truth: tuple[float, float], rng: random.Random) -> TrackPoint:
     if step < 4:
-        return TrackPoint(tracker, "target", step, "waiting")
+        return TrackPoint(tracker, "target", step * NS, "waiting", step=step)
     sd = 2.0 if tracker == "spcpf" else 3.0
     turn = math.radians(25 + 3 * step)
     axes = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) * (2.4 * sd, sd)
@@ -159,10 +159,11 @@ def _point(tracker: str, step: int, truth: tuple[float, float], rng: random.Rand
     return TrackPoint(
         tracker,
         "target",
-        step,
+        step * NS,
         "tracking",
         (*map(float, mean), 10.0, 0.0),
         tuple(map(float, covariance.ravel())),
-        reports=9,
+        tuple(f"n{i:03}" for i in range(9)),
         particles=particles,
+        step=step,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path as FilePath
@@ -11,45 +12,59 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.record.bounds import bound_metrics, came, run_bound, scenario_bound
+from launcher.record.bounds import bound_metrics, run_bound, scenario_bound, used
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import run_metrics, tracker_metrics
-from launcher.records import MessageRow, Plan
+from launcher.record.tables import TrackRow
+from launcher.records import SENSES as HAS_SENSOR
+from launcher.records import Plan
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import read
 from tests.simulated import simulated, spcpf
 from trackfield.filters.types import Gaussian
 from trackfield.models import doa
-from trackfield.role import NS
+from trackfield.role import NS, TrackPoint
 from trackfield.world.sensors import SENSORS, register_sensor
 
 STRAIGHT = ["target.path=waypoints", "target.waypoints=[[0, 60, 60], [20, 160, 160]]", "target.steps=20"]
 
 
-def report(src: str, step: int, outcome: str = "delivered", *, after_ms: int = 10) -> MessageRow:
-    due = step * NS + after_ms * 1_000_000
-    return MessageRow("doa", src, "fusion", "field", step * NS, due, outcome, 16, bearing_deg=1.0, step=step)
-
-
-def test_reports_count_that_came_in_time_or_young_enough_to_be_taken_in() -> None:
-    rows = [
-        report("n000", 1),
-        report("n001", 1, "late", after_ms=1400),
-        report("n002", 1, "late", after_ms=1600),
-        report("n003", 1, "radio"),
-        report("n004", 1, "ignored"),
-        replace(report("n005", 1), step=None),
-        report("n006", 2),
+def used_by(*reports: tuple[str, int]) -> list[TrackRow]:
+    """Points that used these reports (sensor, step), a tracker's answer to each, off by nothing."""
+    steps = sorted({step for _, step in reports})
+    return [
+        TrackRow(
+            step * NS,
+            TrackPoint(
+                "t",
+                "target",
+                step * NS,
+                "tracking",
+                (0.0,) * 4,
+                (0.0,) * 16,
+                tuple(s for s, at in reports if at == step),
+            ),
+            (0.0,) * 4,
+        )
+        for step in steps
     ]
-    assert came(spcpf(1), rows) == {1: {"n000"}, 2: {"n006"}}
-    assert came(spcpf(1, ["fusion.max_age_s=1.5"]), rows) == {1: {"n000", "n001"}, 2: {"n006"}}
+
+
+def by_step(series: Mapping[int, float]) -> dict[int, float]:
+    """A bound by the number of the step, of a second each."""
+    return {t_ns // NS: sd for t_ns, sd in series.items()}
+
+
+def test_reports_count_that_some_point_used_whoever_published_it() -> None:
+    rows = [*used_by(("n000", 1), ("n001", 1)), *used_by(("n002", 1), ("n006", 2))]
+    assert used(rows) == {NS: {"n000", "n001", "n002"}, 2 * NS: {"n006"}}
 
 
 def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_truth() -> None:
     """Reports of two sensors in the first five steps; the target does not accelerate, and tells so."""
     plan = spcpf(1, STRAIGHT)
-    rows = [report(src, step) for step in range(1, 6) for src in ("n012", "n013")]
+    rows = used_by(*((src, step) for step in range(1, 6) for src in ("n012", "n013")))
     places = np.array([[50.0, 50.0], [100.0, 50.0]])
     belief, sd = Gaussian(np.zeros(4), np.diag([20.0, 20.0, 4.0, 4.0]) ** 2), np.radians(3.0)
     expected = []
@@ -59,10 +74,9 @@ def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_trut
             H = doa.jacobian(np.array([60.0 + 5 * step, 60.0 + 5 * step, 5.0, 5.0]), places)
             belief = Gaussian(belief.mean, kalman.update(belief, np.zeros(2), H, sd**2 * np.eye(2)).covariance)
         expected.append(np.sqrt(np.trace(belief.covariance[:2, :2])))
-    assert run_bound(plan, rows) == pytest.approx(dict(enumerate(expected, start=1)))
-    steps = range(3, 8)
-    found = bound_metrics(plan, rows, steps)
-    assert found["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(expected[2:7]))))
+    assert by_step(run_bound(plan, rows)) == pytest.approx(dict(enumerate(expected, start=1)))
+    found = bound_metrics(plan, rows)  # over the steps that have a track
+    assert found["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(expected[:5]))))
     assert found["position"] is not None and found["position"] < found["trajectory"]
 
 
@@ -90,11 +104,11 @@ def test_it_goes_by_what_a_users_own_sensors_measure() -> None:
     try:
         settings = [*STRAIGHT, "sensor={kind='locator'}", "fusion.trackers=['ekf']", "link.model=ideal"]
         plan = spcpf(1, settings)
-        ledger, _ = simulated(plan)
-        found, ideal = run_bound(plan, ledger.rows), scenario_bound(plan, [])
+        _, tracks = simulated(plan)
+        found, ideal = by_step(run_bound(plan, tracks)), by_step(scenario_bound(plan, []))
     finally:
         SENSORS.registered.clear()
-    nodes = np.array([(place.x, place.y) for place in plan.info.places if place.role == "node"])
+    nodes = np.array([(place.x, place.y) for place in plan.info.tagged(HAS_SENSOR)])
     belief, expected = Gaussian(np.zeros(4), np.diag([20.0, 20.0, 4.0, 4.0]) ** 2), {}
     for step in range(1, 21):
         near = int((np.hypot(*(nodes - (60.0 + 5.0 * step)).T) <= 60.0).sum())
@@ -107,20 +121,21 @@ def test_it_goes_by_what_a_users_own_sensors_measure() -> None:
 def test_without_a_prior_it_begins_when_the_target_is_located() -> None:
     """A bearing before them counts, although it does not say where the target is."""
     plan = spcpf(1, [*STRAIGHT, "fusion.prior=none"])
-    later = [report(src, step) for step in (4, 5) for src in ("n012", "n013")]
-    without, with_one = run_bound(plan, later), run_bound(plan, [report("n024", 2), *later])
+    later = used_by(*((src, step) for step in (4, 5) for src in ("n012", "n013")))
+    without = by_step(run_bound(plan, later))
+    with_one = by_step(run_bound(plan, [*used_by(("n024", 2)), *later]))
     assert list(without) == list(with_one) == list(range(4, 21))
     assert all(with_one[step] < without[step] for step in without)
     assert without[4] < 5.0
-    assert run_bound(plan, []) == run_bound(plan, [report("n012", 2)]) == {}
+    assert run_bound(plan, []) == run_bound(plan, used_by(("n012", 2))) == {}
 
 
 def test_a_turn_costs_what_it_costs_a_tracker_that_sees_it_coming() -> None:
     """The corner at 10 s is the only acceleration, of sd |dv| / sqrt(2) per axis; before it all is as if straight."""
     corner = "target.waypoints=[[0, 60, 60], [10, 110, 110], [20, 160, 60]]"
     turning, straight = spcpf(1, [STRAIGHT[0], corner, STRAIGHT[2]]), spcpf(1, STRAIGHT)
-    rows = [report(src, step) for step in range(1, 21) for src in ("n012", "n013", "n024")]
-    with_turn, without = run_bound(turning, rows), run_bound(straight, rows)
+    rows = used_by(*((src, step) for step in range(1, 21) for src in ("n012", "n013", "n024")))
+    with_turn, without = by_step(run_bound(turning, rows)), by_step(run_bound(straight, rows))
     assert all(with_turn[step] == pytest.approx(without[step]) for step in range(1, 10))
     assert with_turn[10] > 1.5 * without[10]
 
@@ -135,18 +150,16 @@ def test_what_the_network_loses_is_between_the_two_bounds(settings: list[str]) -
         assert bound["trajectory"] == bound["position"]
     else:
         assert bound["trajectory"] > 1.1 * bound["position"]
-    best = min(one["rmse"]["position"] for one in tracker_metrics(tracks, plan.info.trackers).values())
+    best = min(one["rmse"]["position"] for one in tracker_metrics(plan, tracks).values())
     assert best > 0.9 * bound["trajectory"]
 
 
 def test_where_there_is_no_bound_there_is_nothing_to_say() -> None:
     """Bearings without error, no centre, nobody who reports without a prior."""
     exact = spcpf(1, [*STRAIGHT, "sensor.doa_sd_deg=0"])
-    assert run_bound(exact, [report("n012", 1)]) == {}
-    nobody = replace(spcpf(1, STRAIGHT), processes=())
-    assert bound_metrics(nobody, [report("n012", 1), report("n013", 1)], range(20)) == dict.fromkeys(
-        ("position", "trajectory")
-    )
+    assert run_bound(exact, used_by(("n012", 1))) == {}
+    nobody = replace(spcpf(1, STRAIGHT), tracking={})
+    assert bound_metrics(nobody, used_by(("n012", 1), ("n013", 1))) == dict.fromkeys(("position", "trajectory"))
     empty = run_metrics(exact, Ledger(exact.run, exact.processes), [])
     assert empty["bound"] == {"position": None, "trajectory": None}
 
@@ -156,11 +169,11 @@ def test_the_bound_is_in_the_tracks_and_on_the_timeline(tmp_path: FilePath) -> N
     plan: Plan = spcpf(1, ["target.steps=8"])
     metrics = run_virtual(plan, tmp_path).metrics
     rows = pq.read_table(tmp_path / "tracks.parquet").to_pylist()
-    by_step = {row["step"]: row["bound_m"] for row in rows if row["true_x"] is not None}
-    assert list(by_step) == list(range(1, 9))
-    assert metrics["bound"]["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(list(by_step.values())))))
-    assert all(row["bound_m"] == by_step[row["step"]] for row in rows if row["step"] in by_step)
+    bounds = {row["step"]: row["bound_m"] for row in rows if row["true_x"] is not None}
+    assert list(bounds) == list(range(1, 9))
+    assert metrics["bound"]["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(list(bounds.values())))))
+    assert all(row["bound_m"] == bounds[row["step"]] for row in rows if row["step"] in bounds)
     drawn = read(tmp_path / "run.rrd", "/plots/error/bound", "Scalars:scalars")
-    assert {t: value[0] for t, value in drawn if t is not None} == by_step
-    assert max(by_step.values()) < inf
-    assert scenario_bound(plan, []).keys() == set(range(1, 9))
+    assert {t: value[0] for t, value in drawn if t is not None} == bounds
+    assert max(bounds.values()) < inf
+    assert by_step(scenario_bound(plan, [])).keys() == set(range(1, 9))

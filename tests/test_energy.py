@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from launcher.record.energy import energy_metrics, lifetime_metrics, nodes_of
+from launcher.record.energy import batteries_of, energy_metrics, lifetime_metrics
 from launcher.record.ledger import Ledger
-from launcher.records import FieldInfo, Plan
+from launcher.records import BATTERY, SENSES, TRACKS, FieldInfo, Place, Plan, Truth
 from tests.simulated import simulated, spcpf
 from trackfield.drivers.frames import Died, Frame, Overflowed, Told
 from trackfield.drivers.spec import ProcessSpec, RunSpec
@@ -29,10 +29,15 @@ def node(id: str, x: float, y: float, power: Power | None = POWER, **spec: Any) 
     return ProcessSpec(id, "node", "none", x=x, y=y, power=asdict(power) if power else {}, **spec)
 
 
-def plan_of(*processes: ProcessSpec, end_s: int = 10, truth: tuple[tuple[float, float, float], ...] = ()) -> Plan:
+def plan_of(
+    *processes: ProcessSpec, end_s: int = 10, reach_m: float = 50.0, truth: tuple[tuple[float, float, float], ...] = ()
+) -> Plan:
     run = RunSpec("r", 1, end_s * NS, {"model": "fixed", "loss": 0.0, "delay_ms": 1})
     path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (9.0, 9.0, 0.0, 1.0, 0.0)])
-    return Plan(run, processes, path, FieldInfo("r", "hand", (), truth, (), (), float(end_s)), NS)
+    tags = {"node": frozenset({SENSES, BATTERY}), "fusion": frozenset({TRACKS})}
+    places = tuple(Place(p.id, p.role, p.x, p.y, tags[p.role]) for p in processes)
+    info = FieldInfo("r", "hand", places, (Truth("t", truth),), (), float(end_s))
+    return Plan(run, processes, {"t": path}, info, reach_m=reach_m)
 
 
 CENTRE = ProcessSpec("fusion", "fusion", "none", x=0.0, y=40.0, cells=("c0",))
@@ -63,7 +68,7 @@ def test_what_is_spent_by_cause() -> None:
     final(book, "n0", 100, 200, 300, 9400, 50)
     final(book, "n1", 0, 100, 4900, 5000, 0)
     book.close()
-    found = energy_metrics(book, nodes_of(plan, book))
+    found = energy_metrics(book, batteries_of(plan, book))
     n0 = {"send": 0.007, "receive": 0.01, "listen": 0.012, "sleep": 0.0094, "sense": 0.00005}
     n1 = {"send": 0.0, "receive": 0.005, "listen": 0.196, "sleep": 0.005, "sense": 0.0}
     assert found["by"] == pytest.approx({cause: n0[cause] + n1[cause] for cause in n0})
@@ -76,11 +81,11 @@ def test_what_is_spent_by_cause() -> None:
 def test_nobody_counts_where_no_device_is_known() -> None:
     plan = plan_of(CENTRE, node("n0", 0.0, 0.0, None))
     book = Ledger(plan.run, plan.processes)
-    nodes = nodes_of(plan, book)
+    nodes = batteries_of(plan, book)
     assert nodes == []
     found = energy_metrics(book, nodes)
     assert {*found.pop("by").values(), *found.pop("by_accounting").values(), *found.values()} == {None}
-    assert set(lifetime_metrics(plan, nodes, 50.0).values()) == {None}
+    assert set(lifetime_metrics(plan, nodes).values()) == {None}
 
 
 def test_all_lives_of_a_node_are_one() -> None:
@@ -91,7 +96,7 @@ def test_all_lives_of_a_node_are_one() -> None:
     final(book, "n0", 100, 0, 3900, 0, 1, metered_s=4)
     final(book, "n0~1", 0, 100, 3900, 0, 2, metered_s=4)
     book.told("n0~1", Told((9 * NS, 3), Died("battery")))
-    [one] = nodes_of(plan, book)
+    [one] = batteries_of(plan, book)
     assert one.activity == (100 * MS, 100 * MS, 7800 * MS, 0, 3)
     assert (one.metered_ns, one.died_ns) == (8 * NS, 9 * NS)
 
@@ -109,7 +114,7 @@ def test_overhearing_is_paid_by_whose_radio_is_on_and_for_whom_the_frame_was_not
     final(book, "n0", 0, 0, 500, 9500, 0)
     final(book, "n1", 0, 0, 10_000, 0, 0)
     book.close()
-    found = energy_metrics(book, nodes_of(plan, book))["by_accounting"]
+    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]
     heard = (10 + 17) * 32e-6 * (0.050 - 0.001)
     assert found["without_listening"] == pytest.approx(20 * 0.001)
     assert found["with_overhearing"] == pytest.approx(20 * 0.001 + heard)
@@ -123,7 +128,7 @@ def test_a_radio_that_is_on_for_nothing_is_cheaper_in_no_accounting() -> None:
         book = Ledger(plan.run, plan.processes)
         final(book, "n0", *activity)
         book.close()
-        found.append(energy_metrics(book, nodes_of(plan, book))["by_accounting"])
+        found.append(energy_metrics(book, batteries_of(plan, book))["by_accounting"])
     asleep, listening = found
     assert all(listening[name] >= asleep[name] for name in asleep)
     assert listening["without_listening"] == asleep["without_listening"] == pytest.approx(0.01)
@@ -137,7 +142,7 @@ def overheard(*told: tuple[str, Told], processes: tuple[ProcessSpec, ...] = (CEN
         book.told(name, output)
     book.sent(frame(t_ms, "n0", "fusion"))
     book.close()
-    spent: float = energy_metrics(book, nodes_of(plan, book))["by_accounting"]["with_overhearing"]
+    spent: float = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
     return spent / (27 * 32e-6 * 0.049)
 
 
@@ -170,7 +175,7 @@ def test_whoever_a_broadcast_is_for_does_not_overhear_it() -> None:
     book.sent(frame(400, "fusion", "*"))
     book.close()
     assert [row.dst for row in book.rows] == ["n0", "n1", "n2"]
-    found = energy_metrics(book, nodes_of(plan, book))["by_accounting"]
+    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]
     assert found["with_overhearing"] == pytest.approx(27 * 32e-6 * 0.049)
 
 
@@ -184,7 +189,7 @@ def test_the_first_order_model_counts_bits_and_metres_alone() -> None:
     book.told("n1", Told((0, 2, 0, "t"), Overflowed(frame(700, "n1", "fusion"))))
     final(book, "n0", 1, 1, 1, 1, 1)
     book.close()
-    found = energy_metrics(book, nodes_of(plan, book))["by_accounting"]["first_order"]
+    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["first_order"]
     send = 80 * (50e-9 + 10e-12 * 40**2) + 80 * (50e-9 + 10e-12 * 50**2)
     assert found == pytest.approx(send + 160 * 50e-9)
 
@@ -198,7 +203,7 @@ def test_each_device_would_have_drawn_what_its_own_frames_take() -> None:
     book.sent(frame(600, "fusion", "n0", TWENTY))
     final(book, "n0", 5, 5, 1000, 9000, 3)
     book.close()
-    found = energy_metrics(book, nodes_of(plan, book))["by_accounting"]
+    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]
     for name, device in DEVICES.items():
         head, byte_s = device.overhead_bytes, device.byte_ns * 1e-9
         send = (30 + 2 * head) * byte_s * device.send_uw * 1e-6
@@ -213,13 +218,15 @@ FOUR = [node(f"n{i}", 100.0 * i, 0.0) for i in range(4)]
 
 def lifetimes(*died_s: float | None, reach_m: float = 120.0, **spent_ms: int) -> dict[str, Any]:
     """Of four nodes 100 m apart; the target goes from the first to the last; ``spent_ms`` is of listening, at 40 mW."""
-    plan = plan_of(CENTRE, *FOUR, truth=tuple((t, 100.0 * t, 0.0) for t in (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)))
+    plan = plan_of(
+        CENTRE, *FOUR, truth=tuple((t, 100.0 * t, 0.0) for t in (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)), reach_m=reach_m
+    )
     book = Ledger(plan.run, plan.processes)
     for each, t in zip(FOUR, died_s, strict=True):
         if t is not None:
             book.told(each.id, Told((round(t * NS), 3), Died("battery")))
         final(book, each.id, 0, 0, spent_ms.get(each.id, 1000), 0, 0)
-    return lifetime_metrics(plan, nodes_of(plan, book), reach_m)
+    return lifetime_metrics(plan, batteries_of(plan, book))
 
 
 def test_measured_lifetimes() -> None:
@@ -253,12 +260,12 @@ def test_on_mains_nobody_dies_and_no_place_is_lost_that_one_of_them_covers() -> 
     book = Ledger(plan.run, plan.processes)
     final(book, "n0", 0, 0, 1000, 0, 0)
     final(book, "n1", 0, 0, 1000, 0, 0)
-    assert lifetime_metrics(plan, nodes_of(plan, book), 50.0) == {
+    assert lifetime_metrics(plan, batteries_of(plan, book)) == {
         "first_death": pytest.approx(250.0), "half_dead": pytest.approx(250.0), "coverage_lost": None,
         "extrapolated": True, "empty": [],
     }  # fmt: skip
     book = Ledger(plan.run, (CENTRE, node("n1", 10.0, 0.0, mains)))
-    assert set(lifetime_metrics(plan, nodes_of(plan, book), 50.0).values()) == {None}
+    assert set(lifetime_metrics(plan, batteries_of(plan, book)).values()) == {None}
 
 
 # --- a run ------------------------------------------------------------------------------------------------------------
@@ -268,7 +275,7 @@ def test_what_a_run_spends_is_what_its_nodes_say() -> None:
     """Nodes that sleep until they hear something: the parts make the whole, and none of them is up for longer."""
     plan = spcpf(1, ["target.steps=10", "energy.battery_j=0.05", "clock.offset_ms=20"])
     book, _ = simulated(plan)
-    nodes = nodes_of(plan, book)
+    nodes = batteries_of(plan, book)
     found = energy_metrics(book, nodes)
     assert found["total"] == pytest.approx(sum(found["by"].values()))
     listened_j = sum(one.activity.listen_ns * (one.power.listen_uw - one.power.sleep_uw) for one in nodes) / J
@@ -277,6 +284,6 @@ def test_what_a_run_spends_is_what_its_nodes_say() -> None:
     assert all(sum(one.activity[:4]) == one.metered_ns for one in nodes)
     assert all(sum(one.spent_j.values()) < 0.05 * 1.01 for one in nodes)
     assert {one.died_ns is not None for one in nodes} == {True}
-    lasting = lifetime_metrics(plan, nodes, plan.reach_m)
+    lasting = lifetime_metrics(plan, nodes)
     assert 0 < lasting["first_death"] <= lasting["half_dead"] <= 11
     assert lasting["extrapolated"] is False

@@ -7,18 +7,20 @@ from typing import Any
 import pytest
 
 from launcher.plan.faults import Faults, Life, resolve
+from launcher.records import SENSES, Place
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
 S = 1_000_000_000
 END = 61 * S
 SENSORS = [f"n{i:03}" for i in range(121)]
+PLACES = [Place("fusion", "fusion", 0.0, 0.0), *(Place(id, "node", 0.0, 0.0, frozenset({SENSES})) for id in SENSORS)]
 Written = dict[str, Any]
 
 
 def faults(*written: Written, seed: int = 1) -> Faults:
     scenario = Scenario.load({"name": "mine", "target": {"path": "s1"}, "faults": list(written)})
-    return resolve(scenario.faults, seed, SENSORS, ["fusion"], END)
+    return resolve(scenario.faults, seed, PLACES, END)
 
 
 def fault(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -12,9 +12,9 @@ import pytest
 
 from launcher.record.journal import write_json
 from launcher.record.ledger import Ledger
-from launcher.record.metrics import Metrics, run_metrics, tracker_metrics
+from launcher.record.metrics import Metrics, run_metrics, scored, tracker_metrics
 from launcher.record.tables import TrackRow
-from launcher.records import FieldInfo, MessageRow, Plan
+from launcher.records import TRACKS, FieldInfo, MessageRow, Place, Plan, View
 from tests.simulated import simulated, spcpf
 from trackfield.drivers.frames import Frame, Refused
 from trackfield.drivers.histogram import Histogram
@@ -137,8 +137,9 @@ def tiny() -> Plan:
     run = RunSpec("tiny", 7, 5 * NS, {"model": "fixed", "loss": 0.0, "delay_ms": 10}, 2.0)
     processes = (ProcessSpec("fusion", "fusion", "none"), *(ProcessSpec(n, "node", "none") for n in ("n0", "n1")))
     path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (4.0, 4.0, 0.0, 1.0, 0.0)])
-    info = FieldInfo(run.run, "tiny-scenario", (), (), (), ("t",), 5.0)
-    return Plan(run, processes, path, info, NS)
+    places = (Place("fusion", "fusion", 0.0, 0.0, frozenset({TRACKS})),)
+    info = FieldInfo(run.run, "tiny-scenario", places, (), ("t",), 5.0)
+    return Plan(run, processes, {"target": path}, info, views=(View("base", ("fusion",)),))
 
 
 COVARIANCE = (9.0, 0, 0, 0, 0, 16.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0)
@@ -155,12 +156,14 @@ def point(
     """A point off by ``error`` (None: no track), published ``told_ms`` after its instant."""
     true = (float(step), 0.0, 1.0, 0.0)
     mean = () if error is None else tuple(a + b for a, b in zip(true, error, strict=True))
-    told = TrackPoint("t", "target", step, "tracking" if mean else "waiting", mean, covariance if mean else ())
-    return TrackRow(step * NS + told_ms * MS, step * NS, told, true if truth else None)
+    status: Any = "tracking" if mean else "waiting"
+    covariance = covariance if mean else ()
+    told = TrackPoint("t", "target", step * NS, status, mean, covariance, ("n0", "n1"), step=step, source="fusion")
+    return TrackRow(step * NS + told_ms * MS, told, true if truth else None, "target" if truth else "")
 
 
 def errors_of(*tracks: TrackRow) -> Any:
-    return tracker_metrics(tracks, ["t"])["t"]
+    return scored(tracks, Lost())
 
 
 def test_errors_are_those_of_the_formulas() -> None:
@@ -197,7 +200,7 @@ def test_a_track_without_a_truth_says_nothing_about_a_loss() -> None:
 def test_a_loss_goes_by_the_rule_that_is_given() -> None:
     """Two steps in a row, anywhere: one too far off and one without a track."""
     tracks = [point(1, (9, 0, 0, 0)), point(2, (21, 0, 0, 0)), point(3, None), point(4, (9, 0, 0, 0))]
-    found = [tracker_metrics(tracks, ["t"], Lost(20.0, n, None))["t"]["lost"] for n in (1, 2, 3)]
+    found = [scored(tracks, Lost(20.0, n, None))["lost"] for n in (1, 2, 3)]
     assert found == [True, True, False]
 
 
@@ -207,7 +210,8 @@ def test_who_found_its_way_back_is_not_lost() -> None:
 
 def test_each_tracker_has_its_own_errors() -> None:
     tracks = [point(1, (3, 4, 0, 0)), point(2, (3, 4, 0, 0))]
-    found = tracker_metrics(tracks, ["t", "other"])
+    plan = tiny()
+    found = tracker_metrics(replace(plan, info=replace(plan.info, trackers=("t", "other"))), tracks)
     assert (found["t"]["steps"], found["other"]["steps"]) == (2, 0)
     assert (found["t"]["lost"], found["other"]["lost"]) == (False, True)
 

@@ -18,6 +18,7 @@ from launcher.timeline import blueprint as look
 from launcher.timeline import rows
 from launcher.timeline.picture import PACE_NS
 from launcher.timeline.timeline import Timeline
+from tests.fake_run import CENTRE, NODE
 from tests.rrd import entities, read
 from trackfield.role import NS
 
@@ -35,8 +36,8 @@ def strict() -> Iterator[None]:
 
 def field_of(count: int, **changes: Any) -> FieldInfo:
     """A row of sensors 100 m apart, with a centre beside them; a run of 100 s."""
-    places = [Place(f"n{index}", "node", 100.0 * index, 0.0) for index in range(count)]
-    info = FieldInfo("r", "s", (*places, Place("fusion", "fusion", 0.0, -50.0)), (), (), (), 100.0)
+    places = [Place(f"n{index}", "node", 100.0 * index, 0.0, NODE) for index in range(count)]
+    info = FieldInfo("r", "s", (*places, Place("fusion", "fusion", 0.0, -50.0, CENTRE)), (), (), 100.0)
     return dataclasses.replace(info, **changes)
 
 

@@ -102,7 +102,7 @@ def test_without_an_error_nothing_is_drawn_at_all() -> None:
 def pooled_rmse(sd: float) -> float:
     """Of the default tracker's position, over all seeds (m)."""
     plans = [off(sd, seed) for seed in SEEDS]
-    runs = [tracker_metrics(simulated(plan)[1], plan.info.trackers)[DEFAULT] for plan in plans]
+    runs = [tracker_metrics(plan, simulated(plan)[1])[DEFAULT] for plan in plans]
     assert not any(run["lost"] for run in runs)
     return float(np.sqrt(np.mean([run["rmse"]["position"] ** 2 for run in runs])))
 

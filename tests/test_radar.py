@@ -87,9 +87,9 @@ def test_of_a_track_it_takes_ten_minutes_or_all_up_to_its_named_end(data_file: D
 
 def test_gaps_of_the_recording_are_known_to_the_run(data_file: DataFile) -> None:
     file = data_file("aircraft_survey.csv")
-    assert planned(load("radar", target=file)).info.gaps == ((33.0, 59.0),)
-    assert planned(load("radar", target=file, start="15:31", end="15:41")).info.gaps == ()
-    assert len(planned(load("radar", target=file, start="14:50", end="15:00")).info.gaps) == 4
+    assert planned(load("radar", target=file)).info.truths[0].gaps == ((33.0, 59.0),)
+    assert planned(load("radar", target=file, start="15:31", end="15:41")).info.truths[0].gaps == ()
+    assert len(planned(load("radar", target=file, start="14:50", end="15:00")).info.truths[0].gaps) == 4
 
 
 @pytest.mark.parametrize("start", ["15:31", "16:52", "15:08"])

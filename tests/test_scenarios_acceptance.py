@@ -33,7 +33,7 @@ BANDS_M = {
 def of_all_seeds(path: str) -> list[dict[str, Any]]:
     """The trackers' metrics of each seed, over the paper's radio: none."""
     plans = [spcpf(seed, [f"target.path={path}", "link.model=ideal"]) for seed in SEEDS]
-    return [tracker_metrics(simulated(plan)[1], plan.info.trackers) for plan in plans]
+    return [tracker_metrics(plan, simulated(plan)[1]) for plan in plans]
 
 
 # --- spcpf: 121 sensors, the paper's three targets --------------------------------------------------------------------
@@ -57,7 +57,7 @@ def test_the_packaged_radio_works_there(path: str) -> None:
     rows = [row for ledger in ledgers for row in ledger.rows]
     assert 0 < sum(not row.delivered for row in rows) < 0.05 * len(rows)
     for tracker in ("spcpf", "fix-imm-ukf"):
-        runs = [tracker_metrics(one, [tracker])[tracker] for one in tracks]
+        runs = [tracker_metrics(plan, one)[tracker] for plan, one in zip(plans, tracks, strict=True)]
         assert not any(run["lost"] for run in runs)
         assert np.sqrt(np.mean([run["rmse"]["position"] ** 2 for run in runs])) <= 1.1 * BANDS_M[tracker, path]
 
@@ -66,7 +66,7 @@ def test_noisier_bearings_make_larger_errors() -> None:
     found = []
     for sd in (0.3, 3.0, 30.0):
         plans = [spcpf(seed, [f"sensor.doa_sd_deg={sd}"]) for seed in (1, 2, 3)]
-        runs = [tracker_metrics(simulated(plan)[1], plan.info.trackers) for plan in plans]
+        runs = [tracker_metrics(plan, simulated(plan)[1]) for plan in plans]
         found.append({name: [run[name]["rmse"]["position"] for run in runs] for name in runs[0]})
     for name in found[0]:
         # Every run with better bearings is better than every run with worse ones.
@@ -98,7 +98,7 @@ def test_a_link_that_loses_all_leaves_every_tracker_lost() -> None:
     ledger, tracks = simulated(plan)
     assert {row.outcome for row in ledger.rows} == {"radio"}
     assert {row.point.reports for row in tracks} == {0}
-    assert all(run["lost"] for run in tracker_metrics(tracks, plan.info.trackers).values())
+    assert all(run["lost"] for run in tracker_metrics(plan, tracks).values())
 
 
 # --- bus: a recorded ride, started from the first reports, over a radio with bursts of losses ---------------------
@@ -118,7 +118,7 @@ def ride(file: Path, start: str, end: str, seed: int) -> Plan:
 def test_a_recorded_bus_is_followed(data_file: Callable[[str], Path], start: str, end: str, seed: int) -> None:
     plan = ride(data_file("bus_304.gpx"), start, end, seed)
     ledger, tracks = simulated(plan)
-    run = tracker_metrics(tracks, plan.info.trackers)[DEFAULT]
+    run = tracker_metrics(plan, tracks)[DEFAULT]
     print(f"bus {start}, seed {seed}: {run['rmse']['position']:.3f} m")
     assert {row.outcome for row in ledger.rows} >= {"delivered", "radio"}
     assert run["steps"] >= 175  # of 180: it starts at once, and never gives up

@@ -216,7 +216,7 @@ def test_extent_is_the_longer_side() -> None:
 
 def field_of(*at: tuple[float, float], receptions: tuple[tuple[str, str, float], ...] = ()) -> FieldInfo:
     places = tuple(Place(f"n{index}", "node", x, y) for index, (x, y) in enumerate(at))
-    return FieldInfo("r", "s", places, (), (), (), 1.0, receptions=receptions)
+    return FieldInfo("r", "s", places, (), (), 1.0, receptions=receptions)
 
 
 def test_spacing_is_the_distance_to_the_next_place() -> None:

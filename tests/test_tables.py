@@ -20,8 +20,10 @@ COVARIANCE = tuple(float(i) for i in range(16))
 
 def point(step: int, x: float | None = 1.0, *, tracker: str = "t", target: str = "target") -> TrackPoint:
     if x is None:
-        return TrackPoint(tracker, target, step, "waiting")
-    return TrackPoint(tracker, target, step, "tracking", (x, 2.0, 3.0, 4.0), COVARIANCE, 5, b"particles")
+        return TrackPoint(tracker, target, step * NS, "waiting", step=step)
+    return TrackPoint(
+        tracker, target, step * NS, "tracking", (x, 2.0, 3.0, 4.0), COVARIANCE, tuple("abcde"), b"particles", step=step
+    )
 
 
 def message(sent_ns: int, src: str = "a", dst: str = "b", kind: str = "doa", copy: int = 0) -> MessageRow:

@@ -86,9 +86,9 @@ def test_every_part_of_the_picture_is_there(played: Played) -> None:
         "/field/battery",
         "/field/centres",
         "/field/rays",
-        "/field/truth/path",
-        "/field/truth/interpolated",
-        "/field/truth/position",
+        "/field/truth/target/path",
+        "/field/truth/target/interpolated",
+        "/field/truth/target/position",
         "/field/spcpf/particles",
         "/field/fix-imm-ukf/particles",  # its style only, see below
         "/network",
@@ -156,12 +156,12 @@ def test_every_state_is_on_its_lane_at_its_time(played: Played) -> None:
 
 
 def test_the_truth_is_drawn_and_its_gap_flagged(played: Played) -> None:
-    at = read(played.file, "/field/truth/position", "Points2D:positions")
-    assert [(t, *map(pytest.approx, value[0])) for t, value in at] == list(played.info.truth)
-    path = read(played.file, "/field/truth/path", "LineStrips2D:strips")
-    guessed = read(played.file, "/field/truth/interpolated", "LineStrips2D:strips")
+    at = read(played.file, "/field/truth/target/position", "Points2D:positions")
+    assert [(t, *map(pytest.approx, value[0])) for t, value in at] == list(played.info.truths[0].points)
+    path = read(played.file, "/field/truth/target/path", "LineStrips2D:strips")
+    guessed = read(played.file, "/field/truth/target/interpolated", "LineStrips2D:strips")
     assert [t for t, _ in guessed] == [20.25 + k / 4 for k in range(16)]
-    assert len(path) + len(guessed) == len(played.info.truth) - 1
+    assert len(path) + len(guessed) == len(played.info.truths[0].points) - 1
     for (_, before), (_, after) in pairwise(path[:20]):
         assert before[0][1] == after[0][0]  # a chain
     notes = read(played.file, "/notes", "TextLog:text")
@@ -231,15 +231,15 @@ def test_calls_out_of_order_give_the_same_picture(played: Played, tmp_path: Path
 # --- small fields, exact answers --------------------------------------------------------------------------
 
 PLACES = (
-    Place("fusion", "fusion", 0.0, 0.0),
-    Place("n1", "node", -100.0, 0.0),
-    Place("n2", "node", 100.0, 50.0),
+    Place("fusion", "fusion", 0.0, 0.0, fake_run.CENTRE),
+    Place("n1", "node", -100.0, 0.0, fake_run.NODE),
+    Place("n2", "node", 100.0, 50.0, fake_run.NODE),
 )
 Small = Callable[[Callable[[Timeline], None]], Path]
 
 
 def small_info(**changes: Any) -> FieldInfo:
-    info = FieldInfo("small", "small", PLACES, (), (), ("one",), 10.0)
+    info = FieldInfo("small", "small", PLACES, (), ("one",), 10.0)
     return dataclasses.replace(info, **changes)
 
 
@@ -263,9 +263,9 @@ def report(src: str, sent_ms: int, delay_ms: int, outcome: str = "delivered", **
     return dataclasses.replace(row, **changes)
 
 
-def track_point(step: int, mean: tuple[float, ...] = (), tracker: str = "one") -> TrackPoint:
+def track_point(step: float, mean: tuple[float, ...] = (), tracker: str = "one") -> TrackPoint:
     covariance = tuple(np.eye(4).ravel()) if mean else ()
-    return TrackPoint(tracker, "target", step, "tracking" if mean else "waiting", mean, covariance)
+    return TrackPoint(tracker, "target", round(step * NS), "tracking" if mean else "waiting", mean, covariance)
 
 
 def test_sensors_are_asleep_until_told_otherwise(small: Small) -> None:
@@ -321,7 +321,7 @@ def test_a_ray_goes_a_little_past_the_estimate_of_its_time(small: Small) -> None
         timeline.message(report("n1", 2000, 10, bearing_deg=0.0))
         timeline.message(report("n1", 5000, 10, bearing_deg=0.0))
         for step, north in ((1, 40.0), (2, 50.0), (5, 500.0)):
-            timeline.estimate(step * NS, track_point(step, (-100.0, north, 0.0, 0.0)), None)
+            timeline.estimate(track_point(step, (-100.0, north, 0.0, 0.0)), None)
 
     rays = [value[0] for _, value in read(small(calls), "/field/rays", "LineStrips2D:strips") if value]
     ends = [end for _, end in rays]
@@ -370,8 +370,8 @@ def test_a_frame_later_than_its_step_is_listed_but_not_drawn(small: Small) -> No
 
 def test_the_length_of_a_step_is_learnt_from_the_estimates(small: Small) -> None:
     def calls(timeline: Timeline) -> None:
-        timeline.estimate(500 * MS, track_point(1), None)
-        timeline.estimate(1000 * MS, track_point(2), None)
+        timeline.estimate(track_point(0.5), None)
+        timeline.estimate(track_point(1), None)
         timeline.message(report("n1", 1000, 10))
 
     assert [t for t, _ in read(small(calls), "/network", "GraphEdges:edges")] == [1.05, 1.5]
@@ -381,9 +381,9 @@ def test_a_tracker_that_lost_its_target_leaves_the_picture(small: Small) -> None
     def calls(timeline: Timeline) -> None:
         here = (3.0, 4.0, 0.0, 0.0)
         particles = np.array([[1, 2], [3, 4]], "<f4").tobytes()
-        timeline.estimate(1 * NS, dataclasses.replace(track_point(1, here), particles=particles), (0.0, 0.0))
-        timeline.estimate(2 * NS, track_point(2), (0.0, 0.0))
-        timeline.estimate(3 * NS, track_point(3, here), None)
+        timeline.estimate(dataclasses.replace(track_point(1, here), particles=particles), (0.0, 0.0))
+        timeline.estimate(track_point(2), (0.0, 0.0))
+        timeline.estimate(track_point(3, here), None)
 
     file = small(calls)
     assert read(file, "/field/one/position", "Points2D:positions") == [
@@ -400,7 +400,7 @@ def test_a_tracker_that_lost_its_target_leaves_the_picture(small: Small) -> None
 def test_trackers_have_colours_of_their_own(small: Small) -> None:
     def calls(timeline: Timeline) -> None:
         for tracker in ("one", "two", "unannounced"):
-            timeline.estimate(1 * NS, track_point(1, (1.0, 1.0, 0.0, 0.0), tracker), None)
+            timeline.estimate(track_point(1, (1.0, 1.0, 0.0, 0.0), tracker), None)
 
     info = small_info(trackers=("one", "two"))
     assert len({look.tracker_colour(info, name) for name in ("one", "two", "unannounced")}) == 3
@@ -426,7 +426,7 @@ def test_the_truth_is_drawn_only_as_far_as_the_run_came(tmp_path: Path) -> None:
     timeline = Timeline(tmp_path / "run.rrd", small_info(truth=truth))
     timeline.state(4_500 * MS, "n1", "awake")
     timeline.close()
-    times = [t for t, _ in read(tmp_path / "run.rrd", "/field/truth/position", "Points2D:positions")]
+    times = [t for t, _ in read(tmp_path / "run.rrd", "/field/truth/target/position", "Points2D:positions")]
     assert times == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
@@ -472,7 +472,7 @@ def test_the_lanes_shown_are_those_that_the_target_passes() -> None:
     info = fake_run.info(side=11)
     first = look.lanes(info)[: look.LANES]
     assert first[0].id == "fusion"
-    closest = [min(math.dist((p.x, p.y), (x, y)) for _, x, y in info.truth) for p in first[1:]]
+    closest = [min(math.dist((p.x, p.y), (x, y)) for _, x, y in info.truths[0].points) for p in first[1:]]
     assert max(closest) < 36  # half the diagonal of a cell
     assert sorted(p.id for p in look.lanes(info)) == sorted(p.id for p in info.places)
 
@@ -489,7 +489,9 @@ def test_no_path_no_sensor_and_one_place_can_be_shown(tmp_path: Path) -> None:
 def test_the_network_is_drawn_at_an_even_scale_with_north_up() -> None:
     """The names would cover each other in a field of 5 m, and be lost in one of 5 km."""
     for spacing in (5.0, 50.0, 500.0):
-        places = tuple(Place(f"n{i}{j}", "node", spacing * i, spacing * j) for i in range(4) for j in range(4))
+        places = tuple(
+            Place(f"n{i}{j}", "node", spacing * i, spacing * j, fake_run.NODE) for i in range(4) for j in range(4)
+        )
         at = look.graph_positions(small_info(places=places))
         east = at["n10"][0] - at["n00"][0]
         assert 45.0 < east < 60.0
