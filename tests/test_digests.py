@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import pytest
 
-from launcher.prepare import load, planned
-from launcher.virtually import simulate
+from launcher.plan.prepare import load, planned
+from launcher.record.virtually import simulate
 from tests.same_cases import CLOCKS, FAULTS, LATE
 from tests.same_tables import FRAME
 

@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from launcher.prepare import load, planned
+from launcher.plan.prepare import load, planned
 from tests.same_cases import FIELDS, Case, cases, settings_of
 from tests.same_tables import differences
 

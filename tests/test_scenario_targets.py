@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from launcher.prepare import keep
 
+from launcher.record.folder import keep
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, survey
 from trackfield.scenario.survey import target_paths
