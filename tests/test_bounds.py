@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import inf
@@ -32,7 +33,9 @@ STRAIGHT = ["target.path=waypoints", "target.waypoints=[[0, 60, 60], [20, 160, 1
 
 def used_by(*reports: tuple[str, int]) -> list[TrackRow]:
     """Points that used these reports (sensor, step), a tracker's answer to each, off by nothing."""
-    steps = sorted({step for _, step in reports})
+    sensors = defaultdict(list)
+    for sensor, step in reports:
+        sensors[step].append(sensor)
     return [
         TrackRow(
             step * NS,
@@ -43,11 +46,11 @@ def used_by(*reports: tuple[str, int]) -> list[TrackRow]:
                 "tracking",
                 (0.0,) * 4,
                 (0.0,) * 16,
-                tuple(s for s, at in reports if at == step),
+                tuple(sensors[step]),
             ),
             (0.0,) * 4,
         )
-        for step in steps
+        for step in sorted(sensors)
     ]
 
 

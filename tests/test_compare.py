@@ -25,11 +25,14 @@ from trackfield.errors import ScenarioError
 from trackfield.role import NS, TrackPoint
 
 COVARIANCE = tuple(float(i) for i in range(16))
+REPORTS = ("n0", "n1")
 TRACKS = [
-    TrackRow(NS, NS, TrackPoint("t", "target", 1, "waiting"), None),
+    TrackRow(NS, TrackPoint("t", "target", NS, "waiting", step=1)),
     *(
-        TrackRow(n * NS, n * NS, TrackPoint("t", "target", n, "tracking", (n, 2.0, 3.0, 4.0), COVARIANCE, 5), None)
-        for n in (2, 3, 4)
+        TrackRow(
+            t, TrackPoint("t", "target", t, "tracking", (t / NS, 2.0, 3.0, 4.0), COVARIANCE, REPORTS, step=t // NS)
+        )
+        for t in (2 * NS, 3 * NS, 4 * NS)
     ),
 ]
 FRAMES = [MessageRow("doa", "n0", "fusion", "field", n * NS, n * NS + 1, "delivered", 12) for n in (1, 2, 3)]
@@ -100,7 +103,9 @@ def test_another_covariance_is_found(tmp_path: Path) -> None:
         TRACKS[1:],
         with_point(2, step=9),
         with_point(2, status="coasting"),
-        with_point(2, reports=4),
+        with_point(2, sensors=("n0", "n2")),
+        with_point(2, source="other"),
+        with_point(2, at_ns=5),
         with_point(2, tracker="u"),
         with_point(2, target="other"),
         [],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -346,7 +347,8 @@ def test_the_reason_is_told(payload: bytes, reason: str) -> None:
 
 def test_what_a_role_shows_is_told_with_the_event_it_came_from() -> None:
     shown = (State("awake"), Radio(False), Publish(POINT), Note("hello"))
-    assert at_start(*shown).handle_next() == [Told((0, 0, "start"), effect) for effect in shown]
+    told = (*shown[:2], Publish(replace(POINT, source="me")), shown[3])
+    assert at_start(*shown).handle_next() == [Told((0, 0, "start"), effect) for effect in told]
 
 
 def test_bytes_for_a_device_leave_as_they_are() -> None:

@@ -118,7 +118,7 @@ def test_without_prior_it_starts_from_the_first_reports_that_give_a_fix() -> Non
 def test_while_it_waits_it_publishes_that_it_does_and_nothing_more() -> None:
     fusion = centre()
     _, effects = fusion.handle(started(fusion), deadline(1))
-    point = TrackPoint("fix-imm-ukf", "bus", 1, "waiting")
+    point = TrackPoint("fix-imm-ukf", "bus", NS, "waiting", step=1)
     kept = Store(pack(1, None, {"fix-imm-ukf": point}))
     assert effects == (Publish(point), kept, SetTimer("deadline", 2 * NS + DEADLINE))
 
@@ -271,7 +271,7 @@ def spied(*names: str, **changes: Any) -> tuple[Fusion, Memory, dict[str, Any]]:
     """A centre with a spy for each of these trackers."""
     fusion = centre("fix-imm-ukf", **changes)
     spies: dict[str, Any] = {name: Spy() for name in names}
-    fusion.trackers = spies
+    fusion.bank.trackers = spies
     return fusion, started(fusion), spies
 
 

@@ -216,7 +216,7 @@ def test_of_estimates_told_twice_the_last_stays() -> None:
     book.told("a", told(200, first))
     book.told("b", Undone(timer(300)))
     book.told("b", told(300, second))
-    assert book.estimates() == [(200 * MS, "a", first), (300 * MS, "b", second)]
+    assert book.estimates() == [(200 * MS, "a", 0, first.estimate), (300 * MS, "b", 0, second.estimate)]
 
 
 # --- who is expected to hear ------------------------------------------------------------------------------------------

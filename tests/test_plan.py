@@ -196,7 +196,7 @@ def test_an_adaptive_threshold_is_told_to_both_ends() -> None:
 )
 def test_nodes_listen_for_commands_as_long_as_they_may_take(settings: list[str], from_ms: float, for_ms: float) -> None:
     scenario = load("spcpf", settings=["sensor.threshold=adaptive", *settings])
-    duty = duty_of(scenario, 61 * S)
+    duty = duty_of(scenario, 0, 61 * S)
     assert duty is not None
     assert (duty["listen_from_ns"] / 1e6, duty["listen_for_ns"] / 1e6) == pytest.approx((from_ms, for_ms))
 

@@ -173,8 +173,19 @@ def test_the_folder_is_one_like_any_other(trackfield: Call) -> None:
     assert "recorded reports, fused again" in Path("again", "report.html").read_text()
 
 
+def test_a_centre_that_died_unplanned_is_fused_again_as_long_as_it_tracked(tmp_path: Path) -> None:
+    """In one run it was away from 12.4 to 17.7 s as planned, in the other nobody knows why: the reports are the same."""
+    run, twin = virtual((*LATE, DEAD)), Path("twin")
+    shutil.copytree(run, twin)
+    scenario = (twin / "scenario.toml").read_text()
+    (twin / "scenario.toml").write_text(scenario[: scenario.index("[[faults]]")])
+    planned_one, unplanned = (replay(one, out=tmp_path / f"again-{one.name}").folder for one in (run, twin))
+    assert differences(run, planned_one, 1e-9) == []
+    assert differences(planned_one, unplanned, 1e-9) == []
+
+
 def test_the_timeline_has_frames_faults_and_the_new_tracks() -> None:
-    run = virtual((*LATE, DEAD))
+    run = virtual((DEAD,))
     again = replay(run, ["ekf"]).folder
     old, new = entities(run / "run.rrd"), entities(again / "run.rrd")
     assert {name for name in new if "ekf" in name}
@@ -190,18 +201,14 @@ def test_what_the_machine_did_is_said(trackfield: Call) -> None:
     run = virtual((), steps=5)
     metrics = json.loads((run / METRICS).read_text())
     assert caveats(metrics) == []
-    metrics["processes"]["died"] = [{"id": name, "host": "h", "why": "signal 9", "t": 2.0} for name in ("n1", "fusion")]
     metrics["timing"]["host_late"] = 3
-    metrics["frames"]["host_lost"], metrics["recorder"]["dropped"] = 4, 5
+    metrics["recorder"]["dropped"] = 5
     (run / METRICS).write_text(json.dumps(metrics))
     said = trackfield("replay", "run")
     assert said.code == 0
     said = said.err
-    assert "note: fusion died unplanned in this run; the replay lets it live" in said
     assert "note: 3 events were handled out of order in this run" in said
-    assert "note: 4 frames that the machine lost in this run" in said
     assert "note: 5 frames of this run never reached the recorder" in said
-    assert "n1 died" not in said
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------
@@ -232,7 +239,7 @@ def no_figures(run: Path) -> None:
     [
         (None, ("--tracker", "spcfp"), "unknown tracker 'spcfp'; did you mean spcpf?"),
         (None, ("--out", "run"), "run: --out: the folder has something in it; expected an empty or new one"),
-        (older, (), "messages.parquet: has no payloads: an older version made it; expected a run by this version"),
+        (older, (), "messages.parquet: an older version made it; expected a run by this version"),
         (lambda run: without(METRICS, run), (), "run: has no metrics.json; expected the folder of a finished run"),
         (lambda run: without("messages.parquet", run), (), "run: has no messages.parquet"),
         (lambda run: without("scenario.toml", run), (), "run: has no scenario.toml; expected"),

@@ -28,12 +28,13 @@ POINTS = st.builds(
     TrackPoint,
     tracker=WORDS,
     target=WORDS,
-    step=st.integers(0, 2**31),
+    at_ns=TIMES,
     status=st.sampled_from(["waiting", "tracking", "coasting"]),
     mean=st.one_of(st.just(()), st.tuples(*[NUMBERS] * 4)),
     covariance=st.one_of(st.just(()), st.tuples(*[NUMBERS] * 16)),
-    reports=st.integers(0, 999),
+    sensors=st.lists(WORDS, max_size=4).map(tuple),
     particles=st.binary(max_size=64),
+    step=st.one_of(st.none(), st.integers(0, 65535)),
 )
 EFFECTS = st.one_of(
     st.builds(State, WORDS, WORDS),

@@ -18,7 +18,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from launcher.records import FieldInfo, MessageRow, Place
+from launcher.records import TRACKS, FieldInfo, MessageRow, Place, Truth
 from launcher.timeline import blueprint as look
 from launcher.timeline import rows
 from launcher.timeline.timeline import Timeline
@@ -170,7 +170,7 @@ def test_the_truth_is_drawn_and_its_gap_flagged(played: Played) -> None:
 
 def test_tracks_errors_and_particles(played: Played) -> None:
     for tracker in fake_run.TRACKERS:
-        points = [(t / NS, p, truth) for t, p, truth in played.made("estimate") if p.tracker == tracker]
+        points = [(p.at_ns / NS, p, truth) for p, truth in played.made("estimate") if p.tracker == tracker]
         tracking = [(t, p, truth) for t, p, truth in points if p.mean]
         assert len(points) == 60 and len(tracking) == 57
 
@@ -368,13 +368,47 @@ def test_a_frame_later_than_its_step_is_listed_but_not_drawn(small: Small) -> No
     assert read(file, "/messages/doa", "TextLog:level") == [(3.5, ["WARN"])]
 
 
-def test_the_length_of_a_step_is_learnt_from_the_estimates(small: Small) -> None:
-    def calls(timeline: Timeline) -> None:
-        timeline.estimate(track_point(0.5), None)
-        timeline.estimate(track_point(1), None)
-        timeline.message(report("n1", 1000, 10))
+def test_a_frame_is_seen_for_as_long_as_a_step(tmp_path: Path) -> None:
+    timeline = Timeline(tmp_path / "run.rrd", small_info(step_ns=NS // 2))
+    timeline.message(report("n1", 1000, 10))
+    timeline.close()
+    assert [t for t, _ in read(tmp_path / "run.rrd", "/network", "GraphEdges:edges")] == [1.05, 1.5]
 
-    assert [t for t, _ in read(small(calls), "/network", "GraphEdges:edges")] == [1.05, 1.5]
+
+def test_times_count_from_the_first_step(tmp_path: Path) -> None:
+    """A frame 3 s after the start of the run, in the middle of a setup of 5 s, is at -2 s; the axis begins with it."""
+    info = small_info(origin_ns=5 * NS, truths=(Truth("target", ((0.0, 1.0, 2.0), (1.0, 3.0, 4.0))),))
+    timeline = Timeline(tmp_path / "run.rrd", dataclasses.replace(info, marks=((0.5, "n1", "kill"),)))
+    timeline.message(report("n1", 3000, 10))
+    timeline.estimate(dataclasses.replace(track_point(6), step=1), None)
+    timeline.close()
+    file = tmp_path / "run.rrd"
+    assert read(file, "/messages/doa", "TextLog:text")[0][0] == pytest.approx(-1.99)
+    assert [t for t, _ in read(file, "/field/truth/target/position", "Points2D:positions")] == [0.0, 1.0]
+    assert [t for t, _ in read(file, "/field/one/position", "Points2D:positions")] == [1.0]
+    assert [t for t, _ in read(file, "/faults", "TextLog:text")] == [0.5]
+
+
+def test_several_targets_are_several_truths_by_name(tmp_path: Path) -> None:
+    truths = tuple(Truth(name, ((0.0, x, 0.0), (1.0, x, 5.0))) for name, x in (("car", 1.0), ("truck", 2.0)))
+    timeline = Timeline(tmp_path / "run.rrd", small_info(truths=truths))
+    timeline.state(2 * NS, "n1", "awake")
+    timeline.close()
+    for name, x in (("car", 1.0), ("truck", 2.0)):
+        file, entity = tmp_path / "run.rrd", f"/field/truth/{name}/position"
+        assert [value for _, value in read(file, entity, "Points2D:positions") if value] == [[[x, 0.0]], [[x, 5.0]]]
+        assert [value for _, value in read(file, entity, "Points2D:labels") if value] == [[name]]
+
+
+def test_what_several_processes_track_is_drawn_apart(tmp_path: Path) -> None:
+    info = small_info(places=tuple(dataclasses.replace(p, tags=p.tags | {TRACKS}) for p in PLACES[1:]))
+    timeline = Timeline(tmp_path / "run.rrd", info)
+    for source in ("n1", "n2"):
+        timeline.estimate(dataclasses.replace(track_point(1, (1.0, 2.0, 0.0, 0.0)), source=source), (1.0, 2.0))
+    timeline.close()
+    for source in ("n1", "n2"):
+        assert read(tmp_path / "run.rrd", f"/field/one/{source}/position", "Points2D:positions")
+        assert read(tmp_path / "run.rrd", f"/plots/error/one/{source}", "Scalars:scalars") == [(1.0, [0.0])]
 
 
 def test_a_tracker_that_lost_its_target_leaves_the_picture(small: Small) -> None:
@@ -423,7 +457,7 @@ def test_notes_are_listed_with_their_level(small: Small) -> None:
 
 def test_the_truth_is_drawn_only_as_far_as_the_run_came(tmp_path: Path) -> None:
     truth = tuple((float(t), 10.0 * t, 0.0) for t in range(11))
-    timeline = Timeline(tmp_path / "run.rrd", small_info(truth=truth))
+    timeline = Timeline(tmp_path / "run.rrd", small_info(truths=(Truth("target", truth),)))
     timeline.state(4_500 * MS, "n1", "awake")
     timeline.close()
     times = [t for t, _ in read(tmp_path / "run.rrd", "/field/truth/target/position", "Points2D:positions")]
@@ -433,7 +467,7 @@ def test_the_truth_is_drawn_only_as_far_as_the_run_came(tmp_path: Path) -> None:
 def test_a_table_of_lost_frames_has_no_column_for_their_arrival() -> None:
     """Of a column without any value Rerun would have to guess the type."""
     lost = dataclasses.replace(report("n2", 2000, 10, "radio"), due_ns=None, local_ns=2 * NS)
-    columns = {str(column.component_descriptor().component) for column in rows.times([lost])}
+    columns = {str(column.component_descriptor().component) for column in rows.times([(lost, 0)])}
     assert columns == {name for name in rows.TIMES if name != "received at"}
 
 
