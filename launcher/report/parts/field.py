@@ -18,6 +18,11 @@ MUCH_LARGER: Final = 2.0
 REPORTED: Final = "#3d9a62"
 
 
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``: the figure says it all."""
+    return {}
+
+
 def field(run: Run) -> Figure:
     """The track over the field; what is near the path, if the field is much larger."""
     sensors = np.array([place[1:] for place in run.site.sensors])
@@ -111,9 +116,9 @@ def _track(axes: Axes, run: Run, track: Track) -> None:
 
 
 def _centre(axes: Axes, run: Run) -> None:
-    axes.plot(*run.site.centre, "^", color=style.CENTRE, ms=9, label="fusion centre", zorder=1.9)
+    axes.plot(*run.site.centre, "^", color=style.INK, ms=9, label="fusion centre", zorder=1.9)
     if run.site.route:
-        axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.CENTRE, lw=1.0, label="its way", zorder=2)
+        axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.INK, lw=1.0, label="its way", zorder=2)
 
 
 def _map(axes: Axes, sensors: Array, whole: Array, box: Array) -> None:
@@ -125,3 +130,6 @@ def _map(axes: Axes, sensors: Array, whole: Array, box: Array) -> None:
     small.grid(visible=False)
     east, north = np.ptp(whole, axis=0)
     small.set_title(f"whole field\n{east:,.0f} x {north:,.0f} m", fontsize=7.5, loc="left")
+
+
+FIGURES: Final[style.Figures] = {"field": field}

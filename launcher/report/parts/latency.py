@@ -1,41 +1,34 @@
-"""Figures of the radio: what became of the frames over time, and how long things took."""
+"""How long frames, reports and tracks took, in emulated time."""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from launcher.report import style
+from launcher.report.cells import Table, number
 from launcher.report.folder import Array, Run
 
-MOST_BARS: Final = 80
 POINTS: Final = 400
 """Of a curve: more cannot be seen."""
 
 
-def losses(run: Run) -> Figure | None:
-    """Frames by when they were sent and what became of them, stacked."""
-    if not len(run.frames):
-        return None
-    figure, (axes,) = style.blank(2.9)
-    step_s = run.site.step_ns / 1e9
-    each = step_s * max(round(run.end_s / step_s / MOST_BARS), 1)
-    edges = np.arange(0.0, run.end_s + each, each)
-    bottom = np.zeros(len(edges) - 1)
-    for outcome, colour in style.OUTCOMES.items():
-        counts, _ = np.histogram(run.frames.sent_s[run.frames.where("outcome", outcome)], edges)
-        if counts.any():
-            label = outcome if outcome in ("delivered", "late", "ignored") else f"lost: {outcome.replace('_', ' ')}"
-            axes.bar(edges[:-1], counts, each * 0.92, bottom, align="edge", color=colour, label=label, lw=0)
-            bottom += counts
-    axes.set_ylabel(f"frames in {each:g} s")
-    style.counts(axes)
-    style.over_time(axes, run)
-    style.legend(axes, columns=5)
-    return figure
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``."""
+    return {"table": table(run)}
+
+
+def table(run: Run) -> Table:
+    """The quantiles that metrics.json has."""
+    names = {"link": "on the link", "to_filter": "sending of a report to its fusion", "to_track": "step to its track"}
+    rows = [
+        [text, *(number(run.metrics["latency_ms"][key][q]) for q in ("p50", "p95", "p99", "max"))]
+        for key, text in names.items()
+    ]
+    return Table(["emulated, ms", "median", "95 %", "99 %", "longest"], rows)
 
 
 def latency(run: Run) -> Figure | None:
@@ -69,3 +62,6 @@ def latencies(run: Run) -> dict[str, Array]:
     to_track = np.concatenate([track.told_s - track.t_s for track in run.tracks] or [np.empty(0)])
     found = {"on the link": frames.link_s, "sending to fusion": to_filter, "step to track": to_track}
     return {name: values[np.isfinite(values) & (values > 0)] for name, values in found.items()}
+
+
+FIGURES: Final[style.Figures] = {"latency": latency}
