@@ -69,12 +69,14 @@ def _facts(run: Run) -> list[tuple[str, str]]:
     metrics, scenario = run.metrics, run.scenario
     how = _HOW[metrics["driver"]]
     speed = metrics["timing"]["speed"]
+    setup = f", after {run.origin_s:g} s of setup" if run.origin_s else ""
     return [
         ("driver", how if speed in (None, 1) else f"{how}, {speed:g} times as fast"),
         ("seed", str(metrics["seed"])),
         ("started", run.manifest["started"].replace("T", " ").replace("+00:00", " UTC")),
         ("sensors", f"{len(run.site.sensors):,}, {scenario.field.layout}"),
-        ("steps", f"{run.steps:,} of {run.site.step_ns / 1e9:g} s"),
+        *([("targets", ids(run.site.paths))] if run.several else []),
+        ("steps", f"{run.steps:,} of {run.site.step_ns / 1e9:g} s{setup}"),
         ("link", scenario.link.model),
     ]
 

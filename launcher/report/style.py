@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from launcher.report.folder import Array, Run, Track
+from launcher.report.folder import Run
+from launcher.report.tracks import Array, Track
 
 Figures = Mapping[str, Callable[[Run], Figure | None]]
 """How each figure is drawn, by the name of its file; None where there is nothing to show."""

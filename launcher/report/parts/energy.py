@@ -38,12 +38,12 @@ def accountings(run: Run) -> Table:
 
 
 def lifetimes(run: Run) -> list[tuple[str, str]]:
-    """How long batteries and coverage last."""
+    """How long batteries and coverage last, from the start of the run."""
     lifetime = run.metrics["lifetime_s"]
     names = {"first_death": "first battery empty", "half_dead": "half of them empty", "coverage_lost": "coverage lost"}
     beyond = " (at the rate of this run)"
     return [
-        (text, f"after {span(t_s)}{beyond if t_s > run.end_s else ''}")
+        (text, f"after {span(t_s)}{beyond if t_s > run.origin_s + run.end_s else ''}")
         for key, text in names.items()
         if (t_s := lifetime[key]) is not None
     ]

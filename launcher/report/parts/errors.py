@@ -17,6 +17,8 @@ from launcher.report.parts.consistency import in_words
 WIDE: Final = 30.0
 """Errors whose largest is so many times their median are shown on a logarithmic scale."""
 
+NEAREST: Final = "With several targets, each step is scored against the nearest one."
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -31,7 +33,7 @@ class Verdict:
 
 def contents(run: Run) -> dict[str, Any]:
     """See ``Part``."""
-    return {"verdicts": verdicts(run), "trackers": trackers(run)}
+    return {"verdicts": verdicts(run), "trackers": trackers(run), "targets": targets(run)}
 
 
 # --- words and tables -------------------------------------------------------------------------------------------------
@@ -45,7 +47,8 @@ def verdicts(run: Run) -> list[Verdict]:
 def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     colour = style.colour(run, name)
     if not m["steps"]:
-        return Verdict(name, colour, "no track", False, "It never had a track of the target.")
+        text = f"It never had a track of {'a' if run.several else 'the'} target."
+        return Verdict(name, colour, "no track", False, text)
     of = sum(int(np.isfinite(track.truth[:, 0]).sum()) for track in run.tracks if track.tracker == name)
     steps = f"all {of} steps" if m["steps"] == of else f"{m['steps']} of {of} steps"
     blind = sum(int(track.coasting.sum()) for track in run.tracks if track.tracker == name)
@@ -54,7 +57,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     error = f"RMSE {number(rmse, 'm')}, median error {number(m['median_error'], 'm')}, over {steps}"
     if bound:
         error += f"; {rmse / bound:.2f} times the bound of {number(bound, 'm')}"
-    text = f"{error}. {in_words(m)}".rstrip()
+    text = " ".join(filter(None, [f"{error}.", NEAREST if m["association"] else "", in_words(m)]))
     return Verdict(name, colour, "lost" if m["lost"] else "followed", not m["lost"], text)
 
 
@@ -85,6 +88,16 @@ def _line(bound_m: float | None, name: str, m: dict[str, Any]) -> dict[str, str]
     }
 
 
+def targets(run: Run) -> Table:
+    """Of several targets, how far off every tracker was while this one was the nearest."""
+    rows = [
+        [name, target, number(own["rmse"]), number(own["steps"])]
+        for name, m in run.metrics["trackers"].items()
+        for target, own in m["targets"].items()
+    ]
+    return Table(["tracker", "nearest target", "RMSE [m]", "steps"], rows)
+
+
 # --- the figure -------------------------------------------------------------------------------------------------------
 
 
@@ -104,7 +117,7 @@ def error(run: Run) -> Figure | None:
         above.set_yscale("log")
     else:
         above.set_ylim(bottom=0.0)
-    above.set_ylabel("position error [m]")
+    above.set_ylabel("error to nearest target [m]" if run.several else "position error [m]")
     _events(above, run)
     style.legend(above)
     _reports(below, run)
@@ -126,9 +139,12 @@ def _reports(axes: Axes, run: Run) -> None:
 
 
 def _events(axes: Axes, run: Run) -> None:
-    """Stretches without data of the target, and when something broke."""
-    for index, (begin, end) in enumerate(next(iter(run.site.paths.values())).gaps):
-        axes.axvspan(begin, end, color=style.GAP, alpha=0.12, lw=0, label=None if index else "no data of the target")
+    """Stretches without data of a target, and when something broke."""
+    gaps = [gap for path in run.site.paths.values() for gap in path.gaps]
+    blind = f"no data of {'a' if run.several else 'the'} target"
+    for index, (begin, end) in enumerate(gaps):
+        span = begin - run.origin_s, end - run.origin_s
+        axes.axvspan(*span, color=style.GAP, alpha=0.12, lw=0, label=None if index else blind)
     for index, t_s in enumerate(broken_at(run)):
         axes.axvline(t_s, color=style.DEAD, lw=0.9, ls=":", label=None if index else "fault or death")
 

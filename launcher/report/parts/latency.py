@@ -5,15 +5,20 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
+import pyarrow.compute as pc
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from launcher.report import style
 from launcher.report.cells import Table, number
-from launcher.report.folder import Array, Run
+from launcher.report.folder import Run
+from launcher.report.tracks import Array
+from trackfield.role import NS
 
 POINTS: Final = 400
 """Of a curve: more cannot be seen."""
+_USES: Final = ("sensors", "step", "told_ns")
+"""Who was used when, in tracks.parquet."""
 
 
 def contents(run: Run) -> dict[str, Any]:
@@ -51,17 +56,22 @@ def latency(run: Run) -> Figure | None:
 
 def latencies(run: Run) -> dict[str, Array]:
     """In s, as metrics.json counts them: on the link, from sending to fusion, and from a step to its track."""
-    frames = run.frames
-    told: dict[int, float] = {}
-    step_s = run.site.step_ns / 1e9
-    for track in run.tracks:
-        for t_s, told_s in zip(track.t_s, track.told_s, strict=True):
-            told.setdefault(round(t_s / step_s), told_s)
-    fused = np.array([told.get(int(step), np.nan) if np.isfinite(step) else np.nan for step in frames.step])
-    to_filter = np.where(frames.where("outcome", "delivered"), fused - frames.sent_s, np.nan)
-    to_track = np.concatenate([track.told_s - track.t_s for track in run.tracks] or [np.empty(0)])
-    found = {"on the link": frames.link_s, "sending to fusion": to_filter, "step to track": to_track}
+    live = run.points.filter(pc.equal(run.points["lag"], 0))
+    to_track = np.asarray(pc.subtract(live["told_ns"], live["at_ns"]).to_numpy(), float) / NS
+    found = {"on the link": run.frames.link_s, "sending to fusion": _to_fusion(run), "step to track": to_track}
     return {name: values[np.isfinite(values) & (values > 0)] for name, values in found.items()}
+
+
+def _to_fusion(run: Run) -> Array:
+    """From sending a report to the first track that used it, s; NaN if none did."""
+    first: dict[tuple[str, int], int] = {}
+    for sensors, step, told_ns in zip(*(run.points[name].to_pylist() for name in _USES), strict=True):
+        for sensor in sensors:
+            first[sensor, step] = min(told_ns, first.get((sensor, step), told_ns))
+    reports = run.frames.table.filter(run.frames.where("outcome", "delivered"))
+    reports = reports.filter(reports["step"].is_valid())
+    sent = zip(*(reports[name].to_pylist() for name in ("src", "step", "sent_ns")), strict=True)
+    return np.array([first.get((src, step), np.nan) - sent_ns for src, step, sent_ns in sent]) / NS
 
 
 FIGURES: Final[style.Figures] = {"latency": latency}

@@ -69,13 +69,14 @@ def kinds(run: Run) -> Table:
 
 
 def losses(run: Run) -> Figure | None:
-    """Frames by when they were sent and what became of them, stacked."""
+    """Frames by when they were sent and what became of them, stacked; from the first frame on if that is earlier."""
     if not len(run.frames):
         return None
     figure, (axes,) = style.blank(2.9)
     step_s = run.site.step_ns / 1e9
-    each = step_s * max(round(run.end_s / step_s / MOST_BARS), 1)
-    edges = np.arange(0.0, run.end_s + each, each)
+    early_s = max(-float(run.frames.sent_s.min()), 0.0)
+    each = step_s * max(round((early_s + run.end_s) / step_s / MOST_BARS), 1)
+    edges = np.arange(-np.ceil(early_s / each) * each, run.end_s + each, each)
     bottom = np.zeros(len(edges) - 1)
     for outcome, colour in style.OUTCOMES.items():
         counts, _ = np.histogram(run.frames.sent_s[run.frames.where("outcome", outcome)], edges)
@@ -86,6 +87,7 @@ def losses(run: Run) -> Figure | None:
     axes.set_ylabel(f"frames in {each:g} s")
     style.counts(axes)
     style.over_time(axes, run)
+    axes.set_xlim(left=edges[0])
     style.legend(axes, columns=5)
     return figure
 
