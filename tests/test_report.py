@@ -13,10 +13,11 @@ import pytest
 
 from launcher import report
 from launcher.plan.prepare import load, planned
+from launcher.report.cells import number
 from launcher.report.figures import FIGURES
 from launcher.report.folder import read_run
-from launcher.report.parts import tables
-from launcher.report.parts.traffic import latencies
+from launcher.report.parts.latency import latencies
+from launcher.report.parts.messages import fates
 from launcher.run import run_virtual
 from launcher.show import conclude
 from tests.reporting import copied, read, run, troubled, with_tracks
@@ -66,10 +67,10 @@ def test_what_is_said_is_what_was_measured(troubled: Path) -> None:
     metrics, text = json.loads((troubled / "metrics.json").read_text()), read(troubled).text
     for name, m in metrics["trackers"].items():
         assert name in text
-        assert f"RMSE {tables.number(m['rmse']['position'], 'm')}" in text
+        assert f"RMSE {number(m['rmse']['position'], 'm')}" in text
     frames = metrics["frames"]
     assert f"{frames['lost']['radio']:,} ({frames['lost']['radio'] / frames['expected']:.1%})" in text
-    assert tables.number(metrics["energy_j"]["total"], "J") in text
+    assert number(metrics["energy_j"]["total"], "J") in text
     for words in ("freeze until 3 s n001, n002 planned", "kill n036 planned", "battery empty", "partition"):
         assert words in text
 
@@ -116,8 +117,8 @@ def test_latencies_come_to_those_of_the_run(troubled: Path) -> None:
 
 def test_every_frame_has_its_bar(troubled: Path) -> None:
     read = read_run(troubled)
-    assert sum(bar.share for bar in tables.fates(read)) == pytest.approx(1.0)
-    assert {bar.label for bar in tables.fates(read)} >= {"delivered", "radio", "partition"}
+    assert sum(bar.share for bar in fates(read)) == pytest.approx(1.0)
+    assert {bar.label for bar in fates(read)} >= {"delivered", "radio", "partition"}
     assert sum(n for n, _ in read.frames.by_kind().values()) == read.metrics["frames"]["expected"]
     assert sum(n for _, n in read.frames.by_kind().values()) == read.metrics["frames"]["delivered"]
 

@@ -9,8 +9,11 @@ from typing import Any
 import pytest
 
 from launcher import report
-from launcher.report import page, tables
+from launcher.report import page
+from launcher.report.cells import number
 from launcher.report.folder import read_run
+from launcher.report.parts import errors
+from launcher.report.parts.consistency import consistency
 from tests.command_line import Call, trackfield
 from tests.reporting import changed, copied, read, run, troubled
 from trackfield.errors import ScenarioError
@@ -28,19 +31,19 @@ def test_verdicts(copied: Path) -> None:
         one["rmse"]["position"] = 3.0
         other |= {"lost": True, "steps": 7, "nees": None}
 
-    first, second = tables.verdicts(changed(copied, known))
+    first, second = errors.verdicts(changed(copied, known))
     assert (first.state, first.good, second.state, second.good) == ("followed", True, "lost", False)
     assert first.text.startswith("RMSE 3.00 m, median error 1.00 m, over all 12 steps")
     assert first.text.endswith(
         "; 1.50 times the bound of 2.00 m. NEES 9.00, 95 % band 3.00 to 5.00: too sure of itself."
     )
-    table = tables.trackers(read_run(copied))
+    table = errors.trackers(read_run(copied))
     assert dict(zip(table.head, table.rows[0], strict=True)) | {
         "RMSE [m]": "3.00", "/ bound": "1.50", "median [m]": "1.00",
         "steps": "12", "lost": "no",
     } == dict(zip(table.head, table.rows[0], strict=True))  # fmt: skip
-    assert tables.consistency(read_run(copied)).rows[0] == ["fix-imm-ukf", "9.00", "3.00", "5.00"]
-    assert "/ bound" not in tables.trackers(changed(copied, lambda metrics: metrics.update(bound={}))).head
+    assert consistency(read_run(copied)).rows[0] == ["fix-imm-ukf", "9.00", "3.00", "5.00"]
+    assert "/ bound" not in errors.trackers(changed(copied, lambda metrics: metrics.update(bound={}))).head
     assert "over 7 of 12 steps" in second.text
     assert "NEES" not in second.text
     assert first.colour != second.colour
@@ -54,7 +57,7 @@ def test_whether_a_covariance_is_right(copied: Path, nees: float, said: str) -> 
         for m in metrics["trackers"].values():
             m |= {"nees": nees, "nees_band": [3.0, 5.0]}
 
-    assert all(verdict.text.endswith(f": {said}.") for verdict in tables.verdicts(changed(copied, known)))
+    assert all(verdict.text.endswith(f": {said}.") for verdict in errors.verdicts(changed(copied, known)))
 
 
 @pytest.mark.parametrize(
@@ -63,8 +66,8 @@ def test_whether_a_covariance_is_right(copied: Path, nees: float, said: str) -> 
      (0.0, "0.00"), (0.01234, "0.0123"), (-2.5, "-2.50"), (float("inf"), "–"), (float("nan"), "–")],
 )  # fmt: skip
 def test_figures_have_three_digits_or_so(value: float | None, said: str) -> None:
-    assert tables.number(value) == said
-    assert tables.number(value, "m") in (f"{said} m", "–")
+    assert number(value) == said
+    assert number(value, "m") in (f"{said} m", "–")
 
 
 def test_what_the_machine_did_wrong_comes_first(copied: Path) -> None:

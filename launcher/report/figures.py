@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
 import matplotlib
-from matplotlib.figure import Figure
 
 from launcher.report.folder import Run
-from launcher.report.parts.field import field
-from launcher.report.parts.series import error, nees
-from launcher.report.parts.traffic import latency, losses
-from launcher.report.style import STYLE
+from launcher.report.parts import PARTS
+from launcher.report.style import STYLE, Figures
 
 PLOTS: Final = "plots"
-FIGURES: Final[Mapping[str, Callable[[Run], Figure | None]]] = {
-    "field": field,
-    "error": error,
-    "nees": nees,
-    "losses": losses,
-    "latency": latency,
-}
-"""By name; None where there is nothing to show."""
+FIGURES: Final[Figures] = {name: draw for part in PARTS.values() for name, draw in part.FIGURES.items()}
+"""Those of all parts, by name."""
 
 
 def draw(run: Run) -> dict[str, Path]:

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from launcher.record.words import alarms
+from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
-from launcher.report.parts import tables
+from launcher.report.parts import PARTS
 
 PAGE: Final = "report.html"
 _HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}
@@ -50,23 +51,13 @@ def write_report(folder: Path) -> Path:
 
 
 def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
-    """What the template is filled with."""
+    """What the template is filled with: each part's contents by its name, and what is of no part."""
     return {
         "run": run,
         "facts": _facts(run),
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
-        "verdicts": tables.verdicts(run),
-        "trackers": tables.trackers(run),
-        "consistency": tables.consistency(run),
-        "fates": tables.fates(run),
-        "kinds": tables.kinds(run),
-        "latencies": tables.latencies(run),
-        "energy": tables.energy(run),
-        "accountings": tables.accountings(run),
-        "lifetimes": tables.lifetimes(run),
-        "troubles": tables.troubles(run),
-        "machine": tables.machine(run),
-        "number": tables.number,
+        **{name: part.contents(run) for name, part in PARTS.items()},
+        "number": number,
         "pictures": {name: _inline(file) for name, file in pictures.items()},
         "commands": commands(run),
         "files": {name: what for name, what in _FILES.items() if _has(run.folder / name)},
@@ -78,12 +69,14 @@ def _facts(run: Run) -> list[tuple[str, str]]:
     metrics, scenario = run.metrics, run.scenario
     how = _HOW[metrics["driver"]]
     speed = metrics["timing"]["speed"]
+    setup = f", after {run.origin_s:g} s of setup" if run.origin_s else ""
     return [
         ("driver", how if speed in (None, 1) else f"{how}, {speed:g} times as fast"),
         ("seed", str(metrics["seed"])),
         ("started", run.manifest["started"].replace("T", " ").replace("+00:00", " UTC")),
         ("sensors", f"{len(run.site.sensors):,}, {scenario.field.layout}"),
-        ("steps", f"{run.steps:,} of {run.site.step_ns / 1e9:g} s"),
+        *([("targets", ids(run.site.paths))] if run.several else []),
+        ("steps", f"{run.steps:,} of {run.site.step_ns / 1e9:g} s{setup}"),
         ("link", scenario.link.model),
     ]
 
@@ -98,7 +91,7 @@ def _shortfalls(run: Run) -> list[str]:
     if dropped := run.metrics["recorder"]["dropped"]:
         found.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     if died := run.metrics["processes"]["died"]:
-        found.append(f"died without being planned: {tables.ids(one['id'] for one in died)}")
+        found.append(f"died without being planned: {ids(one['id'] for one in died)}")
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -11,18 +11,22 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from launcher.report.folder import Run
+from launcher.report.tracks import Array, Track
 
+Figures = Mapping[str, Callable[[Run], Figure | None]]
+"""How each figure is drawn, by the name of its file; None where there is nothing to show."""
 WIDTH: Final = 8.6
 """Of every figure, in inches; its height is its own."""
 INK: Final = "#1f2733"
 SOFT: Final = "#6b7585"
 TRUTH: Final = "#7c8796"
-CENTRE: Final = "#1f2733"
 DEAD: Final = "#c8102e"
 GAP: Final = "#c04f9b"
 BAND: Final = "#e4eef7"
 _TRACKERS: Final = ("#e69f00", "#0072b2", "#cc79a7", "#009e73", "#d55e00", "#56b4e9")
 """Okabe and Ito, colours that everybody can tell apart; their order has the hues of the timeline."""
+_DASHES: Final = ("-", "--", "-.", ":")
+"""Of several targets."""
 OUTCOMES: Final[Mapping[str, str]] = {
     "delivered": "#dbe1e9",
     "late": "#f0c75e",
@@ -78,6 +82,14 @@ def over_time(axes: Axes, run: Run) -> None:
     """The time of the run as x axis, with what planned faults and deaths happened when."""
     axes.set_xlim(0.0, run.end_s)
     axes.set_xlabel("emulated time [s]")
+
+
+def line(axes: Axes, run: Run, track: Track, values: Array) -> None:
+    """What a track has at each of its steps, in the colour of its tracker and the dashes of its target."""
+    targets = list(dict.fromkeys(other.target for other in run.tracks))
+    label = track.tracker if len(targets) == 1 else f"{track.tracker}, {track.target}"
+    dash = _DASHES[targets.index(track.target) % len(_DASHES)]
+    axes.plot(track.t_s, values, dash, color=colour(run, track.tracker), lw=width(len(values)), label=label)
 
 
 def counts(axes: Axes) -> None:

@@ -1,0 +1,69 @@
+"""Whether covariances told the truth: errors in units of what a tracker believed its error to be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from launcher.report import style
+from launcher.report.cells import Table, number
+from launcher.report.folder import Run
+from trackfield.filters.metrics import nees_band
+
+DIMENSIONS: Final = 4
+"""Of the state (x, y, vx, vy)."""
+BAND: Final = nees_band(DIMENSIONS, 1)
+"""Where the NEES of one step lies with 95 % if the covariance is right: chi-square of 4 degrees of freedom."""
+NEES_SHOWN: Final = (1e-2, 1e4)
+"""A filter that diverged may have any."""
+
+
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``."""
+    return {"table": consistency(run)}
+
+
+def consistency(run: Run) -> Table:
+    """The mean NEES of every tracker beside the band in which it lies if its covariances are right."""
+    rows = []
+    for name, m in run.metrics["trackers"].items():
+        low, high = m.get("nees_band") or (None, None)
+        rows.append([name, number(m["nees"]), number(low), number(high)])
+    return Table(["tracker", "mean NEES", "95 % band from", "to"], rows)
+
+
+def in_words(m: Mapping[str, Any]) -> str:
+    """Whether a tracker's covariances told the truth about its errors, by its figures in metrics.json."""
+    mean, band = m["nees"], m.get("nees_band")
+    if mean is None:
+        return ""
+    if not band:
+        return f"NEES {number(mean)} ({DIMENSIONS} if its covariances are right)."
+    low, high = band
+    fit = "too sure of itself" if mean > high else "more cautious than it need be" if mean < low else "consistent"
+    return f"NEES {number(mean)}, 95 % band {number(low)} to {number(high)}: {fit}."
+
+
+def nees(run: Run) -> Figure | None:
+    """Error squared over covariance, step by step, with the band in which it lies if covariances are right."""
+    known = [track for track in run.tracks if (np.isfinite(track.nees) & (track.nees > 0)).any()]
+    if not known:
+        return None
+    figure, (axes,) = style.blank(2.9)
+    axes.axhspan(*BAND, color=style.BAND, lw=0, label="95 % of steps lie here if covariances are right", zorder=0)
+    axes.axhline(DIMENSIONS, color=style.SOFT, lw=0.9, ls="--", zorder=1)
+    for track in known:
+        style.line(axes, run, track, np.where(track.nees > 0, track.nees, np.nan))
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, NEES_SHOWN[0]), min(high, NEES_SHOWN[1]))
+    axes.set_ylabel("NEES of (x, y, vx, vy)")
+    style.over_time(axes, run)
+    style.legend(axes)
+    return figure
+
+
+FIGURES: Final[style.Figures] = {"nees": nees}

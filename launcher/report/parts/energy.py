@@ -1,0 +1,49 @@
+"""What the sensor nodes spent, on what, and how long their batteries last."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from launcher.record.words import span
+from launcher.report.cells import Bar, Table, number
+from launcher.report.folder import Run
+from launcher.report.style import Figures
+from trackfield.link.energy import CAUSES
+
+FIGURES: Final[Figures] = {}
+_SPENT: Final = dict(zip(CAUSES, ("sending", "receiving", "listening", "sleeping", "sensing"), strict=True))
+_COLOURS: Final = dict(zip(CAUSES, ("#d55e00", "#0072b2", "#e69f00", "#a9b4c2", "#009e73"), strict=True))
+
+
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``."""
+    return {"spent": spent(run), "accountings": accountings(run), "lifetimes": lifetimes(run)}
+
+
+def spent(run: Run) -> list[Bar]:
+    """What the sensor nodes spent, by cause."""
+    by = {cause: joules for cause, joules in run.metrics["energy_j"]["by"].items() if joules}
+    total = sum(by.values())
+    return [
+        Bar(_SPENT[cause], f"{number(joules, 'J')} ({joules / total:.1%})", joules / total, _COLOURS[cause])
+        for cause, joules in by.items()
+    ]
+
+
+def accountings(run: Run) -> Table:
+    """The total, counted in other ways and on other devices."""
+    by = run.metrics["energy_j"]["by_accounting"]
+    rows = [[name.replace("_", " "), number(joules)] for name, joules in by.items() if joules is not None]
+    return Table(["accounting, or device", "energy [J]"], rows)
+
+
+def lifetimes(run: Run) -> list[tuple[str, str]]:
+    """How long batteries and coverage last, from the start of the run."""
+    lifetime = run.metrics["lifetime_s"]
+    names = {"first_death": "first battery empty", "half_dead": "half of them empty", "coverage_lost": "coverage lost"}
+    beyond = " (at the rate of this run)"
+    return [
+        (text, f"after {span(t_s)}{beyond if t_s > run.origin_s + run.end_s else ''}")
+        for key, text in names.items()
+        if (t_s := lifetime[key]) is not None
+    ]

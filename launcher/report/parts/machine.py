@@ -1,0 +1,51 @@
+"""How the run went on its machine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from launcher.report.cells import number
+from launcher.report.folder import Run
+from launcher.report.style import Figures
+
+FIGURES: Final[Figures] = {}
+Line = tuple[str, str, bool]
+"""What, how much, and whether that is a reason to worry."""
+
+
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``."""
+    return {"lines": lines(run)}
+
+
+def lines(run: Run) -> list[Line]:
+    """Time, memory, clocks, and what should be 0."""
+    m = run.metrics
+    late, lost, dropped = m["timing"]["host_late"], m["frames"]["host_lost"], m["recorder"]["dropped"]
+    found = [
+        ("wall time", number(m["wall_s"], "s"), False),
+        ("processor time", number(m["cpu_s"], "s"), False),
+        ("host late: events out of order for good", number(late), bool(late)),
+        ("frames lost by the machine", number(lost), bool(lost)),
+        ("frames the recorder missed", number(dropped), bool(dropped)),
+    ]
+    if m["driver"] == "processes":
+        found += _processes(m)
+    clock = m["clock_error_ms"]
+    if clock["rms"] is not None:
+        found.append(("clock error, rms / largest", f"{number(clock['rms'])} / {number(clock['max'], 'ms')}", False))
+    return found
+
+
+def _processes(m: Mapping[str, Any]) -> list[Line]:
+    """What only real processes have."""
+    host, slip = m["host_latency_ms"], m["timing"]["slip_ms"]
+    return [
+        ("processes", number(m["processes"]["started"]), False),
+        ("all ready after", number(m["processes"]["ready_s"], "s"), False),
+        ("memory of a node", number(m["processes"]["pss_mb_per_node"], "MB"), False),
+        ("put to callback, median / 99 %", f"{number(host['p50'])} / {number(host['p99'], 'ms')}", False),
+        ("slip, median / 99 %", f"{number(slip['p50'])} / {number(slip['p99'], 'ms')}", False),
+        ("inversions put right", number(m["timing"]["inversions"]), False),
+    ]
