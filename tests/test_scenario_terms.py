@@ -96,6 +96,14 @@ def test_a_table_that_is_none(lost: Any, message: str) -> None:
     assert failure({"score": {"lost": lost}}) == message
 
 
+def test_a_table_of_its_own_is_told_with_its_line(tmp_path: Path) -> None:
+    for lost in ("[score.lost]\nwithin = 2\nsteps = 4\n", "[score]\n\nlost = { within = 2, steps = 4 }\n"):
+        (tmp_path / "mine.toml").write_text(f'name = "mine"\ntarget.path = "s1"\n{lost}')
+        assert failure({}, tmp_path / "mine.toml").startswith(
+            f"{tmp_path / 'mine.toml'}:5: score.lost.steps: is 4; expe"
+        )
+
+
 # --- the centre -------------------------------------------------------------------------------------------------------
 
 

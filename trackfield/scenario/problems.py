@@ -95,13 +95,16 @@ def _a_section(name: str, section: Kinds) -> str:
 def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str, str]:
     """What to say of a key that nobody knows, or that belongs to another kind of its section."""
     name = path[-1]
-    known: Collection[str]
-    if section and len(path) > 2:
-        known = _parts(section.keys(kind)[path[1]])
-        return f"unknown{suggestion(name, known)}", _one_of(known)
     if section is None:
-        known = [*top_level(), *sections_of_file()]
-        return f"unknown{suggestion(name, known)}", _one_of(known)
+        known: Collection[str] = [*top_level(), *sections_of_file()]
+    elif len(path) > 2:
+        known = _parts(section.keys(kind)[path[1]])
+    else:
+        return _not_of_section(name, section, kind)
+    return f"unknown{suggestion(name, known)}", _one_of(known)
+
+
+def _not_of_section(name: str, section: Kinds, kind: str) -> tuple[str, str]:
     known = section.keys(kind)
     others = [other for other, keys in section.kinds.items() if name in keys]
     if others:
@@ -121,8 +124,8 @@ def _short(value: object) -> str:
 def line_of(text: str, path: Sequence[str]) -> int | None:
     """The line on which a TOML text sets this key, or else opens its section; None if neither can be told.
 
-    Knows ``[section]`` and ``[[section]]`` headers, and ``key =`` on a line of its own, which is how scenario files are
-    written.
+    Knows ``[section]``, ``[section.key]`` and ``[[section]]`` headers, and ``key =`` on a line of its own, which is how
+    scenario files are written.
     """
     here, opened = "", None
     seen: Counter[str] = Counter()
@@ -134,6 +137,6 @@ def line_of(text: str, path: Sequence[str]) -> int | None:
                 opened = number
             continue
         setting = re.match(r"""\s*["']?([\w-]+)["']?\s*=""", line)
-        if setting and [*filter(None, [here]), setting[1]] == list(path[:2]):
+        if setting and [*filter(None, here.split(".")), setting[1]] in (list(path[:2]), list(path)):
             return number
     return opened
