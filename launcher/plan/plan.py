@@ -69,8 +69,7 @@ def planned_faults(site: Site, architecture: Architecture) -> Faults:
 def lost_of(scenario: Scenario) -> Lost:
     """When a track counts as lost."""
     rule = scenario.score.lost
-    beyond_m = scenario.fusion.lost_m if rule.beyond_m is None else rule.beyond_m
-    return Lost(beyond_m, rule.steps, rule.within)
+    return Lost(scenario.lost_beyond_m, rule.steps, rule.within)
 
 
 def _check_link(spec: RunSpec) -> None:

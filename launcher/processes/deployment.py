@@ -87,7 +87,7 @@ class Deployment:
 
     def __enter__(self) -> Self:
         self._children = self._make_children()
-        self._watch = Watch(self._children, self._clock)
+        self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
         self.deaths = self._watch.deaths
         try:
             self._fork_and_connect()

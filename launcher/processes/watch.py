@@ -15,7 +15,7 @@ SLICES: Final = 10
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """A process that died unplanned, at ``t_s`` of emulated time (None: before the start).
+    """A process that died unplanned, ``t_s`` of emulated time after the first step (None: before the start).
 
     ``again`` says that another was started in its place.
     """
@@ -28,7 +28,7 @@ class Death:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """A process that stood still from ``t_s`` of emulated time on, for ``for_s`` (None: it never went on)."""
+    """A process that stood still from ``t_s`` on, as of a death, for ``for_s`` of emulated time (None: for good)."""
 
     id: str
     t_s: float | None
@@ -45,15 +45,15 @@ class _Still:
 
 
 class Watch:
-    """Looks after the children of a run; ``clock`` tells emulated seconds (None: before the start).
+    """Looks after the children of a run; ``clock`` tells emulated seconds (None: before the start, at ``start_s``).
 
     ``gone`` are the names of those that ended, planned or not; ``deaths`` are to be reported, and so are ``stops``.
     """
 
-    def __init__(self, children: Children, clock: Callable[[], float | None]) -> None:
+    def __init__(self, children: Children, clock: Callable[[], float | None], start_s: float = 0.0) -> None:
         self.deaths: list[Death] = []
         self.gone: set[str] = set()
-        self._children, self._clock = children, clock
+        self._children, self._clock, self._start_s = children, clock, start_s
         self._reasons: dict[str, str] = {}
         self._still: dict[str, _Still] = {}
         self._went_on: list[Stop] = []
@@ -89,7 +89,8 @@ class Watch:
         if not still:
             del self._still[name]
             if before.sure and (now := self._clock()) is not None:
-                self._went_on.append(replace(before.stop, for_s=now - (before.stop.t_s or 0.0)))
+                since = self._start_s if before.stop.t_s is None else before.stop.t_s
+                self._went_on.append(replace(before.stop, for_s=now - since))
 
     def still(self, at_least_s: float = 0.0) -> set[str]:
         """Who has been standing still for so long (wall time) now."""
