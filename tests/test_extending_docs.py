@@ -105,7 +105,7 @@ def test_installed_they_are_there_by_name(folder: Path) -> None:
     listed = python(elsewhere, "-m", "launcher.cli", "list", PYTHONPATH=str(folder))
     assert listed.stdout.splitlines()[-2].endswith(", kalman")
     assert listed.stdout.splitlines()[-1] == "sensors: acoustic, sonar"
-    (command,) = re.findall(r"^trackfield (run spcpf .* sensor.kind=sonar .*)$", DOCS, re.MULTILINE)
+    (command,) = re.findall(r"^trackfield (run zhai-spcpf .* sensor.kind=sonar .*)$", DOCS, re.MULTILINE)
     options = ("--set", "target.steps=5", "--json", "--quiet")
     said = python(elsewhere, "-m", "launcher.cli", *command.split(), *options, PYTHONPATH=str(folder))
     assert said.returncode == 0, said.stderr
