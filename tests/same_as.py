@@ -210,6 +210,7 @@ def main() -> int:
     try:
         count = same_as(commit, chosen, asked.keep)
     except KeyboardInterrupt:
+        print(f"ended early, after {time.monotonic() - begun:.0f} s", file=sys.stderr)
         return 130
     said = ", ".join(f"{number} {verdict}" for verdict, number in sorted(count.items(), reverse=True))
     print(f"all in {time.monotonic() - begun:.0f} s: {said}")
