@@ -6,7 +6,6 @@ import dataclasses
 import math
 import random
 import shutil
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -555,8 +554,8 @@ def test_a_field_of_1000_sensors(tmp_path: Path) -> None:
     assert verify(file).returncode == 0
 
 
-def test_20_000_messages_a_second_are_coped_with(tmp_path: Path) -> None:
-    """1000 sensors that report twenty times a second; counted in CPU time, as other tests may run beside."""
+def test_many_messages_take_little_room(tmp_path: Path) -> None:
+    """1000 sensors that report twenty times a second; what that costs is measured by ``bench.recorder``."""
     info = fake_run.info(side=32, steps=2)
     sensors = [place.id for place in info.places if place.role == "node"][:1000]
     text = "DOA 90.0 deg, 61.2 dB"
@@ -575,16 +574,12 @@ def test_20_000_messages_a_second_are_coped_with(tmp_path: Path) -> None:
     ]
     timeline = Timeline(tmp_path / "run.rrd", info)
     empty = (tmp_path / "run.rrd").stat().st_size
-    start = time.process_time()
     for tick, batch in enumerate(batches, 1):
         for row in batch:
             timeline.message(row)
         if tick % 5 == 0:
             timeline.flush()
     timeline.close()
-    took = time.process_time() - start
     size = (tmp_path / "run.rrd").stat().st_size - empty
-    print(f"{40_000 / took:.0f} messages/s, {size / 40 / 1024:.0f} KiB per 1000 messages")
-    assert took < 2.0
     assert size / 40 < 95 * 1024
     assert len(read(tmp_path / "run.rrd", "/messages/doa", "TextLog:text")) == 40_000
