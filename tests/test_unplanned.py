@@ -16,7 +16,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from launcher.plan.prepare import load, planned
-from launcher.processes.deployment import MAX_RESTARTS, ROUTER, Deployment
+from launcher.processes.deployment import ROUTER, Deployment
+from launcher.processes.patience import MAX_RESTARTS
 from launcher.processes.watch import SLICES, Death, Stop, Watch
 from launcher.records import RECORDER, Plan
 from launcher.run import Outcome, run_processes

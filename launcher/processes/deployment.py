@@ -15,6 +15,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from launcher.processes import patience
 from launcher.processes.children import KILL_TIMEOUT_S, Children
 from launcher.processes.registry import Registry
 from launcher.processes.watch import Stop, Watch
@@ -25,33 +26,6 @@ from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 
-CONNECT_TIMEOUT_S: Final = 10.0
-"""For a router that should be there already; one of our own may take as long as any process."""
-READY_TIMEOUT_S: Final = 60.0
-READY_PER_PROCESS_S: Final = 0.05
-LEAD_S: Final = 0.5
-LEAD_PER_PROCESS_S: Final = 0.001
-"""Between an order and what it orders, so that every process has it in time."""
-NICENESS: Final = 5
-"""Of nodes: router, recorder and fusion centre come first, as all others wait for them."""
-LINGER_S: Final = 0.3
-"""For frames that are still on their way when all have reached the end."""
-OVERDUE_S: Final = 20.0
-"""After the end, how long (wall time) a process may take to say that it has reached it."""
-STILL_S: Final = 5.0
-"""The same for one that stands still, stopped from outside."""
-ROUTER_STILL_S: Final = 3.0
-"""How long the router may stand still before another takes its place: less than a lease of Zenoh's sessions."""
-ROUTER_AWAY_S: Final = 5.0
-"""How long a router that is not ours may be away."""
-MAX_RESTARTS: Final = 5
-"""Of one process; what dies more often than that is broken."""
-REPEAT_S: Final = 0.3
-"""After somebody came (back), when all orders are given again: it may have missed them."""
-POLL_S: Final = 0.1
-STOP_TIMEOUT_S: Final = 10.0
-STOP_PER_PROCESS_S: Final = 0.01
-WRITE_TIMEOUT_S: Final = 60.0
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
 LOG_TAIL: Final = 12
@@ -75,7 +49,7 @@ class Deployment:
         self._own_router = not endpoint
         self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
         self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
-        self._lead_ns = round((LEAD_S + LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
+        self._lead_ns = round((patience.LEAD_S + patience.LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._end_ns = plan.run.end_ns
         self._lives = {p.name: p for p in plan.processes}
         self._restarts: Counter[str] = Counter()
@@ -133,12 +107,12 @@ class Deployment:
 
     def _fork_role(self, life: ProcessSpec) -> None:
         title = life.name if life.id == life.role else f"{life.role} {life.name}"
-        niceness = 0 if life.sink else NICENESS
+        niceness = 0 if life.sink else patience.NICENESS
         body = Child("launcher.processes.bodies:role", title, self.log(life.name), niceness)
         self._children.fork(life.name, body, self.endpoint, self.plan.run.run, life.name)
 
     def _connect(self) -> None:
-        timeout_s = READY_TIMEOUT_S if self._own_router else CONNECT_TIMEOUT_S
+        timeout_s = patience.READY_TIMEOUT_S if self._own_router else patience.CONNECT_TIMEOUT_S
         try:
             self.session = open_client(self.endpoint, self.plan.run.run, timeout_s)
         except zenoh.ZError as error:
@@ -176,10 +150,10 @@ class Deployment:
             if time.monotonic() > deadline:
                 what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
                 raise self._failure(what, min(missing))
-            time.sleep(POLL_S)
+            time.sleep(patience.POLL_S)
 
     def _ready_timeout_s(self) -> float:
-        return READY_TIMEOUT_S + READY_PER_PROCESS_S * len(self._lives)
+        return patience.READY_TIMEOUT_S + patience.READY_PER_PROCESS_S * len(self._lives)
 
     def begin(self) -> None:
         """Order the start of emulated time."""
@@ -206,19 +180,19 @@ class Deployment:
             self._tend()
             if self._router_is_gone():
                 if not self._own_router:
-                    self._watch.died(ROUTER, f"it was away for {ROUTER_AWAY_S:.0f} s")
+                    self._watch.died(ROUTER, f"it was away for {patience.ROUTER_AWAY_S:.0f} s")
                 return
             if tick() and not ending:
                 ending = True
                 self._end_early()
             over_s = (self.now_ns - self._end_ns) / 1e9 / self.plan.run.speed
-            if over_s > STILL_S:
+            if over_s > patience.STILL_S:
                 self._end_still(missing)
-            if over_s > OVERDUE_S:
+            if over_s > patience.OVERDUE_S:
                 for name in sorted(missing):
                     self._watch.died(name, "did not reach the end")
                 return
-            time.sleep(POLL_S)
+            time.sleep(patience.POLL_S)
 
     def _to_the_end(self) -> set[str]:
         """Who should say that it has reached the end."""
@@ -239,18 +213,18 @@ class Deployment:
                 self._children.kill(name)
             self._children.terminate(RECORDER)  # it closes its files all the same
         else:
-            time.sleep(LINGER_S)
+            time.sleep(patience.LINGER_S)
             self._order(keys.STOP, b"")
             self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
-        self._await([RECORDER], WRITE_TIMEOUT_S, "did not close its files in time")
+        self._await([RECORDER], patience.WRITE_TIMEOUT_S, "did not close its files in time")
         if self._own_router and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
             self._children.terminate(ROUTER)
-            self._children.wait([ROUTER], STOP_TIMEOUT_S)
+            self._children.wait([ROUTER], patience.STOP_TIMEOUT_S)
 
     def _stop_timeout_s(self) -> float:
-        return STOP_TIMEOUT_S + STOP_PER_PROCESS_S * len(self._lives)
+        return patience.STOP_TIMEOUT_S + patience.STOP_PER_PROCESS_S * len(self._lives)
 
     def _await(self, names: Iterable[str], timeout_s: float, why: str) -> None:
         """Wait until these have ended; kill and report those that do not."""
@@ -263,11 +237,11 @@ class Deployment:
                 for name in left:
                     self._watch.kill(name, why)
             self._end_still(left)
-            time.sleep(POLL_S / 2)
+            time.sleep(patience.POLL_S / 2)
             self._tend()
 
     def _end_still(self, names: set[str]) -> None:
-        for name in names & self._watch.still(STILL_S):
+        for name in names & self._watch.still(patience.STILL_S):
             self._watch.kill(name, "stood still at the end, stopped from outside")
 
     # --- orders ---------------------------------------------------------------------------------------------------
@@ -283,7 +257,7 @@ class Deployment:
         """Give all orders again to whoever came, or came back, and may have missed them."""
         now = time.monotonic()
         if self._arrivals != self.registry.arrivals:
-            self._arrivals, self._repeat_at = self.registry.arrivals, now + REPEAT_S
+            self._arrivals, self._repeat_at = self.registry.arrivals, now + patience.REPEAT_S
         elif self._repeat_at and now > self._repeat_at:
             self._repeat_at = 0.0
             for key, payload in self._orders:
@@ -295,8 +269,10 @@ class Deployment:
         """See who died or stands still, and do what is to be done about it."""
         for name, why in self._watch.look():
             self._bury(name, why)
-        if ROUTER in self._watch.still(ROUTER_STILL_S):
-            self._watch.kill(ROUTER, f"stood still for {ROUTER_STILL_S:.0f} s, stopped from outside, and was killed")
+        if ROUTER in self._watch.still(patience.ROUTER_STILL_S):
+            self._watch.kill(
+                ROUTER, f"stood still for {patience.ROUTER_STILL_S:.0f} s, stopped from outside, and was killed"
+            )
         self._repeat()
 
     def _bury(self, name: str, why: str) -> None:
@@ -306,15 +282,15 @@ class Deployment:
         if self._stopping and name != ROUTER and why == GOOD_END:
             return
         again = self._start_again(name, life)
-        if not again and self._restarts[keys.id_of(name)] == MAX_RESTARTS:
-            why += f"; {MAX_RESTARTS} restarts are enough"
+        if not again and self._restarts[keys.id_of(name)] == patience.MAX_RESTARTS:
+            why += f"; {patience.MAX_RESTARTS} restarts are enough"
         self._watch.died(name, why, again=again)
 
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
         """Start another in the place of one that died, where that is wanted and did not happen too often."""
         start_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
         wanted = name == ROUTER if life is None else self.plan.restart and start_ns < self._end_ns
-        if not wanted or self._restarts[keys.id_of(name)] >= MAX_RESTARTS:
+        if not wanted or self._restarts[keys.id_of(name)] >= patience.MAX_RESTARTS:
             return False
         self._restarts[keys.id_of(name)] += 1
         if life is None:
@@ -334,7 +310,7 @@ class Deployment:
         now = time.monotonic()
         if self.session.info.routers_zid() or not self._router_seen:
             self._router_seen = now
-        return now - self._router_seen > ROUTER_AWAY_S
+        return now - self._router_seen > patience.ROUTER_AWAY_S
 
     # --- what others ask ------------------------------------------------------------------------------------------
 
