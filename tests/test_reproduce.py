@@ -9,21 +9,27 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.reproduce.papers.zhai.cases import CASES, Case
+from launcher.reproduce.case import Case
+from launcher.reproduce.command import reproduce
+from launcher.reproduce.paper import Paper
+from launcher.reproduce.papers import PAPERS
+from launcher.reproduce.papers.zhai import PAPER
+from launcher.reproduce.papers.zhai.cases import CASES
 from launcher.reproduce.papers.zhai.claims import JUDGES, claims
-from launcher.reproduce.papers.zhai.tables import Band, Row, tables
+from launcher.reproduce.papers.zhai.tables import tables
 from launcher.reproduce.realisation import realise, typical
 from launcher.reproduce.records import Record, measure
-from launcher.reproduce.report import FIGURES, claims_table, markdown
-from launcher.reproduce.scores import Field, Results, Score, scored
+from launcher.reproduce.report import markdown
+from launcher.reproduce.scores import Field, Results, Score, usual_scores
 from launcher.reproduce.store import Store
+from launcher.reproduce.tables import Band, Row, claims_table
 from launcher.reproduce.timing import heard
 from tests.command_line import Call, trackfield
 from trackfield.filters.trackers import make_tracker
@@ -39,9 +45,8 @@ def short(name: str = "s1", steps: int = 6) -> Case:
 
 
 def same(a: Record, b: Record) -> bool:
-    return all(
-        np.array_equal(getattr(a, f.name), getattr(b, f.name), equal_nan=True) for f in fields(Record)
-    )  # bit for bit
+    """Bit for bit."""
+    return all(np.array_equal(getattr(a, f.name), getattr(b, f.name), equal_nan=True) for f in fields(Record))
 
 
 # --- runs, stored -----------------------------------------------------------------------------------------------------
@@ -94,10 +99,11 @@ def test_a_study_is_interrupted_and_goes_on(trackfield: Call, tmp_path: Path) ->
 
     summary = json.loads(said.out)
     assert said.out == (folder / "results.json").read_text()
-    results = Results.of_plain({name: summary[name] for name in ("runs", "scores", "fields", "times")})
+    results = Results.of_plain({name: summary[name] for name in ("runs", "scores", "fields", "times")}, Score)
     for case in ("s1-78", "s3"):  # as if it had never been interrupted
-        assert (results.scores[case], results.fields[case]) == scored(CASES[case], [measure(CASES[case], 1)])
-    assert (folder / "report.md").read_text() == markdown(results)
+        records = [measure(CASES[case], 1)]
+        assert (results.scores[case], results.fields[case]) == (usual_scores(CASES[case], records), Field.of(records))
+    assert (folder / "report.md").read_text() == markdown(PAPER, results)
     assert [claim["name"] for claim in summary["claims"]] == [claim.name for claim in claims(results)]
     assert_complete(folder, results)
 
@@ -122,9 +128,9 @@ def interrupted(cwd: Path, folder: Path) -> int:
     return done
 
 
-def assert_complete(folder: Path, results: Results) -> None:
+def assert_complete(folder: Path, results: Results[Score]) -> None:
     """Figures, tables and a run are there, and agree with the results."""
-    pictures = {f"{name}.png" for name, *_ in FIGURES}
+    pictures = {f"{name}.png" for name, *_ in PAPER.figures}
     assert {file.name for file in (folder / "figures").iterdir()} == pictures
     assert pictures > {f"fig{number:02}.png" for number in range(3, 14)}
     runs = pq.read_table(folder / "runs.parquet").to_pylist()
@@ -156,6 +162,34 @@ def test_what_cannot_be_reproduced(trackfield: Call, tmp_path: Path, arguments: 
     assert {file.name for file in tmp_path.rglob("*")} == {"full", "thesis.tex"}
 
 
+def toy() -> Paper[Field]:
+    """One without tables, claims, pictures and times, and with another score than ``Score``."""
+    return Paper(
+        *("toy", "Toy (2001)", {"s1": short().only("ekf")}),
+        scores=lambda _, records: {"ekf": Field.of(records)},
+        tables=lambda _: {},
+        claims=lambda _: [],
+        parts=lambda results: [("Frames", f"{results.scores['s1']['ekf'].frames:.1f}")],
+        figures=[],
+        draw=lambda *_: {"s1": 2},
+        run=short().only("ekf"),
+    )
+
+
+def test_another_paper_is_done_by_the_same_engine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("launcher.reproduce.command.paper_named", lambda _: toy())
+    study, field = reproduce("toy", 2, tmp_path), Field.of([measure(toy().run, seed) for seed in (1, 2)])
+    assert study.summary["scores"] == {"s1": {"ekf": asdict(field)}}
+    assert [study.summary[name] for name in ("tables", "claims", "times")] == [{}, [], {}]
+    assert f"\n\n## Frames\n\n{field.frames:.1f}\n\n" in study.report
+    assert json.loads((tmp_path / "run" / "metrics.json").read_text())["seed"] == 2
+
+
+def test_the_engine_names_no_paper() -> None:
+    texts = [file.read_text() for file in (DOCS.parent / "launcher" / "reproduce").glob("*.py")]
+    assert [name for name in PAPERS if any(name in text for text in texts)] == []
+
+
 # --- figures ----------------------------------------------------------------------------------------------------------
 
 
@@ -183,7 +217,7 @@ def test_a_track_that_ended_is_lost() -> None:
 
 def test_a_run_is_the_same_with_fewer_trackers() -> None:
     case = short("s2")
-    record, run = measure(case, 3), realise(case, 3, ["bootstrap"])
+    record, run = measure(case, 3), realise(case.only("bootstrap"), 3)
     (estimate,) = run.estimates.values()
     place = list(case.trackers).index("bootstrap")
     assert np.array_equal(estimate - run.truth[1:], record.errors[place])
@@ -193,7 +227,7 @@ def test_a_run_is_the_same_with_fewer_trackers() -> None:
 
 def test_trackers_are_timed_on_what_the_centre_fuses() -> None:
     case = short()
-    given, record, run = heard(case, 2), measure(case, 2), realise(case, 2, ["spcpf"])
+    given, record, run = heard(case, 2), measure(case, 2), realise(case.only("spcpf"), 2)
     assert [len(some) for some in given.reports] == record.reports.tolist()
     tracker, estimates = make_tracker("spcpf"), []
     state = given.begun(tracker)
@@ -204,7 +238,7 @@ def test_trackers_are_timed_on_what_the_centre_fuses() -> None:
 
 
 def test_the_typical_run_is_the_median_one() -> None:
-    case = replace(short(), trackers={"spcpf": {}})
+    case = short().only("spcpf")
     errors = [1.0, 9.0, 2.0, 0.5, 4.0]
     blank = np.zeros(3), np.full(3, np.nan), np.zeros(4)
     records = [Record(np.full((1, 3, 4), error), blank[0].astype(np.int64), *blank[1:]) for error in errors]
@@ -213,22 +247,23 @@ def test_the_typical_run_is_the_median_one() -> None:
 
 def test_what_was_reached_before_is_reached_again() -> None:
     """Means of 12 runs; an independent implementation had 1.55 m and 1.05 m."""
-    case = replace(CASES["s1"], trackers={"spcpf": {}, "fix-imm-ukf": {}})
-    scores, field = scored(case, [measure(case, seed) for seed in range(1, 13)])
+    case = CASES["s1"].only("spcpf", "fix-imm-ukf")
+    records = [measure(case, seed) for seed in range(1, 13)]
+    scores = usual_scores(case, records)
     assert scores["spcpf"].position in Band(1.2, 1.7)
     assert scores["fix-imm-ukf"].position in Band(0.9, 1.15)
     assert scores["spcpf"].lost == scores["fix-imm-ukf"].lost == 0
-    assert field.active == pytest.approx(4.0, abs=0.2)
+    assert Field.of(records).active == pytest.approx(4.0, abs=0.2)
 
 
 # --- verdicts ---------------------------------------------------------------------------------------------------------
 
 
-def results_of_docs() -> Results:
-    return Results.of_plain(json.loads((DOCS / "papers-zhai" / "results.json").read_text()))
+def results_of_docs() -> Results[Score]:
+    return Results.of_plain(json.loads((DOCS / "papers-zhai" / "results.json").read_text()), Score)
 
 
-def agreeing() -> Results:
+def agreeing() -> Results[Score]:
     """Results with which the paper would be right throughout."""
     good = Score(1, 0.1, 1, 1, 0.1, 1, 1.5, 1.5, 0, 8)
     bad = replace(good, var_x=9, var_y=9, position=40, median_run=6, lost=0.9, largest=300)
@@ -241,17 +276,17 @@ def agreeing() -> Results:
     return Results(100, scores, found, {"spcpf": 0.5, "bootstrap": 1.0})
 
 
-def with_score(results: Results, case: str, tracker: str, **figures: float) -> Results:
+def with_score(results: Results[Score], case: str, tracker: str, **figures: float) -> Results[Score]:
     scores = {name: dict(some) for name, some in results.scores.items()}
     scores[case][tracker] = replace(scores[case][tracker], **figures)
     return replace(results, scores=scores)
 
 
-def with_field(results: Results, case: str, **figures: float) -> Results:
+def with_field(results: Results[Score], case: str, **figures: float) -> Results[Score]:
     return replace(results, fields={**results.fields, case: replace(results.fields[case], **figures)})
 
 
-def verdicts(results: Results) -> dict[str, str]:
+def verdicts(results: Results[Score]) -> dict[str, str]:
     return {claim.name: claim.verdict for claim in claims(results)}
 
 
@@ -260,13 +295,10 @@ def test_a_paper_that_is_right_is_said_to_be() -> None:
     assert len(verdicts(agreeing())) == len(JUDGES)
 
 
-def worse_at_78(results: Results, *trackers: str) -> Results:
+def worse_at_78(results: Results[Score], *trackers: str) -> Results[Score]:
     for tracker in trackers:
         results = with_score(results, "s3-78", tracker, position=2)
     return results
-
-
-Change = Callable[[Results], Results]
 
 
 @pytest.mark.parametrize(
@@ -289,13 +321,13 @@ Change = Callable[[Results], Results]
         ("With a single radar", "holds", lambda r: with_score(r, "radar", "spcpf", position=100)),
     ],
 )
-def test_a_figure_turns_a_verdict(claim: str, verdict: str, change: Change) -> None:
+def test_a_figure_turns_a_verdict(claim: str, verdict: str, change: Callable[[Results[Score]], Results[Score]]) -> None:
     found = verdicts(change(agreeing()))
     (name,) = [name for name in found if name.startswith(claim)]
     assert found.pop(name) == verdict
 
 
-def rows(results: Results, table: str, tracker: str) -> list[Row]:
+def rows(results: Results[Score], table: str, tracker: str) -> list[Row]:
     return [row for row in tables(results)[table] if row.tracker == tracker]
 
 
@@ -312,7 +344,7 @@ def test_rows_are_judged_by_their_bands() -> None:
 
 def test_the_docs_say_what_was_found() -> None:
     said, results = (DOCS / "papers.md").read_text(), results_of_docs()
-    assert claims_table(results) in said
+    assert claims_table(claims(results)) in said
     assert f"trackfield reproduce zhai --runs {results.runs}\n" in said
-    for part in markdown(results).split("\n\n"):
+    for part in markdown(PAPER, results).split("\n\n"):
         assert part.startswith("#") or part.strip() in said

@@ -1,4 +1,4 @@
-"""``trackfield reproduce``: the paper's runs, its tables and figures, and what became of its claims."""
+"""``trackfield reproduce``: a paper's runs, its tables and figures, and what became of its claims."""
 
 from __future__ import annotations
 
@@ -15,19 +15,15 @@ from rich.text import Text
 
 from launcher.record.journal import write_json
 from launcher.reproduce.files import write_run, write_tables
-from launcher.reproduce.papers.zhai.cases import CASES, Case
-from launcher.reproduce.papers.zhai.claims import claims
-from launcher.reproduce.papers.zhai.tables import tables
+from launcher.reproduce.paper import Paper
+from launcher.reproduce.papers import paper_named
 from launcher.reproduce.report import markdown
-from launcher.reproduce.scores import Results, scored
+from launcher.reproduce.scores import Field, Results, S
 from launcher.reproduce.store import RESULTS, Store, code_digest
 from launcher.reproduce.timing import cpu_times
 from launcher.show import PLAIN_EVERY_S, console
 from trackfield.errors import ScenarioError
-from trackfield.scenario.nearest import suggestion
 
-PAPERS: Final = ("zhai",)
-TIMED: Final = ("spcpf", "bootstrap", "fix-imm-ukf", "ekf", "ukf", "fix-doa")
 FIGURES: Final = "figures"
 INTERRUPTED: Final = 130
 
@@ -44,26 +40,24 @@ class Study:
         return json.dumps(self.summary, indent=2) + "\n" if as_json else self.report
 
 
-def reproduce(paper: str, runs: int, out: Path | None) -> Study:
-    """Do the study, or what is missing of it, and write tables, figures and one run below ``out``.
+def reproduce(name: str, runs: int, out: Path | None) -> Study:
+    """Do a paper's study, or what is missing of it, and write tables, figures and one run below ``out``.
 
     Raises ``ScenarioError`` for an unknown paper, for less than one run, and for a folder with something else in it;
     ``typer.Exit`` with 130 when it is interrupted.
     """
-    if paper not in PAPERS:
-        what = f"unknown paper {paper!r}{suggestion(paper, PAPERS)}"
-        raise ScenarioError(what, key="PAPER", expected=f"one of {', '.join(PAPERS)}")
+    paper = paper_named(name)
     if runs < 1:
         raise ScenarioError(f"is {runs}", key="--runs", expected="1 or more")
-    folder = _folder(out or Path("runs") / f"reproduce-{paper}")
-    cases, seeds = list(CASES.values()), range(1, runs + 1)
-    store = Store(folder, cases)
+    folder = _folder(out or Path("runs") / f"reproduce-{paper.name}")
+    store, seeds = Store(folder, list(paper.cases.values())), range(1, runs + 1)
+    console.print(Text(f"{paper.title}: {len(paper.cases)} cases, {runs} runs of each"))
     try:
         _fill(store, seeds)
-        return _conclude(store, cases, seeds)
+        return _conclude(paper, store, seeds)
     except KeyboardInterrupt:
-        left = len(store.missing(seeds))
-        console.print(f"[yellow]interrupted[/]: {left} of {runs * len(cases)} runs are left; the same command goes on")
+        left, of = len(store.missing(seeds)), runs * len(paper.cases)
+        console.print(f"[yellow]interrupted[/]: {left} of {of} runs are left; the same command goes on")
         raise typer.Exit(INTERRUPTED) from None
 
 
@@ -93,29 +87,28 @@ def _fill(store: Store, seeds: Sequence[int]) -> None:
             console.print(f"{done} of {len(missing)} runs")
 
 
-def _conclude(store: Store, cases: Sequence[Case], seeds: Sequence[int]) -> Study:
-    from launcher.reproduce.papers.zhai.figures import draw  # matplotlib with it
-
-    records = {case.name: store.records(case.name, seeds) for case in cases}
-    found = {case.name: scored(case, records[case.name]) for case in cases}
+def _conclude(paper: Paper[S], store: Store, seeds: Sequence[int]) -> Study:
+    records = {name: store.records(name, seeds) for name in paper.cases}
     results = Results(
         len(seeds),
-        {name: scores for name, (scores, _) in found.items()},
-        {name: field for name, (_, field) in found.items()},
-        cpu_times(CASES["s1"], TIMED),
+        {name: paper.scores(paper.cases[name], some) for name, some in records.items()},
+        {name: Field.of(some) for name, some in records.items()},
+        cpu_times(paper.timed) if paper.timed else {},
     )
     summary = {
-        "paper": "zhai",
+        "paper": paper.name,
         "command": sys.argv,
         "code": code_digest(),
         **results.plain(),
-        "tables": {name: [asdict(row) for row in rows] for name, rows in tables(results).items()},
-        "claims": [asdict(claim) for claim in claims(results)],
+        "tables": {name: [asdict(row) for row in rows] for name, rows in paper.tables(results).items()},
+        "claims": [asdict(claim) for claim in paper.claims(results)],
     }
-    report = markdown(results)
-    write_tables(store.folder, records)
-    seeds_shown = draw(store.folder / FIGURES, records, results)
-    run = write_run(store.folder, seeds_shown["s1"])
+    report = markdown(paper, results)
+    write_tables(store.folder, paper.cases, records)
+    figures = store.folder / FIGURES
+    figures.mkdir(exist_ok=True)
+    typical = paper.draw(figures, records, results)
+    run = write_run(store.folder, paper.run, typical[paper.run.name])
     write_json(summary, store.folder / "results.json")
     (store.folder / "report.md").write_text(report, encoding="utf-8")
     folder = str(store.folder)

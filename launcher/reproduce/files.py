@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 
 from launcher.plan.prepare import planned
 from launcher.record.folder import keep, prepare_folder
-from launcher.reproduce.papers.zhai.cases import ALL, CASES
-from launcher.reproduce.records import Record
+from launcher.reproduce.case import Case
+from launcher.reproduce.records import Record, Records, errors_by_tracker
 from launcher.reproduce.scores import rmse_over_time
 from launcher.run import run_virtual
 from trackfield.filters import metrics
@@ -23,12 +23,11 @@ RUNS, STEPS, RUN = "runs.parquet", "steps.parquet", "run"
 _AXES: Final = ("x", "y", "vx", "vy")
 
 
-def write_tables(folder: Path, records: Mapping[str, Sequence[Record]]) -> None:
+def write_tables(folder: Path, cases: Mapping[str, Case], records: Records) -> None:
     """runs.parquet has a row for each case, seed and tracker, steps.parquet one for each case, tracker and step."""
     runs, steps = [], []
     for case, some in records.items():
-        for place, tracker in enumerate(CASES[case].trackers):
-            errors = np.stack([record.errors[place] for record in some])
+        for tracker, errors in errors_by_tracker(cases[case], some).items():
             runs += [
                 {"case": case, "tracker": tracker, "seed": seed, **_run(one, record)}
                 for seed, (one, record) in enumerate(zip(errors, some, strict=True), 1)
@@ -60,11 +59,11 @@ def _named(rmse: np.ndarray[tuple[int], np.dtype[np.float64]]) -> dict[str, floa
     return {f"rmse_{axis}": value for axis, value in zip(_AXES, rmse.tolist(), strict=True)}
 
 
-def write_run(folder: Path, seed: int) -> Path:
-    """The run of s1 with this seed as a run folder like any other, in place of an earlier one."""
+def write_run(folder: Path, case: Case, seed: int) -> Path:
+    """The run of the case with this seed as a run folder like any other, in place of an earlier one."""
     out = folder / RUN
     shutil.rmtree(out, ignore_errors=True)
-    scenario = CASES["s1"].scenario(seed, ALL)
+    scenario = case.scenario(seed)
     plan = planned(scenario)
     keep(scenario, prepare_folder(out, scenario.name, seed))
     if run_virtual(plan, out).signal is not None:

@@ -1,4 +1,4 @@
-"""One run of a case, whole: what the paper's figures of typical runs show."""
+"""One run of a case, whole: what a paper's figures of typical runs show."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from launcher.plan.prepare import planned
 from launcher.record.virtually import simulate
 from launcher.records import SENSES
-from launcher.reproduce.papers.zhai.cases import Case
+from launcher.reproduce.case import Case
 from launcher.reproduce.records import Record
 from trackfield.filters.types import Array
 from trackfield.role import NS
@@ -38,12 +38,12 @@ class Realisation:
         return times
 
 
-def realise(case: Case, seed: int, trackers: Sequence[str]) -> Realisation:
-    """Run it again with these trackers: they see and draw the same as beside all others."""
-    plan = planned(case.scenario(seed, trackers))
+def realise(case: Case, seed: int) -> Realisation:
+    """Run it again, whole."""
+    plan = planned(case.scenario(seed))
     ledger, rows = simulate(plan)
     steps = max(plan.step_of(row.t_ns) for row in rows)
-    estimates = {name: np.full((steps, 4), np.nan) for name in trackers}
+    estimates = {name: np.full((steps, 4), np.nan) for name in case.trackers}
     for row in rows:
         if row.point.mean:
             estimates[row.point.tracker][plan.step_of(row.t_ns) - 1] = row.point.mean

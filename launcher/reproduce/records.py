@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from launcher.plan.prepare import planned
 from launcher.record.bounds import run_bound
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
-from launcher.reproduce.papers.zhai.cases import Case
+from launcher.reproduce.case import Case
 from trackfield.filters.types import Array
 
 
@@ -44,6 +45,16 @@ class Record:
         """What ``save`` wrote."""
         with np.load(file) as stored:
             return cls(stored["errors"], stored["reports"], stored["bound"], stored["network"])
+
+
+Records = Mapping[str, Sequence[Record]]
+"""The runs of each case, by its name."""
+
+
+def errors_by_tracker(case: Case, records: Sequence[Record]) -> dict[str, Array]:
+    """Errors (R, T, 4) of each of the case's trackers over R runs of it."""
+    errors = np.stack([record.errors for record in records], axis=1)
+    return dict(zip(case.trackers, errors, strict=True))
 
 
 def measure(case: Case, seed: int) -> Record:

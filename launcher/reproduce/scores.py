@@ -1,17 +1,20 @@
-"""Figures over all runs of a case: the paper's indices, and those that say whether to trust them."""
+"""Figures over all runs of a case: the usual indices, and those that say whether to trust them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Self
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from launcher.reproduce.papers.zhai.cases import Case
-from launcher.reproduce.records import Record
+from launcher.reproduce.case import Case
+from launcher.reproduce.records import Record, errors_by_tracker
 from trackfield.filters import metrics
 from trackfield.filters.types import Array
+
+S = TypeVar("S")
+"""A score, of one tracker in one case: a dataclass of numbers. A paper may bring its own."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class Score:
     """One tracker in one case, over runs and steps 1 to T; metres.
 
     ``mean_x``, ``var_x``, ``mean_y``, ``var_y``: mean and variance over the steps of RMSE(t), the root mean square over
-    the runs of the error at step t (Table I). ``median_x``, ``median_y``: RMSE over the steps, of the median run.
+    the runs of the error at step t. ``median_x``, ``median_y``: RMSE over the steps, of the median run.
     ``position`` pools the distance over runs and steps, ``median_run`` is its RMSE over the steps, of the median run.
     ``lost`` is the share of the runs that end more than 50 m off or without a track, ``largest`` the largest error of
     any step.
@@ -65,6 +68,11 @@ def rmse_over_time(errors: Array) -> Array:
     return rmse
 
 
+def usual_scores(case: Case, records: Sequence[Record]) -> dict[str, Score]:
+    """The ``Score`` of each of a case's trackers."""
+    return {name: Score.of(errors) for name, errors in errors_by_tracker(case, records).items()}
+
+
 @dataclass(frozen=True)
 class Field:
     """What the network of a case did in a run, on average.
@@ -83,13 +91,30 @@ class Field:
     total_j: float
     bound: float | None
 
+    @classmethod
+    def of(cls, records: Sequence[Record]) -> Field:
+        """The means over a case's runs."""
+        reports = np.stack([record.reports for record in records])
+        bounds = np.stack([record.bound for record in records])
+        frames, payload, send, total = np.mean([record.network for record in records], axis=0).tolist()
+        return cls(
+            float(reports.mean()),
+            float((reports == 0).mean()),
+            float(((reports == 1) | (reports == 2)).mean()),
+            frames,
+            payload,
+            send,
+            total,
+            None if np.isnan(bounds).all() else float(np.sqrt(np.nanmean(np.square(bounds)))),
+        )
+
 
 @dataclass(frozen=True)
-class Results:
-    """All figures of a study: by case and tracker, by case; ``times`` is CPU time of a run of s1 by tracker (s)."""
+class Results(Generic[S]):
+    """All figures of a study: by case and tracker, by case; ``times`` is CPU time of a run by tracker, if timed (s)."""
 
     runs: int
-    scores: Mapping[str, Mapping[str, Score]]
+    scores: Mapping[str, Mapping[str, S]]
     fields: Mapping[str, Field]
     times: Mapping[str, float]
 
@@ -98,30 +123,8 @@ class Results:
         return asdict(self)
 
     @classmethod
-    def of_plain(cls, plain: Mapping[str, Any]) -> Self:
-        """The inverse of ``plain``."""
-        scores = {case: {name: Score(**one) for name, one in some.items()} for case, some in plain["scores"].items()}
+    def of_plain(cls, plain: Mapping[str, Any], score: Callable[..., S]) -> Results[S]:
+        """The inverse of ``plain``; ``score`` makes a score of its fields."""
+        scores = {case: {name: score(**one) for name, one in some.items()} for case, some in plain["scores"].items()}
         fields = {case: Field(**one) for case, one in plain["fields"].items()}
         return cls(plain["runs"], scores, fields, plain["times"])
-
-
-def scored(case: Case, records: Sequence[Record]) -> tuple[dict[str, Score], Field]:
-    """The scores of a case's trackers, and what its network did."""
-    errors = np.stack([record.errors for record in records], axis=1)  # tracker, run, step, state
-    return {name: Score.of(errors[i]) for i, name in enumerate(case.trackers)}, _field(records)
-
-
-def _field(records: Sequence[Record]) -> Field:
-    reports = np.stack([record.reports for record in records])
-    bounds = np.stack([record.bound for record in records])
-    frames, payload, send, total = np.mean([record.network for record in records], axis=0).tolist()
-    return Field(
-        float(reports.mean()),
-        float((reports == 0).mean()),
-        float(((reports == 1) | (reports == 2)).mean()),
-        frames,
-        payload,
-        send,
-        total,
-        None if np.isnan(bounds).all() else float(np.sqrt(np.nanmean(np.square(bounds)))),
-    )

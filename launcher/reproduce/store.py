@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from launcher.reproduce import records
-from launcher.reproduce.papers.zhai.cases import Case
+from launcher.reproduce.case import Case
 from launcher.reproduce.records import Record, measure
 from launcher.study.studies import unordered
 

@@ -13,7 +13,7 @@ import numpy as np
 from launcher.plan.prepare import planned
 from launcher.record.ledger import Ledger
 from launcher.records import Plan
-from launcher.reproduce.papers.zhai.cases import Case
+from launcher.reproduce.case import Case
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.virtual import Virtual
 from trackfield.filters.rng import generator
@@ -72,10 +72,10 @@ def heard(case: Case, seed: int) -> Heard:
     return Heard(config, tuple(_reports(config, ear.heard, plan.run.end_ns // plan.step_ns - 1)))
 
 
-def cpu_times(case: Case, names: Iterable[str], seed: int = 1) -> dict[str, float]:
-    """Processor time (s) of all steps of a run of ``case`` by tracker; all take turns on the same reports."""
+def cpu_times(case: Case, seed: int = 1) -> dict[str, float]:
+    """Processor time (s) of all steps of a run by tracker; all take turns on the same reports."""
     given = heard(case, seed)
-    trackers = {name: make_tracker(name, case.trackers[name]) for name in names}
+    trackers = {name: make_tracker(name, options) for name, options in case.trackers.items()}
     times = dict.fromkeys(trackers, np.inf)
     for _ in range(REPEATS):
         for name, tracker in trackers.items():

@@ -1,20 +1,15 @@
 """What is run to reproduce Zhai, Yeary, Havlicek & Fan (2009): fields, targets, and trackers side by side.
 
-All trackers of a case get the same reports. The link is ideal, as the paper leaves the radio out; messages pass
-through their encoded bytes all the same.
+The link is ideal, as the paper leaves the radio out; messages pass through their encoded bytes all the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
-from trackfield.filters.trackers import TRACKERS
-from trackfield.scenario import Scenario
-
-Options = Mapping[str, Any]
+from launcher.reproduce.case import Case, Options
 
 NOMINALS: Final = (1, 2, 5, 10, 15, 20, 30, 40)
 """The sweep of N, filters in the bank; 15 is SP-CPF's own."""
@@ -45,30 +40,6 @@ SINGLE: Final[Mapping[str, Options]] = {"spcpf-paper": {"tracker": "spcpf", "sin
 """SP-CPF that weighs its particles by p(y | x) alone even when a single sensor reports, as the paper reads."""
 
 
-@dataclass(frozen=True)
-class Case:
-    """One field, one target, and the trackers on it; ``trackers`` maps their names to their options.
-
-    ``settings`` are dotted keys over the packaged scenario ``zhai-spcpf``, or over ``base`` where there is one.
-    """
-
-    name: str
-    settings: Mapping[str, Any]
-    trackers: Mapping[str, Options]
-    base: str | Mapping[str, Any] = "zhai-spcpf"
-
-    def scenario(self, seed: int, only: Collection[str] | None = None) -> Scenario:
-        """The scenario of one run, with all trackers or ``only`` some; each gets the same random draws either way."""
-        chosen = {name: options for name, options in self.trackers.items() if only is None or name in only}
-        overrides = {
-            "seed": seed,
-            **self.settings,
-            "fusion.options": {name: options for name, options in chosen.items() if options},
-            "fusion.trackers": list(chosen),
-        }
-        return Scenario.load(self.base, overrides, known_trackers=TRACKERS)
-
-
 def _plain(*names: str) -> dict[str, Options]:
     return {name: {} for name in names}
 
@@ -82,7 +53,7 @@ def _acoustic(name: str, path: str, threshold: float, trackers: Mapping[str, Opt
         "sensor.threshold": threshold,
         **{f"fusion.{key}": value for key, value in more.items()},
     }
-    return Case(name, settings, trackers)
+    return Case(name, settings, trackers, "zhai-spcpf")
 
 
 RADAR: Final[Mapping[str, Any]] = {

@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 from launcher.reproduce.papers.zhai.cases import NOMINALS, nominals
 from launcher.reproduce.papers.zhai.tables import TABLE_1, time_ratio
 from launcher.reproduce.scores import Results, Score
+from launcher.reproduce.tables import Claim, verdict
 
-Verdict = Literal["holds", "holds in part", "does not hold"]
 PATHS: Final = ("s1", "s2", "s3")
 CAUSES: Final = ("s1-narrow", "s2-agile", "s3-agile")
 """The three scenarios with a prior, or a model, that suits a bootstrap filter."""
 
 
-@dataclass(frozen=True)
-class Claim:
-    """What the paper says, by which ``rule`` it is judged, our ``figures`` and the verdict."""
-
-    name: str
-    rule: str
-    figures: str
-    verdict: Verdict
-
-
-def claims(results: Results) -> list[Claim]:
+def claims(results: Results[Score]) -> list[Claim]:
     """All of them."""
     return [judge(results) for judge in JUDGES]
 
 
-def _tenth(results: Results) -> Claim:
+def _tenth(results: Results[Score]) -> Claim:
     def beats(case: str) -> bool:
         ours, rival = _pair(results, case)
         return ours.position <= rival.position and ours.median_run <= rival.median_run
@@ -48,29 +37,29 @@ def _tenth(results: Results) -> Claim:
     )
 
 
-def _pair(results: Results, case: str) -> tuple[Score, Score]:
+def _pair(results: Results[Score], case: str) -> tuple[Score, Score]:
     return results.scores[case]["spcpf"], results.scores[case]["bootstrap"]
 
 
-def _duels(results: Results, cases: tuple[str, ...]) -> str:
+def _duels(results: Results[Score], cases: tuple[str, ...]) -> str:
     def one(score: Score) -> str:
         return f"{score.position:.2f} ({score.median_run:.2f})"
 
     return ", ".join(f"{case} {' / '.join(map(one, _pair(results, case)))}" for case in cases)
 
 
-def _bank(results: Results) -> Claim:
+def _bank(results: Results[Score]) -> Claim:
     errors = {n: results.scores["s1"][nominals(n)].position for n in NOMINALS}
     enough = max(errors[n] for n in (10, 15, 20)) <= 1.05 * errors[max(NOMINALS)]
     return Claim(
         "10 ≤ N ≤ 20 is enough",
         "with N = 10, 15 and 20 the error in s1 is at most 5 % above that with N = 40",
         "N: m " + ", ".join(f"{n}: {error:.2f}" for n, error in errors.items()),
-        _verdict(enough),
+        verdict(enough),
     )
 
 
-def _highest(results: Results) -> Claim:
+def _highest(results: Results[Score]) -> Claim:
     at = {share: results.fields[case] for share, case in ((75, "s1"), (78, "s1-78"), (79, "s1-79"))}
     return Claim(
         "78 % is the highest threshold with a sensor always active",
@@ -80,11 +69,11 @@ def _highest(results: Results) -> Claim:
             f"{field.silent:.1%}"
             for share, field in at.items()
         ),
-        _verdict(at[78].silent <= 0.01 < at[79].silent),
+        verdict(at[78].silent <= 0.01 < at[79].silent),
     )
 
 
-def _similar(results: Results) -> Claim:
+def _similar(results: Results[Score]) -> Claim:
     ratios = {
         name: [results.scores[f"{path}-78"][name].position / results.scores[path]["spcpf"].position for path in PATHS]
         for name in ("spcpf", "spcpf-paper")
@@ -97,11 +86,11 @@ def _similar(results: Results) -> Claim:
         "At 78 % the estimates are similar to those at 75 %",
         "with either weights for steps with a single sensor, SP-CPF errs at most 1.25 times as much in s1, s2 and s3",
         f"error over that at 75 %: {'; '.join(told)}",
-        _verdict(any(max(some) <= 1.25 for some in ratios.values())),
+        verdict(any(max(some) <= 1.25 for some in ratios.values())),
     )
 
 
-def _variance(results: Results) -> Claim:
+def _variance(results: Results[Score]) -> Claim:
     ours, rival = _pair(results, "s1")
     return Claim(
         "The error varies less",
@@ -109,11 +98,11 @@ def _variance(results: Results) -> Claim:
         f"x {ours.var_x:.2f} / {rival.var_x:.0f} m², y {ours.var_y:.2f} / {rival.var_y:.0f} m²; published "
         f"{TABLE_1['spcpf']['var_x']:.2f} / {TABLE_1['bootstrap']['var_x']:.0f}, "
         f"{TABLE_1['spcpf']['var_y']:.2f} / {TABLE_1['bootstrap']['var_y']:.0f}",
-        _verdict(ours.var_x < rival.var_x and ours.var_y < rival.var_y),
+        verdict(ours.var_x < rival.var_x and ours.var_y < rival.var_y),
     )
 
 
-def _robust(results: Results) -> Claim:
+def _robust(results: Results[Score]) -> Claim:
     found = {path: results.scores[path]["spcpf"] for path in PATHS}
     kept = all(found[path].lost == 0 and found[path].position <= 2 * found["s1"].position for path in ("s2", "s3"))
     return Claim(
@@ -123,11 +112,11 @@ def _robust(results: Results) -> Claim:
             f"{path} {score.position:.2f} m, lost {score.lost:.1%}, at most {score.largest:.0f} m"
             for path, score in found.items()
         ),
-        _verdict(kept),
+        verdict(kept),
     )
 
 
-def _loses(results: Results) -> Claim:
+def _loses(results: Results[Score]) -> Claim:
     lost = {path: results.scores[path]["bootstrap"].lost for path in ("s2", "s3")}
     return Claim(
         "The bootstrap loses manoeuvring targets",
@@ -135,22 +124,22 @@ def _loses(results: Results) -> Claim:
         ", ".join(f"{path} {share:.0%}" for path, share in lost.items())
         + "; with the acceleration that its model expects raised to 1.5 m/s²: "
         + ", ".join(f"{path} {results.scores[f'{path}-agile']['bootstrap'].lost:.0%}" for path in lost),
-        _verdict(min(lost.values()) > 0.8),
+        verdict(min(lost.values()) > 0.8),
     )
 
 
-def _cheaper(results: Results) -> Claim:
+def _cheaper(results: Results[Score]) -> Claim:
     ours = time_ratio(results.times)
     published = time_ratio({name: row["time"] for name, row in TABLE_1.items()})
     return Claim(
         "Cheaper than the bootstrap",
         "SP-CPF(200) takes less processor time than bootstrap(2000) on the same reports",
         f"{ours:.2f} of the bootstrap's; published {published:.2f}",
-        _verdict(ours < 1),
+        verdict(ours < 1),
     )
 
 
-def _radar(results: Results) -> Claim:
+def _radar(results: Results[Score]) -> Claim:
     found = results.scores["radar"]
     names = ("spcpf", "spcpf-paper", "ekf", "bootstrap", "predict-only")
     ours = min(found["spcpf"].position, found["spcpf-paper"].position)
@@ -159,15 +148,11 @@ def _radar(results: Results) -> Claim:
         "With a single radar, closer than EKF and bootstrap",
         "with either weights for a single sensor, SP-CPF errs less than both",
         ", ".join(f"{name} {found[name].position:.0f} m" for name in names),
-        _verdict(better),
+        verdict(better),
     )
 
 
-def _verdict(holds: bool) -> Verdict:
-    return "holds" if holds else "does not hold"
-
-
-JUDGES: Final[tuple[Callable[[Results], Claim], ...]] = (
+JUDGES: Final[tuple[Callable[[Results[Score]], Claim], ...]] = (
     _tenth,
     _bank,
     _highest,

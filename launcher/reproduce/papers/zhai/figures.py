@@ -16,8 +16,8 @@ from launcher.report.style import STYLE
 from launcher.reproduce.papers.zhai.cases import CASES, NOMINALS, PARTICLES, nominals, particles
 from launcher.reproduce.papers.zhai.tables import TABLE_1
 from launcher.reproduce.realisation import Realisation, realise, typical
-from launcher.reproduce.records import Record
-from launcher.reproduce.scores import Results, rmse_over_time
+from launcher.reproduce.records import Records, errors_by_tracker
+from launcher.reproduce.scores import Results, Score, rmse_over_time
 from trackfield.filters.types import Array
 
 BLUE, RED, GREEN, GREY = "#2459a9", "#cf3f4b", "#2d9058", "#8a8f98"
@@ -30,15 +30,12 @@ LOOK: Final[Mapping[str, dict[str, Any]]] = {
 LOOKS: Final[dict[Any, Any]] = {**STYLE, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8}
 BOTH: Final = ("spcpf", "bootstrap")
 
-Records = Mapping[str, Sequence[Record]]
 
-
-def draw(folder: Path, records: Records, results: Results) -> dict[str, int]:
+def draw(folder: Path, records: Records, results: Results[Score]) -> dict[str, int]:
     """Write figNN.png and sweeps.png into ``folder``; the seed of the typical run shown of each case."""
-    folder.mkdir(exist_ok=True)
     shown = {"s1": BOTH, "s2": ("spcpf",), "s3": BOTH, "radar": ("spcpf", "bootstrap", "ekf")}
     seeds = {case: 1 + typical(CASES[case], records[case], names) for case, names in shown.items()}
-    runs = {case: realise(CASES[case], seeds[case], names) for case, names in shown.items()}
+    runs = {case: realise(CASES[case].only(*names), seeds[case]) for case, names in shown.items()}
     figures: dict[str, Callable[[], Figure]] = {
         "fig03": lambda: radar(runs["radar"]),
         "fig04": lambda: activated(seeds["s1"]),
@@ -86,10 +83,10 @@ def activated(seed: int) -> Figure:
     """Fig. 4: the grid and the path, and the sensors that report at each threshold."""
     figure = _figure(7.2, 7.4)
     panels = figure.subplots(2, 2, sharex=True, sharey=True).flat
-    first = realise(CASES["s1"], seed, ["spcpf"])
+    first = realise(CASES["s1"].only("spcpf"), seed)
     _field(next(panels), first, "(a) sensors and the true path", active=False)
     for letter, case, share in zip("bcd", ("s1-72", "s1", "s1-78"), (72, 75, 78), strict=True):
-        run = realise(CASES[case], seed, ["spcpf"])
+        run = realise(CASES[case].only("spcpf"), seed)
         title = f"({letter}) threshold {share} %: {len(run.active)} sensors report"
         axes = next(panels)
         _field(axes, run, title)
@@ -137,14 +134,13 @@ def motion(run: Realisation, title: str) -> Figure:
     return figure
 
 
-def rmses(records: Records, results: Results, case: str, trackers: Sequence[str]) -> Figure:
+def rmses(records: Records, results: Results[Score], case: str, trackers: Sequence[str]) -> Figure:
     """Figs. 5, 8 and 13: RMSE(t) over all runs; in scenario 1 with the means that Table I has of it."""
     figure = _figure(7.4, 3.3)
     panels = figure.subplots(1, 2, sharey=True)
-    names = list(CASES[case].trackers)
+    errors = errors_by_tracker(CASES[case], records[case])
     for tracker in trackers:
-        errors = np.stack([record.errors[names.index(tracker)] for record in records[case]])
-        over_time = rmse_over_time(errors)
+        over_time = rmse_over_time(errors[tracker])
         times: Array = np.arange(1, len(over_time) + 1, dtype=float)
         for column, axes in enumerate(panels):
             axes.plot(times, over_time[:, column], **LOOK[tracker])
@@ -168,7 +164,7 @@ def rmses(records: Records, results: Results, case: str, trackers: Sequence[str]
     return figure
 
 
-def sweeps(results: Results) -> Figure:
+def sweeps(results: Results[Score]) -> Figure:
     """The error over the size of the bank and over the number of particles."""
     figure = _figure(7.4, 3.2)
     left, right = figure.subplots(1, 2, sharey=True)

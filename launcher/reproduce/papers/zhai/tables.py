@@ -6,9 +6,8 @@ Every verdict is computed from figures and a band that is stated beside it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Final
 
 from launcher.reproduce.papers.zhai.cases import (
     ALL,
@@ -21,51 +20,14 @@ from launcher.reproduce.papers.zhai.cases import (
     nominals,
     particles,
 )
-from launcher.reproduce.scores import Results
+from launcher.reproduce.scores import Results, Score
+from launcher.reproduce.tables import Band, Row, beside, inside
 
 TABLE_1: Final[Mapping[str, Mapping[str, float]]] = {
     "spcpf": {"mean_x": 1.909, "var_x": 1.693, "mean_y": 4.004, "var_y": 6.978, "time": 2.161},
     "bootstrap": {"mean_x": 23.180, "var_x": 154.63, "mean_y": 30.060, "var_y": 223.291, "time": 8.109},
 }
 """The paper's Table I: metres, square metres, seconds."""
-FACTOR: Final = 1.5
-"""A figure within this factor of the published one counts as the same."""
-
-
-class Band(NamedTuple):
-    """Where a figure should lie, ends included."""
-
-    low: float
-    high: float
-
-    def __contains__(self, value: object) -> bool:
-        return isinstance(value, int | float) and self.low <= value <= self.high
-
-    def __str__(self) -> str:
-        return f"≤ {self.high:.3g}" if self.low == 0 else f"{self.low:.3g}-{self.high:.3g}"
-
-
-@dataclass(frozen=True)
-class Row:
-    """A figure of a tracker in a case, with what it is to be compared with; None where there is nothing.
-
-    ``quantity`` says what ``ours`` is and its unit. ``ratio`` is ours to ``published``, ``to_bound`` ours to ``bound``,
-    the least error that any tracker can have. ``band`` tells the bands that ``verdict`` is about.
-    """
-
-    case: str
-    tracker: str
-    quantity: str
-    ours: float
-    published: float | None = None
-    ratio: float | None = None
-    median_run: float | None = None
-    lost: float | None = None
-    bound: float | None = None
-    to_bound: float | None = None
-    band: str = ""
-    verdict: str = ""
-
 
 BANDS: Final[Mapping[tuple[str, str], Mapping[str, Band]]] = {
     ("s1", "spcpf"): {"position": Band(0, 1.7), "lost": Band(0, 0)},
@@ -83,7 +45,7 @@ RADAR_SHARE: Final = 0.5
 """With bearings, a tracker's error should be at most this share of what predicting alone leaves."""
 
 
-def tables(results: Results) -> dict[str, list[Row]]:
+def tables(results: Results[Score]) -> dict[str, list[Row]]:
     """Everything that the paper measures, by table."""
     paths = ("s1", "s2", "s3")
     filters = (*map(particles, PARTICLES), *TENTH, "bootstrap")
@@ -111,7 +73,7 @@ def thresholds() -> list[str]:
     return [name for name in names if name in CASES]
 
 
-def _table_1(results: Results) -> Iterator[Row]:
+def _table_1(results: Results[Score]) -> Iterator[Row]:
     units = {"mean_x": "mean of RMSE x, m", "var_x": "variance of RMSE x, m²"}
     units |= {"mean_y": "mean of RMSE y, m", "var_y": "variance of RMSE y, m²"}
     for tracker, published in TABLE_1.items():
@@ -121,7 +83,7 @@ def _table_1(results: Results) -> Iterator[Row]:
             ratio = ours / published[name]
             median = getattr(score, name.replace("mean", "median")) if name.startswith("mean") else None
             lost = None if median is None else score.lost
-            yield Row("s1", tracker, unit, ours, published[name], ratio, median, lost, verdict=_beside(ratio))
+            yield Row("s1", tracker, unit, ours, published[name], ratio, median, lost, verdict=beside(ratio))
         ours = results.times[tracker]
         yield Row("s1", tracker, "processor time, s", ours, published["time"], ours / published["time"])
     ours, published_ratio = time_ratio(results.times), time_ratio({name: row["time"] for name, row in TABLE_1.items()})
@@ -134,7 +96,7 @@ def _table_1(results: Results) -> Iterator[Row]:
         published_ratio,
         ours / published_ratio,
         band=str(cheaper),
-        verdict=_inside([ours], [cheaper]),
+        verdict=inside([ours], [cheaper]),
     )
 
 
@@ -143,7 +105,7 @@ def time_ratio(times: Mapping[str, float]) -> float:
     return times["spcpf"] / times["bootstrap"]
 
 
-def _position(results: Results, case: str, tracker: str, bands: Mapping[str, Band] | None = None) -> Row:
+def _position(results: Results[Score], case: str, tracker: str, bands: Mapping[str, Band] | None = None) -> Row:
     """The position error, judged by its bands."""
     score, bound = results.scores[case][tracker], results.fields[case].bound
     judged = bands or {}
@@ -157,25 +119,11 @@ def _position(results: Results, case: str, tracker: str, bands: Mapping[str, Ban
         bound=bound,
         to_bound=None if bound is None else score.position / bound,
         band=", ".join(f"{name.replace('_', ' ')} {band}" for name, band in judged.items()),
-        verdict=_inside([getattr(score, name) for name in judged], list(judged.values())),
+        verdict=inside([getattr(score, name) for name in judged], list(judged.values())),
     )
 
 
-def _radar(results: Results, tracker: str) -> Row:
+def _radar(results: Results[Score], tracker: str) -> Row:
     alone = results.scores["radar"]["predict-only"].position
     useful = {"position": Band(0, RADAR_SHARE * alone)} if tracker in ("ekf", "ukf", "bootstrap") else None
     return _position(results, "radar", tracker, useful)
-
-
-def _beside(ratio: float) -> str:
-    """What a figure is, compared with the published one."""
-    if ratio > FACTOR:
-        return "higher"
-    return "lower" if ratio < 1 / FACTOR else "as published"
-
-
-def _inside(values: Sequence[float], bands: Sequence[Band]) -> str:
-    """Whether every value lies in its band; nothing where there are none."""
-    if not bands:
-        return ""
-    return "in band" if all(value in band for value, band in zip(values, bands, strict=True)) else "outside"
