@@ -30,7 +30,8 @@ MS = 1_000_000
 
 KEYS = """
 scenario seed driver wall_s cpu_s
-trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,lost,steps}
+trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,lost,steps,association}
+trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id> trackers.<name>.views.<view>
 bound.{position,trajectory}
 processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
@@ -47,6 +48,8 @@ lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped}
 """
+SCORE = ("rmse", "median_error", "nees", "nees_band", "lost", "steps")
+"""What is told of each view."""
 
 
 def expanded(keys: str) -> Iterator[str]:
@@ -55,11 +58,21 @@ def expanded(keys: str) -> Iterator[str]:
         yield from (before + choice for choice in choices.rstrip("}").split(","))
 
 
+NAMES = {
+    "trackers.": "<name>",
+    "trackers.<name>.targets.": "<id>",
+    "trackers.<name>.sources.": "<id>",
+    "trackers.<name>.views.": "<view>",
+    "frames.by_kind.": "<kind>",
+}
+"""What stands for the names that a run gives, by where they are."""
+
+
 def paths(metrics: Metrics, before: str = "") -> Iterator[str]:
-    """The path of each value; names of trackers and kinds as ``<name>`` and ``<kind>``."""
+    """The path of each value, names of trackers, kinds and so on as in ``NAMES``; a view's figures are one value."""
     for name, value in metrics.items():
-        key = f"{before}{ {'trackers.': '<name>', 'frames.by_kind.': '<kind>'}.get(before, name) }"
-        if isinstance(value, dict):
+        key = f"{before}{NAMES.get(before, name)}"
+        if isinstance(value, dict) and not key.endswith(".<view>"):
             yield from paths(value, f"{key}.")
         else:
             yield key
@@ -69,24 +82,31 @@ def paths(metrics: Metrics, before: str = "") -> Iterator[str]:
 
 
 def test_every_key_is_there_and_no_other() -> None:
-    plan = spcpf(1, ["target.steps=5"])
+    plan = spcpf(1, ["target.steps=5", "targets=[{id='second', path='s3'}]"])
     metrics = run_metrics(plan, *simulated(plan))
     assert set(paths(metrics)) == set(expanded(KEYS))
     assert metrics["trackers"].keys() == {"fix-imm-ukf", "spcpf"}
     assert metrics["frames"]["by_kind"].keys() == {"doa"}
+    for tracker in metrics["trackers"].values():
+        assert tracker["targets"].keys() == {"target", "second"}
+        assert tracker["sources"].keys() == {"fusion"}
+        assert tracker["views"] == {"base": {name: tracker[name] for name in SCORE}}
 
 
 def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     plan = tiny()
     metrics = run_metrics(plan, Ledger(plan.run, plan.processes), [])
+    named = set(expanded("trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id>"))
     by_kind = set(expanded("frames.by_kind.<kind>.{sent,payload_bytes_max}"))
-    assert set(paths(metrics)) == set(expanded(KEYS)) - by_kind
+    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind
     assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
-    assert metrics["trackers"]["t"] == {
+    nothing = {
         "rmse": {"x": None, "y": None, "position": None, "velocity": None},
         "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0,
     }  # fmt: skip
+    told = {"association": None, "targets": {}, "sources": {}, "views": {"base": nothing}}
+    assert metrics["trackers"]["t"] == {**nothing, **told}
 
 
 def table(heading: str) -> list[list[str]]:
