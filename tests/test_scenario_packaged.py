@@ -182,13 +182,15 @@ def test_a_document_needs_its_marks() -> None:
             updated(text)
 
 
-def test_the_documents_own_scenario_and_faults_work(tmp_path: Path) -> None:
-    crossing, targets, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
+def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
+    crossing, targets, score, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
     several = Scenario.load({"name": "mine"} | tomllib.loads(targets))
     assert [target.id for target in several.every_target] == ["target", "truck"]
-    faulty = planned(Scenario.load("spcpf", tomllib.loads(faults)))
+    lost = Scenario.load("zhai-spcpf", tomllib.loads(score)).score.lost
+    assert (lost.beyond_m, lost.steps, lost.within) == (30.0, 5, 20)
+    faulty = planned(Scenario.load("zhai-spcpf", tomllib.loads(faults)))
     assert [p.name for p in faulty.processes if p.incarnation] == ["fusion~1", "n060~1"]
     assert sum(bool(p.faults) for p in faulty.processes) == 12 + any(
         p.faults for p in faulty.processes if p.incarnation
