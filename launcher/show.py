@@ -226,7 +226,7 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
         yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules:.3g}" for cause, joules in energy["by"].items() if joules)
-        yield f"energy of sensor nodes: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
+        yield f"energy from batteries: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
     if lifetime["first_death"] is not None:
         names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
         times = [f"{text} after {span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]

@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from launcher.plan.prepare import load, planned
-from launcher.records import SENSES, TRACKS, FieldInfo, Place, Plan, Truth, View
+from launcher.records import BATTERY, SENSES, TRACKS, FieldInfo, Place, Plan, Truth, View
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import differences
@@ -48,7 +48,8 @@ def toy_plan(run: RunSpec, processes: Sequence[ProcessSpec]) -> Plan:
     """What a run of toys needs besides them."""
     steps = run.end_ns // NS - 1
     path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (float(steps), float(steps), 0.0, 1.0, 0.0)])
-    places = tuple(Place(p.id, p.role, p.x, p.y, frozenset({SENSES, TRACKS})) for p in processes if not p.incarnation)
+    first = [p for p in processes if not p.incarnation]
+    places = tuple(Place(p.id, p.role, p.x, p.y, frozenset({SENSES, TRACKS, BATTERY})) for p in first)
     truth = tuple((float(t), float(t), 0.0) for t in range(steps))
     trackers = tuple(place.id for place in places)
     return Plan(

@@ -117,7 +117,7 @@ def test_a_life_that_follows_at_once_waits_for_what_the_one_before_left(tmp_path
     assert found == []
     assert real.metrics["lifetime_s"]["first_death"] == 5.2
     told = simulated(plan).estimates()
-    assert [publish.estimate.step for _, id, publish in told if id == "hub"] == [1, 2, 3, 4, 5]
+    assert [one.point.step for one in told if one.source == "hub"] == [1, 2, 3, 4, 5]
 
 
 def test_a_run_ended_early_leaves_out_the_deaths_and_births_to_come(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from launcher.record.metrics import tracker_metrics
-from launcher.records import Place as Spot
 from launcher.records import Plan
 from tests.simulated import simulated, spcpf
 from trackfield.scenario import Scenario, survey
@@ -78,7 +77,8 @@ def test_only_the_centre_is_told_where_sensors_are_believed_to_stand() -> None:
 
 def test_the_timeline_shows_where_sensors_stand() -> None:
     assert off(5.0).info.places == off(0.0).info.places
-    assert Spot("n013", "node", 100.0, 50.0) in off(5.0).info.places
+    stands = [(place.x, place.y) for place in off(5.0).info.places if place.id == "n013"]
+    assert stands == [(100.0, 50.0)]
 
 
 def test_the_world_is_the_same_whatever_is_believed() -> None:

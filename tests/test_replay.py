@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -61,6 +62,7 @@ def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 30, trac
         (("link.model=fixed", "link.loss=0.3"), "frames.lost.radio"),
         (LATE, "frames.late"),
         ((*LATE, DEAD), "frames.lost.dead"),
+        ((DEAD, "fusion.smooth_lag=3"), "frames.lost.dead"),
         ((*LATE, "fusion.prior=none", "fusion.smooth_lag=3"), "frames.late"),
         (CLOCKS, "clock_error_ms.rms"),
         ((*LATE, STRICKEN), "frames.lost.frozen"),
@@ -182,6 +184,16 @@ def test_a_centre_that_died_unplanned_is_fused_again_as_long_as_it_tracked(tmp_p
     planned_one, unplanned = (replay(one, out=tmp_path / f"again-{one.name}").folder for one in (run, twin))
     assert differences(run, planned_one, 1e-9) == []
     assert differences(planned_one, unplanned, 1e-9) == []
+
+
+def test_what_a_track_used_is_fused_though_the_books_do_not_say_that_it_came() -> None:
+    """A centre that was killed could not say what it took in last: those frames stand there as dead."""
+    run = virtual((), steps=8)
+    table = pq.read_table(run / "messages.parquet").to_pydict()
+    table["outcome"] = ["dead" if step == 8 else was for step, was in zip(table["step"], table["outcome"], strict=True)]
+    pq.write_table(pa.table(table, schema=pq.read_schema(run / "messages.parquet")), run / "messages.parquet")
+    again = replay(run).folder
+    assert [what for what in differences(run, again, 1e-9) if what.startswith("tracks")] == []
 
 
 def test_the_timeline_has_frames_faults_and_the_new_tracks() -> None:

@@ -15,7 +15,7 @@ from rich.live import Live
 from launcher import show
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.records import Plan
+from launcher.records import Plan, Truth
 from launcher.run import Outcome
 from tests.simulated import simulated, spcpf
 
@@ -133,7 +133,7 @@ def test_a_terminal_gets_the_screen(plan: Plan, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_plan_is_announced_with_its_gaps(plan: Plan, said: Said) -> None:
-    show.announce(replace(plan, info=replace(plan.info, gaps=((3.0, 41.5), (50.0, 62.0)))))
+    show.announce(replace(plan, info=replace(plan.info, truths=(Truth("target", (), ((3.0, 41.5), (50.0, 62.0))),))))
     assert said().splitlines() == [
         "zhai-spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf",
         "note: the track has no fixes from 3.0 s to 41.5 s (38 s): a straight line stands in",
@@ -206,7 +206,7 @@ def test_a_run_without_any_frame_says_so(plan: Plan, said: Said) -> None:
 def test_a_run_in_which_all_is_well_has_nothing_to_add(plan: Plan, said: Said) -> None:
     show.conclude(outcome(metrics_of(plan)))
     energy, after = said().partition("lost: none")[2].strip().splitlines()[:2]
-    assert energy.startswith("energy of sensor nodes: ")
+    assert energy.startswith("energy from batteries: ")
     assert after.startswith("run folder: ")
 
 

@@ -136,7 +136,7 @@ def test_a_centre_that_stood_still_catches_up(disturbed: Callable[..., Outcome],
     assert outcome.metrics["frames"]["host_lost"] == 0
     assert tracked_steps(tmp_path) == set(range(1, 9))
     assert outcome.exit_code == 1
-    assert outcome.complaints[0] == "fusion was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s"
+    assert outcome.complaints[0] == f"fusion was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s"
 
 
 def test_who_never_goes_on_does_not_hold_up_the_end(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:

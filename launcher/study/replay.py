@@ -128,8 +128,8 @@ class _Source:
             self._tracks = self.bank.advance(self._tracks, step, {}).tracks
         self._tracks, points, earlier = self.bank.advance(self._tracks, one.step, heard)
         self._step = one.step
-        told = [point for point in points.values() if point.mean or not resumed]
-        yield from ((one.told_ns, Publish(replace(point, source=one.source))) for point in (*told, *earlier))
+        told = [point for point in points.values() if point.mean] if resumed else [*points.values(), *earlier]
+        yield from ((one.told_ns, Publish(replace(point, source=one.source))) for point in told)
         if not resumed:
             self._stored = one.step, pack(one.step, None, points)
             yield from self._enter(one.told_ns, next(iter(points.values())).status)
@@ -157,7 +157,9 @@ def fused(
     plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]
 ) -> Iterator[tuple[Fusion, int, State | Publish]]:
     """What all who tracked tell of their steps, with the reports that these messages hold, and when (ns)."""
-    reports = {(row.src, row.step): row.payload for row in rows if row.outcome in ("delivered", LATE)}
+    # Of what an unplanned death left open the tracks know best; of several frames the one that is known to have come.
+    kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
+    reports = {(row.src, row.step): row.payload for row in kept if row.step is not None}
     starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
     sources: dict[str, _Source] = {}
     for one in fusions:
