@@ -61,7 +61,11 @@ class Toy:
 
 
 def _told(tracker: str, toy: Toy) -> Publish:
-    return Publish(TrackPoint(tracker, "t", toy.step, "tracking", (float(toy.chain), 0.0, 0.0, 0.0), (0.0,) * 16))
+    return Publish(
+        TrackPoint(
+            tracker, "t", toy.step * NS, "tracking", (float(toy.chain), 0.0, 0.0, 0.0), (0.0,) * 16, step=toy.step
+        )
+    )
 
 
 class Hub:
