@@ -13,11 +13,9 @@ import pyarrow.parquet as pq
 from launcher.record.ledger import Published
 from launcher.records import MessageRow
 from trackfield.role import NS, TrackPoint
-from trackfield.world.path import Path
+from trackfield.world.path import Path, State
 
 STATE = ("x", "y", "vx", "vy")
-Truth = tuple[float, float, float, float]
-"""(x, y, vx, vy) in m and m/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +28,7 @@ class TrackRow:
 
     told_ns: int
     point: TrackPoint
-    truth: Truth | None = None
+    truth: State | None = None
     true_target: str = ""
     incarnation: int = 0
 
@@ -57,7 +55,7 @@ def track_rows(published: Iterable[Published], paths: Mapping[str, Path]) -> lis
     ]
 
 
-def nearest(paths: Mapping[str, Path], point: TrackPoint) -> tuple[Truth | None, str]:
+def nearest(paths: Mapping[str, Path], point: TrackPoint) -> tuple[State | None, str]:
     """The state of the target nearest to a point at its instant, and its id; of the first one if there is no track.
 
     (None, "") where no target is there.
