@@ -22,7 +22,8 @@ demo: $(VENV)/run.stamp  ## track a city bus with a field of sensor processes
 	$(BIN)/trackfield run bus
 
 test: lint  ## lint, types, walls and all tests
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not alone"
+	$(BIN)/python -m pytest -m alone
 
 lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/ruff check

@@ -44,7 +44,7 @@ from trackfield.scenario import Scenario
 SPACING_M: Final = 50.0
 MAX_EVENTS: Final = 1_000_000
 """A field of this size has a hundred times fewer."""
-SPEEDS: Final = (5.0, 1.0)
+SPEEDS: Final = (5.0, 1.0, 0.3)
 """Of runs as processes, emulated seconds in a second: if the machine cannot keep up with one, the next."""
 STATES: Final = {phase.value for phases in (NodePhase, CentrePhase) for phase in phases if phase.value != "new"}
 KINDS: Final = ("kill", "freeze", "restart", "partition", "stuck", "bias", "deaf", "babble", "clock_jump")

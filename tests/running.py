@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,17 @@ class Run:
     def started(self) -> None:
         """Wait until emulated time goes on."""
         until(lambda: "t = " in self.said(), timeout=60)
+
+
+def on_time(folder: Path, *arguments: str, speeds: Sequence[float] = (3.0, 1.0, 0.3)) -> tuple[int, str]:
+    """How a run as processes ended, at the first of these speeds at which the machine keeps up with it."""
+    for speed in speeds:
+        shutil.rmtree(folder, ignore_errors=True)
+        run = Run(folder, *arguments, "--speed", str(speed))
+        ended = run.finish()
+        if ended[0] or run.metrics()["timing"]["host_late"] == 0:
+            return ended
+    return 1, f"the machine is too slow for speed {speeds[-1]:g}: {run.metrics()['timing']}"
 
 
 def until(condition: Callable[[], Any], timeout: float = 30) -> Any:

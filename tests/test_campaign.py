@@ -32,7 +32,8 @@ def test_a_seed_draws_the_same_again() -> None:
     assert Case(7).settings != Case(8).settings
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.alone
+@pytest.mark.timeout(400)
 def test_both_drivers_agree_on_one() -> None:
     assert campaign.failures(3, processes=True) == []
 

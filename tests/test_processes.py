@@ -147,6 +147,7 @@ def test_the_death_of_one_does_not_hold_up_the_rest(title: str, tmp_path: Path) 
     until(lambda: leftovers(family) == [], timeout=5)
 
 
+@pytest.mark.alone
 def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> None:
     """Threshold 0: everybody hears the target in every step and reports in the same instant."""
     all_of_them = ("--link", "ideal", "--set", "sensor.threshold=0", "--set", "target.steps=6")

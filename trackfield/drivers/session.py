@@ -14,21 +14,25 @@ NODE_RUNTIME: Final = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),n
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
 
+_PATIENCE: Final[Mapping[str, Any]] = {
+    # In microseconds (default 1000): a receiver that waits for the processor costs no frame.
+    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 1_000_000,
+}
 _CLIENT: Final[Mapping[str, Any]] = {
     "mode": "client",
     "listen/endpoints": [],
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
     "connect/retry": {"period_init_ms": 50, "period_max_ms": 500, "period_increase_factor": 1.5},
+    **_PATIENCE,
 }
 _ROUTER: Final[Mapping[str, Any]] = {
     "mode": "router",
     "scouting/multicast/enabled": False,
     "transport/shared_memory/enabled": False,
     "transport/unicast": {"max_sessions": 4000, "accept_pending": 4000, "accept_timeout": 60_000},
-    # A receiver that waits for the processor costs no frame: 16 batches (default: 2) wait for it, for 50 ms (1 ms).
-    "transport/link/tx/queue/size/data": 16,
-    "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 50_000,
+    "transport/link/tx/queue/size/data": 16,  # batches that wait for a receiver (default 2)
+    **_PATIENCE,
 }
 
 
