@@ -13,13 +13,13 @@ from trackfield.role import NS
 from trackfield.world.path import Path
 
 SENSES: Final = "senses"
-"""The tag of a place that has a sensor,"""
+"""Tag of a place that has a sensor."""
 BATTERY: Final = "battery"
-"""that lives on a battery, as far as the scenario gives it one,"""
+"""Tag of a place that lives on a battery, as far as the scenario gives it one."""
 TRACKS: Final = "tracks"
-"""that publishes tracks,"""
+"""Tag of a place that publishes tracks."""
 BACKBONE: Final = "backbone"
-"""and that is at the wire between masters, gateways and centres."""
+"""Tag of a place at the wire between masters, gateways and centres."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ import psutil
 import pyarrow.parquet as pq
 import pytest
 
+from launcher.processes import patience
 from tests.running import Run, counting, leftovers, until
 from tests.test_timeline import verify
 from trackfield.drivers.session import open_client
@@ -27,11 +28,18 @@ class Seen:
 
     titles: set[str]
     maps: dict[str, str]
+    niceness: dict[str, list[int]]
     counted: int
     exit_code: int
     said: str
     metrics: dict[str, Any]
     folder: Path
+
+
+def niceness_of_threads(pid: int) -> list[int]:
+    """The first is that of the main thread."""
+    tasks = sorted(Path(f"/proc/{pid}/task").iterdir(), key=lambda task: int(task.name))
+    return [int((task / "stat").read_text().rpartition(")")[2].split()[16]) for task in tasks]
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +50,10 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
         run.started()
         family = run.family()
         maps = {t: Path(f"/proc/{family[t].pid}/maps").read_text() for t in ("node n060", "fusion")}
+        niceness = {t: niceness_of_threads(family[t].pid) for t in ("node n060", "fusion", "router")}
         exit_code, said = run.finish()
         counted = count()
-    return Seen(set(family), maps, counted, exit_code, said, run.metrics(), folder)
+    return Seen(set(family), maps, niceness, counted, exit_code, said, run.metrics(), folder)
 
 
 def test_every_process_says_what_it_is(seen: Seen) -> None:
@@ -56,6 +65,14 @@ def test_a_node_carries_nothing_that_it_does_not_need(seen: Seen) -> None:
     """Its memory map shows none of the libraries that others of the run have (the fusion centre has numpy)."""
     assert "numpy" in seen.maps["fusion"]
     assert [name for name in FORBIDDEN if name in seen.maps["node n060"]] == []
+
+
+def test_a_node_works_after_the_others_but_its_frames_leave_at_once(seen: Seen) -> None:
+    """The main thread does the work; all others are those of its session."""
+    own, *session = seen.niceness["node n060"]
+    assert own == patience.NICENESS > 0
+    assert len(session) >= 2
+    assert {*session, *seen.niceness["fusion"], *seen.niceness["router"]} == {0}
 
 
 def test_a_bystander_counts_the_same_frames(seen: Seen) -> None:

@@ -11,10 +11,12 @@ from trackfield.drivers.process import Process
 from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router
 
 
-def role(endpoint: str, run: str, name: str) -> None:
-    """A process of the field."""
+def role(endpoint: str, run: str, name: str, niceness: int) -> None:
+    """A process of the field; ``niceness`` is that of its work, not of its session's threads: frames leave at once."""
     os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
-    Process(open_client(endpoint, run), name).run()
+    process = Process(open_client(endpoint, run), name)
+    os.nice(niceness)
+    process.run()
 
 
 def router(endpoint: str) -> None:

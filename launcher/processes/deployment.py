@@ -108,8 +108,8 @@ class Deployment:
     def _fork_role(self, life: ProcessSpec) -> None:
         title = life.name if life.id == life.role else f"{life.role} {life.name}"
         niceness = 0 if life.sink else patience.NICENESS
-        body = Child("launcher.processes.bodies:role", title, self.log(life.name), niceness)
-        self._children.fork(life.name, body, self.endpoint, self.plan.run.run, life.name)
+        body = Child("launcher.processes.bodies:role", title, self.log(life.name))
+        self._children.fork(life.name, body, self.endpoint, self.plan.run.run, life.name, niceness)
 
     def _connect(self) -> None:
         timeout_s = patience.READY_TIMEOUT_S if self._own_router else patience.CONNECT_TIMEOUT_S

@@ -1,4 +1,4 @@
-"""What the sensor nodes spent, on what, and how long their batteries last."""
+"""What those on batteries spent, on what, and how long the batteries last."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def spent(run: Run) -> list[Bar]:
-    """What the sensor nodes spent, by cause."""
+    """What they spent, by cause."""
     by = {cause: joules for cause, joules in run.metrics["energy_j"]["by"].items() if joules}
     total = sum(by.values())
     return [
