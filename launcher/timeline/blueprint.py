@@ -17,7 +17,7 @@ from launcher.timeline.scene import extent, spacing
 from trackfield.role import NS
 
 EMU: Final = "emu"
-"""The timeline of emulated time since the start of the run."""
+"""The timeline of emulated time since the first step."""
 
 Colour = int
 """0xRRGGBBAA."""
