@@ -197,7 +197,7 @@ def test_what_a_track_used_is_fused_though_the_books_do_not_say_that_it_came() -
 
 
 def test_the_timeline_has_frames_faults_and_the_new_tracks() -> None:
-    run = virtual((DEAD,))
+    run = virtual((*LATE, DEAD))
     again = replay(run, ["ekf"]).folder
     old, new = entities(run / "run.rrd"), entities(again / "run.rrd")
     assert {name for name in new if "ekf" in name}

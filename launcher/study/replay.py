@@ -119,8 +119,8 @@ class _Source:
         self._stored: tuple[int, bytes] | None = None
         self._life, self._step, self._phase = "", 0, ""
 
-    def fuse(self, one: Fusion, heard: Mapping[str, Any]) -> Iterator[tuple[int, State | Publish]]:
-        """What it tells of a step, and when."""
+    def fuse(self, one: Fusion, heard: Mapping[str, Any], *, early: bool) -> Iterator[tuple[int, State | Publish]]:
+        """What it tells of a step, and when; ``early`` says that some of what it ``heard`` had come by then."""
         resumed = self._starts.get(one.life) == one.told_ns  # it told of this step as it came back, not at a deadline
         if one.life != self._life:
             yield from self._begin(one, resumed=resumed)
@@ -132,7 +132,8 @@ class _Source:
         yield from ((one.told_ns, Publish(replace(point, source=one.source))) for point in told)
         if not resumed:
             self._stored = one.step, pack(one.step, None, points)
-            yield from self._enter(one.told_ns, next(iter(points.values())).status)
+            status = next(iter(points.values())).status
+            yield from self._enter(one.told_ns, "coasting" if status == "tracking" and not early else status)
 
     def _begin(self, one: Fusion, *, resumed: bool) -> Iterator[tuple[int, State | Publish]]:
         """A life begins, from what the one before it stored if there is anything."""
@@ -159,15 +160,16 @@ def fused(
     """What all who tracked tell of their steps, with the reports that these messages hold, and when (ns)."""
     # Of what an unplanned death left open the tracks know best; of several frames the one that is known to have come.
     kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
-    reports = {(row.src, row.step): row.payload for row in kept if row.step is not None}
+    reports = {(row.src, row.step): row for row in kept if row.step is not None}
     starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
     sources: dict[str, _Source] = {}
     for one in fusions:
         if one.source not in sources:
             sources[one.source] = _Source(Bank(**plan.bank_of(one.source)), starts)
-        keys = [(sensor, one.step) for sensor in one.sensors if (sensor, one.step) in reports]
-        heard = {sensor: decode(reports[sensor, step]) for sensor, step in keys}
-        for t_ns, effect in sources[one.source].fuse(one, heard):
+        came = {sensor: reports[sensor, one.step] for sensor in one.sensors if (sensor, one.step) in reports}
+        heard = {sensor: decode(row.payload) for sensor, row in came.items()}
+        early = any(row.due_ns is not None and row.due_ns <= one.told_ns for row in came.values())
+        for t_ns, effect in sources[one.source].fuse(one, heard, early=early):
             yield one, t_ns, effect
 
 
