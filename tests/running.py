@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,9 @@ from typing import Any
 import psutil
 
 LISTENER = Path(__file__).with_name("listener.py")
+METRICS = "metrics.json"
+SPEEDS = (5.0, 1.0, 0.3)
+"""Of runs as processes, emulated seconds in a second: if the machine cannot keep up with one, the next."""
 
 
 class Run:
@@ -37,7 +40,7 @@ class Run:
         return self._said.read_text()
 
     def metrics(self) -> dict[str, Any]:
-        return json.loads((self.folder / "metrics.json").read_text())  # type: ignore[no-any-return]
+        return json.loads((self.folder / METRICS).read_text())  # type: ignore[no-any-return]
 
     def manifest(self) -> dict[str, Any]:
         return json.loads(until((self.folder / "manifest.json").read_text))  # type: ignore[no-any-return]
@@ -59,15 +62,28 @@ class Run:
         until(lambda: "t = " in self.said(), timeout=60)
 
 
-def on_time(folder: Path, *arguments: str, speeds: Sequence[float] = (3.0, 1.0, 0.3)) -> tuple[int, str]:
-    """How a run as processes ended, at the first of these speeds at which the machine keeps up with it."""
-    for speed in speeds:
+def kept_up(metrics: Mapping[str, Any]) -> bool:
+    """Whether the machine was fast enough for a run as processes, and lost none of its frames."""
+    return not (metrics["timing"]["host_late"] or metrics["frames"]["host_lost"] or metrics["recorder"]["dropped"])
+
+
+def on_time(folder: Path, *arguments: str) -> tuple[int, str]:
+    """How a run as processes ended, at the first of the ``SPEEDS`` at which the machine keeps up with it."""
+    for speed in SPEEDS:
         shutil.rmtree(folder, ignore_errors=True)
         run = Run(folder, *arguments, "--speed", str(speed))
         ended = run.finish()
-        if ended[0] or run.metrics()["timing"]["host_late"] == 0:
+        if not (folder / METRICS).exists() or kept_up(run.metrics()):
             return ended
-    return 1, f"the machine is too slow for speed {speeds[-1]:g}: {run.metrics()['timing']}"
+    return 1, f"the machine is too slow for speed {SPEEDS[-1]:g}: {run.metrics()['timing']}"
+
+
+def both_ways(home: Path, *arguments: str) -> Path:
+    """A folder with the same run twice: as ``processes`` and ``virtual``."""
+    virtual = Run(home / "virtual", *arguments, "--virtual").finish()
+    for code, said in (virtual, on_time(home / "processes", *arguments)):
+        assert code == 0, said
+    return home
 
 
 def until(condition: Callable[[], Any], timeout: float = 30) -> Any:

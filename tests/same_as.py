@@ -31,12 +31,12 @@ from typing import Final, Self
 
 import pyarrow.parquet as pq
 
+from tests.running import METRICS, kept_up
 from tests.same_cases import Case, cases
 from tests.same_tables import differences
 
 ROOT: Final = Path(__file__).parents[1]
 TABLES: Final = ("tracks.parquet", "messages.parquet")
-METRICS: Final = "metrics.json"
 AT_A_TIME: Final = 2
 """Runs in virtual time."""
 TRIES: Final = 2
@@ -115,7 +115,7 @@ class Version:
         shutil.rmtree(part, ignore_errors=True)
         command = [sys.executable, "-m", "launcher.cli", "run", *case.arguments, "--quiet", "--out", str(part)]
         code, said = self.commands.run(command, self.code)
-        if case.processes and (part / METRICS).exists() and host_late(part):
+        if case.processes and (part / METRICS).exists() and not kept_up(json.loads((part / METRICS).read_text())):
             return False
         if code:
             raise RunError(f"the {self.name} version: exit code {code}, {(said.strip() or 'no word').splitlines()[-1]}")
@@ -126,12 +126,6 @@ class Version:
                 entry.unlink()
         part.rename(folder)
         return True
-
-
-def host_late(run: Path) -> bool:
-    """Whether the machine was too slow for a run, or lost some of its frames."""
-    metrics = json.loads((run / METRICS).read_text(encoding="utf-8"))
-    return bool(metrics["timing"]["host_late"] or metrics["frames"]["host_lost"])
 
 
 def compared(case: Case, old: Version, new: Version) -> tuple[str, str]:

@@ -49,7 +49,10 @@ FAULTS: Final = faults(
     "'babble', nodes=['n060'], at_s=18, until_s=24",
     "'clock_jump', share=0.2, at_s=20, jump_ms=500",
     "'bias', share=0.2, at_s=25, until_s=32, bias_deg=20",
+    "'freeze', nodes=['fusion'], at_s=26, until_s=27.2",
+    "'clock_jump', nodes=['fusion'], at_s=28, jump_ms=-40",
     "'kill', share=0.2, at_s=30",
+    "'deaf', share=0.1, at_s=33",
 )
 """Of fields with many sensors; all within the 40 s of s3."""
 RADAR_FAULTS: Final = faults(
@@ -73,6 +76,7 @@ def spcpf(path: str, battery_j: float) -> Field:
         "faults": (FAULTS,),
         "late": LATE,
         "adaptive": ("sensor.threshold=adaptive",),
+        "moving": ("link.ack=3", "fusion.path=[[0, 50, 450], [40, 450, 50]]"),
     }
     return Field("spcpf", (f"target.path={path}",), variants)
 

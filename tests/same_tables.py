@@ -19,7 +19,7 @@ FRAME: Final = IDENTITY + FATE
 
 
 class Point(NamedTuple):
-    """Which point of a track it is; ``nth`` counts those that are the same otherwise."""
+    """Which point of a track it is (``step`` -1: of none); ``nth`` counts those that are the same otherwise."""
 
     step: int
     target: str
@@ -58,7 +58,7 @@ def points(table: pa.Table) -> dict[Point, Values]:
         *columns, lags, values, table["covariance"].to_pylist(), strict=True
     ):
         tracker, _, lagged = name.partition("+lag")
-        key = (step, target, tracker, int(lagged or lag or 0))
+        key = (-1 if step is None else step, target, tracker, int(lagged or lag or 0))
         spread = {f"covariance[{i}]": value for i, value in enumerate(covariance or ())}
         found[Point(*key, seen[key])] = dict(zip(names, row, strict=True)) | spread
         seen[key] += 1

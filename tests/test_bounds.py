@@ -68,6 +68,9 @@ def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_trut
     """Reports of two sensors in the first five steps; the target does not accelerate, and tells so."""
     plan = spcpf(1, STRAIGHT)
     rows = used_by(*((src, step) for step in range(1, 6) for src in ("n012", "n013")))
+    rows[:2] = [replace(row, point=replace(row.point, mean=(), covariance=())) for row in rows[:2]]  # no track yet
+    rows += [replace(rows[2], point=replace(rows[2].point, at_ns=step * NS, sensors=())) for step in (6, 7, 8)]
+    rows[-1] = replace(rows[-1], truth=None)
     places = np.array([[50.0, 50.0], [100.0, 50.0]])
     belief, sd = Gaussian(np.zeros(4), np.diag([20.0, 20.0, 4.0, 4.0]) ** 2), np.radians(3.0)
     expected = []
@@ -78,8 +81,8 @@ def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_trut
             belief = Gaussian(belief.mean, kalman.update(belief, np.zeros(2), H, sd**2 * np.eye(2)).covariance)
         expected.append(np.sqrt(np.trace(belief.covariance[:2, :2])))
     assert by_step(run_bound(plan, rows)) == pytest.approx(dict(enumerate(expected, start=1)))
-    found = bound_metrics(plan, rows)  # over the steps that have a track
-    assert found["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(expected[:5]))))
+    found = bound_metrics(plan, rows)  # over the steps that have a track, and a truth
+    assert found["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(expected[2:7]))))
     assert found["position"] is not None and found["position"] < found["trajectory"]
 
 

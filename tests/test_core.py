@@ -40,7 +40,7 @@ from trackfield.role import (
 from trackfield.wire.codec import decode, encode
 from trackfield.wire.keys import Medium
 
-POINT = TrackPoint("spcpf", "bus", 3, "waiting")
+POINT = TrackPoint("spcpf", "bus", 3 * NS, "waiting", step=3)
 
 
 def at_start(*effects: Effect, **kwargs: Any) -> Core:

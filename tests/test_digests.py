@@ -1,4 +1,4 @@
-"""Runs in virtual time are what they were: the fate of each frame exactly, tracks as far as machines agree.
+"""Runs in virtual time are what they were: frames and their fates, reports used, and tracks as far as machines agree.
 
 ``python -m tests.test_digests`` writes ``tests/golden/digests.json`` anew, after a change that is meant to change runs.
 """
@@ -16,18 +16,14 @@ import pytest
 
 from launcher.plan.prepare import load, planned
 from launcher.record.virtually import simulate
-from tests.same_cases import CLOCKS, FAULTS, LATE
+from tests.same_cases import CLOCKS, FAULTS, FIELDS, LATE, settings_of
 from tests.same_tables import FRAME
 
 GOLDEN: Final = Path(__file__).with_name("golden") / "digests.json"
 TRACKERS: Final = ("fix-imm-ukf", "ekf", "ukf", "predict-only")
 """No particle filters: a last bit that differs decides what those draw next."""
 CASES: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
-    "spcpf-s1": ("spcpf", ("target.path=s1",)),
-    "spcpf-s2": ("spcpf", ("target.path=s2",)),
-    "spcpf-s3": ("spcpf", ("target.path=s3",)),
-    "bus": ("bus", ("target.steps=60",)),
-    "radar": ("radar", ()),
+    **{name: (field.scenario, settings_of(name, "plain")) for name, field in FIELDS.items()},
     "spcpf-everything": ("spcpf", ("target.path=s3", *CLOCKS, *LATE, FAULTS, "energy.battery_j=0.4")),
 }
 EVERY: Final = 5
@@ -45,13 +41,14 @@ def story(name: str) -> dict[str, Any]:
     scenario, settings = CASES[name]
     ledger, rows = simulate(planned(load(scenario, settings=settings, seed=1, trackers=TRACKERS)))
     frames = sorted(repr(tuple(getattr(row, field) for field in FRAME)) for row in ledger.rows)
-    tracks: dict[str, Track] = {}
+    points, tracks = [], dict[str, Track]()
     for point in (row.point for row in rows):
+        points.append(repr((point.tracker, point.lag, point.step, point.status, point.sensors)))
         if point.step % EVERY == 0 or point.step == rows[-1].point.step:
             key = f"{point.tracker.partition('+')[0]} lag {point.lag}"
             values = (*point.mean, *point.covariance[::5])
             tracks.setdefault(key, {})[str(point.step)] = " ".join(f"{value:.8f}" for value in values)
-    return {"frames": len(frames), "digest": digest(frames), "tracks": tracks}
+    return {"frames": len(frames), "digest": digest(frames), "points": digest(sorted(points)), "tracks": tracks}
 
 
 def digest(lines: Sequence[str]) -> str:
@@ -73,6 +70,11 @@ def test_every_frame_has_the_fate_it_had(name: str) -> None:
     assert (new["frames"], new["digest"]) == (old["frames"], old["digest"]), (
         f"{name}: frames or their fates are not what they were; python -m tests.same_as COMMIT shows which"
     )
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_point_has_the_status_and_the_reports_it_had(name: str) -> None:
+    assert story(name)["points"] == golden(name)["points"]
 
 
 @pytest.mark.parametrize("name", CASES)

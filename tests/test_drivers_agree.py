@@ -18,6 +18,7 @@ from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import differences
 from tests.mortals import hard_times
+from tests.running import SPEEDS, kept_up
 from tests.toys import party
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.errors import RunFailed
@@ -67,12 +68,13 @@ SHARED = ("trackers", "bytes", "latency_ms", "energy_j", "lifetime_s", "clock_er
 
 def both(plan: Plan, folder: FilePath) -> tuple[Outcome, list[str]]:
     """The plan under both drivers: how the processes fared, and what tells the two runs apart."""
-    folders = [folder / "processes", folder / "virtual"]
-    for each in folders:
-        (each / "logs").mkdir(parents=True)
-    real = run_processes(plan, folders[0], Quiet())
-    if real.metrics["timing"]["host_late"] and plan.run.speed > 1:  # a machine this busy proves nothing at this speed
-        return both(replace(plan, run=replace(plan.run, speed=plan.run.speed / 2)), folder / "slower")
+    for speed in (plan.run.speed, *(speed for speed in SPEEDS if speed < plan.run.speed)):
+        folders = [folder / f"processes-{speed}", folder / f"virtual-{speed}"]
+        for each in folders:
+            (each / "logs").mkdir(parents=True)
+        real = run_processes(replace(plan, run=replace(plan.run, speed=speed)), folders[0], Quiet())
+        if kept_up(real.metrics):
+            break
     virtual = run_virtual(plan, folders[1])
     assert real.exit_code == 0, real.complaints
     assert {key: real.metrics[key] for key in SHARED} == {key: virtual.metrics[key] for key in SHARED}

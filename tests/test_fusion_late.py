@@ -62,6 +62,7 @@ def test_without_an_age_a_late_report_is_ignored_and_nothing_is_kept() -> None:
     fusion = centre()
     memory, effects = run(fusion, [told(1, "n0"), deadline(1), told(1, "n1", NS), deadline(2)])
     assert [e for e in effects if isinstance(e, Ignored | Late)] == [Ignored("late")]
+    assert [p.sensors for p in points(effects)] == [("n0",), ()]
     assert not memory.past
 
 
@@ -70,7 +71,7 @@ def test_every_step_since_is_published_anew_before_the_new_one() -> None:
     memory, _ = run(fusion, [*(told(step, id) for step in (1, 2, 3) for id in IDS[:3]), *map(deadline, (1, 2, 3))])
     memory, effects = play(fusion, memory, [told(2, "n3", NS + 400_000_000), deadline(4)])
     assert effects[0] == Late()
-    assert [(p.step, p.reports) for p in points(effects)] == [(2, 4), (3, 3), (4, 0)]
+    assert [(p.step, p.sensors) for p in points(effects)] == [(2, (*IDS[:4],)), (3, (*IDS[:3],)), (4, ())]
     _, effects = fusion.handle(memory, deadline(5))
     assert [p.step for p in points(effects)] == [5]  # and only once
 

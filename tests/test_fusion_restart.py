@@ -17,7 +17,8 @@ from tests.test_fusion_role import DEADLINE, PRIOR, SENSORS, centre, deadline, p
 from trackfield.filters.types import Gaussian
 from trackfield.role import NS, Note, Publish, SetTimer, Started, State, Store, TrackPoint
 
-POINT = TrackPoint("a", "bus", 7, "tracking", (1.0, 2.0, 3.0, 4.0), tuple((np.eye(4) + 0.25).ravel()), 3)
+COVARIANCE = tuple((np.eye(4) + 0.25).ravel())
+POINT = TrackPoint("a", "bus", 7 * NS, "tracking", (1.0, 2.0, 3.0, 4.0), COVARIANCE, ("n0", "n1", "n2"), step=7)
 
 
 def place(step: int) -> tuple[float, float]:
@@ -39,7 +40,7 @@ def lived(fusion: Fusion, steps: int) -> bytes:
 
 
 def test_what_is_packed_is_unpacked() -> None:
-    stored = unpack(pack(7, 52.5, {"a": POINT, "b": TrackPoint("b", "bus", 7, "waiting")}))
+    stored = unpack(pack(7, 52.5, {"a": POINT, "b": TrackPoint("b", "bus", 7 * NS, "waiting", step=7)}))
     assert (stored.step, stored.threshold_db, set(stored.beliefs)) == (7, 52.5, {"a", "b"})
     belief = stored.beliefs["a"]
     assert belief is not None

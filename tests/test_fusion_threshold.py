@@ -48,7 +48,7 @@ def test_it_settles_where_the_uncertainty_is_right() -> None:
 
 def point(xx: float, xy: float, yy: float) -> TrackPoint:
     covariance = (xx, xy, 0.0, 0.0, xy, yy, 0.0, 0.0, *[0.0] * 8)
-    return TrackPoint("a", "bus", 1, "tracking", (10.0, 20.0, 3.0, -4.0), covariance)
+    return TrackPoint("a", "bus", NS, "tracking", (10.0, 20.0, 3.0, -4.0), covariance, step=1)
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ def test_what_belongs_to_no_role_is_the_drivers_mistake(event: Event) -> None:
 
 
 def test_estimates_and_notes_pass_as_they_are() -> None:
-    said = (Publish(TrackPoint("t", "bus", 1, "waiting")), Note("hello"))
+    said = (Publish(TrackPoint("t", "bus", NS, "waiting", step=1)), Note("hello"))
     assert after(host(a=script({START: said})), START)[1] == said
 
 

@@ -176,7 +176,7 @@ def test_telemetry_that_is_undone_was_never_told() -> None:
     book.told("b", told(90, State("reporting")))
     book.told("b", Refused(late, "late"))
     book.told("b", told(120, Radio(False)))
-    book.told("b", told(130, Publish(TrackPoint("t", "x", 1, "waiting"))))
+    book.told("b", told(130, Publish(TrackPoint("t", "x", NS, "waiting", step=1))))
     book.told("b", Undone(late))
     for t_ms in (54, 100, 140):
         book.sent(frame(t_ms))
@@ -211,7 +211,7 @@ def test_an_undoing_is_one_processs_own() -> None:
 
 def test_of_estimates_told_twice_the_last_stays() -> None:
     book = ledger()
-    first, second = (Publish(TrackPoint("t", "x", 1, "tracking", (float(x), 0.0, 0.0, 0.0))) for x in (1, 2))
+    first, second = (Publish(TrackPoint("t", "x", NS, "tracking", (float(x), 0.0, 0.0, 0.0))) for x in (1, 2))
     book.told("b", told(300, first))
     book.told("a", told(200, first))
     book.told("b", Undone(timer(300)))

@@ -220,8 +220,8 @@ def test_a_track_without_a_truth_says_nothing_about_a_loss() -> None:
 def test_a_loss_goes_by_the_rule_that_is_given() -> None:
     """Two steps in a row, anywhere: one too far off and one without a track."""
     tracks = [point(1, (9, 0, 0, 0)), point(2, (21, 0, 0, 0)), point(3, None), point(4, (9, 0, 0, 0))]
-    found = [scored(tracks, Lost(20.0, n, None))["lost"] for n in (1, 2, 3)]
-    assert found == [True, True, False]
+    for n, lost in ((1, True), (2, True), (3, False)):
+        assert tracker_metrics(replace(tiny(), lost=Lost(20.0, n, None)), tracks)["t"]["lost"] is lost
 
 
 def test_who_found_its_way_back_is_not_lost() -> None:

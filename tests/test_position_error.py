@@ -77,8 +77,8 @@ def test_only_the_centre_is_told_where_sensors_are_believed_to_stand() -> None:
 
 def test_the_timeline_shows_where_sensors_stand() -> None:
     assert off(5.0).info.places == off(0.0).info.places
-    stands = [(place.x, place.y) for place in off(5.0).info.places if place.id == "n013"]
-    assert stands == [(100.0, 50.0)]
+    stands = [(place.role, place.x, place.y) for place in off(5.0).info.places if place.id == "n013"]
+    assert stands == [("node", 100.0, 50.0)]
 
 
 def test_the_world_is_the_same_whatever_is_believed() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,9 +38,12 @@ class Seen:
 
 
 def niceness_of_threads(pid: int) -> list[int]:
-    """The first is that of the main thread."""
-    tasks = sorted(Path(f"/proc/{pid}/task").iterdir(), key=lambda task: int(task.name))
-    return [int((task / "stat").read_text().rpartition(")")[2].split()[16]) for task in tasks]
+    """That of the main thread first; of those that live on while they are asked."""
+    found = []
+    for task in sorted(Path(f"/proc/{pid}/task").iterdir(), key=lambda task: (task.name != str(pid), task.name)):
+        with suppress(FileNotFoundError, ProcessLookupError):
+            found.append(int((task / "stat").read_text().rpartition(")")[2].split()[16]))
+    return found
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +74,10 @@ def test_a_node_carries_nothing_that_it_does_not_need(seen: Seen) -> None:
 def test_a_node_works_after_the_others_but_its_frames_leave_at_once(seen: Seen) -> None:
     """The main thread does the work; all others are those of its session."""
     own, *session = seen.niceness["node n060"]
-    assert own == patience.NICENESS > 0
+    others = os.nice(0)
+    assert own == others + patience.NICENESS > others
     assert len(session) >= 2
-    assert {*session, *seen.niceness["fusion"], *seen.niceness["router"]} == {0}
+    assert {*session, *seen.niceness["fusion"], *seen.niceness["router"]} == {others}
 
 
 def test_a_bystander_counts_the_same_frames(seen: Seen) -> None:

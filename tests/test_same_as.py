@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pytest
 
 from launcher.plan.prepare import load, planned
+from tests.same_as import HOST_LATE, Commands, Version, compared
 from tests.same_cases import FIELDS, Case, cases, settings_of
 from tests.same_tables import differences
 
@@ -110,8 +112,20 @@ def test_an_outcome_changed() -> None:
     ]
 
 
-def test_another_payload() -> None:
-    assert len(of_frames([{}], [{"payload": b"\x01\x02\x04"}])) == 1
+@pytest.mark.parametrize("name", [name for name in FRAME if name != "text"])
+def test_whatever_of_a_frame_is_another(name: str) -> None:
+    value = FRAME[name]
+    other = value + 1 if isinstance(value, int) else value + type(value)(value)
+    assert of_frames([{}], [{name: other}]) != []
+
+
+@pytest.mark.parametrize("name", ["step", "target", "tracker"])
+def test_whichever_point_is_another(name: str) -> None:
+    assert len(of_tracks([{}], [{name: 9 if name == "step" else "other"}])) == 2
+
+
+def test_a_point_of_no_step_is_a_point() -> None:
+    assert of_tracks([{"step": None}, {}], [{"step": None, "x": 2.0}, {}]) == ["ukf of target, step -1: x 1.0, now 2.0"]
 
 
 # --- cases ------------------------------------------------------------------------------------------------------------
@@ -119,9 +133,51 @@ def test_another_payload() -> None:
 
 def test_each_case_has_a_name_of_its_own_and_settings_that_its_scenario_takes() -> None:
     some = list(cases())
-    assert len({case.name for case in some}) == len({case.arguments for case in some}) == len(some) == 144
-    assert [case.processes for case in some] == [False] * 140 + [True] * 4
-    assert isinstance(some[0], Case)
+    assert len({case.name for case in some}) == len({case.arguments for case in some}) == len(some) == 159
+    assert [case.processes for case in some] == [False] * 155 + [True] * 4
     for name, field in FIELDS.items():
         for variant in field.variants:
             planned(load(field.scenario, settings=settings_of(name, variant)))
+
+
+# --- versions ---------------------------------------------------------------------------------------------------------
+
+PROGRAM = """
+import json, sys
+from pathlib import Path
+import pyarrow as pa, pyarrow.parquet as pq
+out = Path(sys.argv[sys.argv.index("--out") + 1])
+out.mkdir()
+for name, rows in {tables!r}.items():
+    pq.write_table(pa.Table.from_pylist(rows), out / f"{{name}}.parquet")
+late = {late!r}
+metrics = {{"timing": {{"host_late": late}}, "frames": {{"host_lost": 0}}, "recorder": {{"dropped": 0}}}}
+(out / "metrics.json").write_text(json.dumps(metrics))
+sys.exit({code!r})
+"""
+
+
+def version(home: Path, name: str, *, x: float = 1.0, late: int = 0, code: int = 0) -> Version:
+    """One whose every run comes to the same."""
+    launcher = home / name / "launcher"
+    launcher.mkdir(parents=True)
+    (launcher / "__init__.py").touch()
+    tables = {"tracks": [{**POINT, "x": x}], "messages": [FRAME]}
+    (launcher / "cli.py").write_text(PROGRAM.format(tables=tables, late=late, code=code))
+    (home / name / "runs").mkdir()
+    return Version(name, home / name, home / name / "runs", Commands())
+
+
+@pytest.mark.parametrize(
+    ("new", "verdict"),
+    [
+        ({}, "same"),
+        ({"x": 1.5}, "differ"),
+        ({"code": 3}, "failed"),
+        ({"late": 2}, HOST_LATE),
+        ({"late": 2, "code": 1}, HOST_LATE),
+    ],
+)
+def test_each_version_runs_by_its_own_code(new: dict[str, Any], verdict: str, tmp_path: Path) -> None:
+    case = Case("one", ("bus",), processes=True)
+    assert compared(case, version(tmp_path, "old"), version(tmp_path, "new", **new))[0] == verdict

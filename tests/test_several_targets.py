@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from math import cos, hypot, radians, sin
 from pathlib import Path
 
@@ -13,12 +12,15 @@ import pytest
 from launcher.plan.prepare import load, planned
 from launcher.record.virtually import simulate
 from launcher.records import Plan
+from launcher.report.parts.errors import NEAREST
 from tests.command_line import Call, trackfield
+from tests.reporting import read as page_of
 from tests.rrd import read
-from tests.running import Run, on_time
+from tests.running import both_ways
 from trackfield.role import NS
 
 __all__ = ["trackfield"]
+pytestmark = pytest.mark.timeout(400)  # of both runs, on a machine that does not keep up
 
 CROSSING = (
     "target={path='waypoints', waypoints=[[0, 107, 103], [20, 397, 411]], id='car'}",
@@ -58,14 +60,9 @@ def test_each_report_is_of_the_target_that_is_louder_at_the_sensor() -> None:
 
 
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """A folder with the same run twice: as ``processes`` and ``virtual``."""
-    home = tmp_path_factory.mktemp("crossing")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = [part for one in (*SETTINGS, "clock.offset_ms=20") for part in ("--set", one)]
-    virtual = Run(home / "virtual", "zhai-spcpf", *settings, "--virtual", "--quiet").finish()
-    for code, said in (virtual, on_time(home / "processes", "zhai-spcpf", *settings, "--quiet")):
-        assert code == 0, said
-    yield home
+    return both_ways(tmp_path_factory.mktemp("crossing"), "zhai-spcpf", *settings, "--quiet")
 
 
 @pytest.fixture(autouse=True)
@@ -94,6 +91,12 @@ def test_the_nearest_target_is_the_truth_and_each_has_its_figures() -> None:
     metrics = json.loads(Path("virtual", "metrics.json").read_text())
     rows = pq.read_table("virtual/tracks.parquet").to_pylist()
     assert metrics["bound"] == {"position": None, "trajectory": None}
+    paths = crossing(f"run.setup_s={SETUP_S}").paths
+    for row in rows:
+        if row["x"] is not None:
+            states = {id: path.at(row["at_ns"] / NS) for id, path in paths.items()}
+            away = {id: hypot(row["x"] - state[0], row["y"] - state[1]) for id, state in states.items() if state}
+            assert row["true_target"] == min(away, key=away.__getitem__)
     for name, found in metrics["trackers"].items():
         assert found["association"] == "nearest"
         own = [row for row in rows if row["tracker"] == name and row["x"] is not None]
@@ -104,8 +107,8 @@ def test_the_nearest_target_is_the_truth_and_each_has_its_figures() -> None:
                 if row["true_target"] == target
             ]
             assert found["targets"][target]["steps"] == len(errors)
-            if errors:
-                assert found["targets"][target]["rmse"] == pytest.approx((sum(errors) / len(errors)) ** 0.5)
+            rmse = pytest.approx((sum(errors) / len(errors)) ** 0.5) if errors else None
+            assert found["targets"][target]["rmse"] == rmse
         assert sum(one["steps"] for one in found["targets"].values()) == found["steps"]
 
 
@@ -115,8 +118,9 @@ def test_both_truths_are_in_picture_and_page(trackfield: Call) -> None:
         assert at[1.0][0] == [pytest.approx(x), pytest.approx(y)]
     kills = [t for t, said in read(Path("virtual", "run.rrd"), "/faults", "TextLog:text") if "n060" in said[0]]
     assert kills[0] == 12.0
-    page = Path("virtual", "report.html").read_text()
-    assert "nearest" in page and "car" in page and "truck" in page
+    said = page_of(Path("virtual")).text
+    assert "targets car, truck" in said
+    assert NEAREST in said
 
 
 def test_it_is_fused_again_the_same(trackfield: Call) -> None:

@@ -73,6 +73,8 @@ def test_of_several_targets_the_nearest_is_the_truth() -> None:
     paths = {**PATHS, "post": Path.of([(0.0, 0.0, 13.0, 0.0, 0.0), (1.5, 0.0, 13.0, 0.0, 0.0)])}
     rows = track_rows([published(9, point(step, x)) for step, x in ((1, 1.0), (2, 1.0), (3, None))], paths)
     assert [row.true_target for row in rows] == ["target", "target", "target"]
+    reverse = {"post": paths["post"], **PATHS}
+    assert [track_rows([published(9, point(1, None))], some)[0].true_target for some in (paths, reverse)] == [*paths]
     near = track_rows([published(9, replace(point(1), mean=(1.0, 12.0, 0.0, 0.0)))], paths)
     assert [(row.true_target, row.truth) for row in near] == [("post", (0.0, 13.0, 0.0, 0.0))]
 
@@ -81,9 +83,9 @@ def test_of_two_that_tell_of_an_instant_the_higher_term_is_seen() -> None:
     def told(source: str, step: int, term: int, told_ns: int) -> TrackRow:
         return TrackRow(told_ns, replace(point(step), source=source, term=term))
 
-    rows = [told("a", 1, 1, 5), told("b", 1, 2, 9), told("a", 2, 3, 9), told("b", 2, 3, 5), told("c", 3, 9, 1)]
+    rows = [told("b", 1, 2, 9), told("a", 1, 1, 5), told("a", 2, 3, 5), told("b", 2, 3, 9), told("c", 3, 9, 1)]
     found = [(row.point.source, row.point.step) for row in seen(rows, View("in-network", ("a", "b")))]
-    assert found == [("b", 1), ("b", 2)]
+    assert found == [("b", 1), ("a", 2)]
 
 
 def test_a_track_reads_back(tmp_path: FilePath) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.telemetry import Telemetry, pack, unpack
-from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
+from trackfield.role import NS, Corrected, Note, Publish, Radio, State, TrackPoint
 
 WORDS = st.text(max_size=20)
 TIMES = st.integers(-(2**63), 2**63 - 1)
@@ -20,7 +20,7 @@ MEDIA = st.sampled_from(["field", "backbone"])
 
 KEYS = st.one_of(
     st.tuples(TIMES, st.just(0), WORDS),
-    st.tuples(TIMES, st.just(1), WORDS, WORDS, TIMES, st.integers(0, 99), st.integers(0, 9), WORDS),
+    st.tuples(TIMES, st.just(1), WORDS, WORDS, TIMES, st.integers(0, 99), st.integers(0, 9), WORDS, MEDIA),
     st.tuples(TIMES, st.just(2), TIMES, WORDS),
     st.tuples(TIMES, st.just(3)),
 )
@@ -34,6 +34,9 @@ POINTS = st.builds(
     covariance=st.one_of(st.just(()), st.tuples(*[NUMBERS] * 16)),
     sensors=st.lists(WORDS, max_size=4).map(tuple),
     particles=st.binary(max_size=64),
+    lag=st.integers(0, 9),
+    term=st.integers(0, 99),
+    source=WORDS,
     step=st.one_of(st.none(), st.integers(0, 65535)),
 )
 EFFECTS = st.one_of(
@@ -76,7 +79,7 @@ def test_telemetry_of_no_known_kind_is_refused(body: tuple[Any, ...]) -> None:
 
 
 def test_half_a_message_is_refused() -> None:
-    whole = pack(Told((1, 2, 1, "t"), Publish(TrackPoint("t", "x", 1, "tracking", (1.0,) * 4))))
+    whole = pack(Told((1, 2, 1, "t"), Publish(TrackPoint("t", "x", NS, "tracking", (1.0,) * 4))))
     for length in range(len(whole)):
         with pytest.raises(ValueError, match=r"incomplete|exceeds"):
             unpack(whole[:length])

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from launcher.records import TRACKS, FieldInfo, MessageRow, Place, Truth
@@ -376,6 +377,9 @@ def test_a_frame_is_seen_for_as_long_as_a_step(tmp_path: Path) -> None:
 
 def test_times_count_from_the_first_step(tmp_path: Path) -> None:
     """A frame 3 s after the start of the run, in the middle of a setup of 5 s, is at -2 s; the axis begins with it."""
+    absolute = rrb.TimeRangeBoundary.absolute
+    whole = rrb.TimeAxis(view_range=rr.TimeRange(start=absolute(seconds=-5.0), end=absolute(seconds=9.0)))
+    assert look._whole_run(small_info(origin_ns=5 * NS, end_s=9.0)) == whole
     info = small_info(origin_ns=5 * NS, truths=(Truth("target", ((0.0, 1.0, 2.0), (1.0, 3.0, 4.0))),))
     timeline = Timeline(tmp_path / "run.rrd", dataclasses.replace(info, marks=((0.5, "n1", "kill"),)))
     timeline.message(report("n1", 3000, 10))
