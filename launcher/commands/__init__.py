@@ -1,0 +1,1 @@
+"""The commands of ``trackfield``: a file for each, or for a few that belong together."""

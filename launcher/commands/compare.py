@@ -1,0 +1,42 @@
+"""``compare``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from trackfield.errors import ScenarioError
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
+    exact: Annotated[
+        float | None,
+        typer.Option(
+            metavar="TOL",
+            min=0.0,
+            help="Fail unless tracks are equal to within this, and the fate of every frame is the same.",
+        ),
+    ] = None,
+) -> None:
+    """Show runs side by side, or whether they are the same."""
+    from rich.console import Console
+
+    from launcher.study.compare import check_runs, differences
+    from launcher.study.side_by_side import side_by_side
+
+    if len(runs) < 2:
+        raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")
+    check_runs(runs)
+    Console(markup=False, emoji=False).print(side_by_side(runs))
+    if exact is None:
+        return
+    found = [f"{other}: {what}" for other in runs[1:] for what in differences(runs[0], other, exact)]
+    for line in found:
+        print(line, file=sys.stderr)
+    if found:
+        raise typer.Exit(1)
+    print(f"equal to within {exact:g}, and the fate of every frame is the same")

@@ -1,0 +1,21 @@
+"""``router``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def router(
+    listen: Annotated[
+        list[str], typer.Option(metavar="ENDPOINT", help="Where, like tcp/0.0.0.0:7447; may be repeated.")
+    ],
+) -> None:
+    """Be a router for runs whose processes start elsewhere, until Ctrl-C."""
+    from launcher.options import check_endpoint
+    from launcher.processes.router import serve
+
+    for endpoint in listen:
+        check_endpoint(endpoint, "--listen")
+    serve(listen)

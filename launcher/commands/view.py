@@ -1,0 +1,30 @@
+"""``view`` and ``report``: to look at a finished run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def view(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    web: Annotated[bool, typer.Option("--web", help="In the browser.")] = False,
+    png: Annotated[Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")] = None,
+    at: Annotated[float | None, typer.Option(help="The emulated second that the picture shows.")] = None,
+) -> None:
+    """Open a run's timeline."""
+    from launcher.timeline.view import open_viewer, picture
+
+    if png is None:
+        open_viewer(run, web)
+    else:
+        picture(run, png, at)
+
+
+def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a finished run.")]) -> None:
+    """Draw a run's figures and write its report.html, anew."""
+    from launcher.report import write_report
+
+    print(write_report(run))
