@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from launcher.colours import tracker_colours
 from launcher.report.folder import Run
 from launcher.report.tracks import Array, Track
 
@@ -23,8 +24,6 @@ TRUTH: Final = "#7c8796"
 DEAD: Final = "#c8102e"
 GAP: Final = "#c04f9b"
 BAND: Final = "#e4eef7"
-_TRACKERS: Final = ("#e69f00", "#0072b2", "#cc79a7", "#009e73", "#d55e00", "#56b4e9")
-"""Okabe and Ito, colours that everybody can tell apart; their order has the hues of the timeline."""
 _DASHES: Final = ("-", "--", "-.", ":")
 """Of several targets."""
 OUTCOMES: Final[Mapping[str, str]] = {
@@ -68,7 +67,7 @@ STYLE: Final[Mapping[Any, Any]] = {
 
 def colour(run: Run, tracker: str) -> str:
     """The colour of a tracker, wherever it is shown."""
-    return _TRACKERS[run.trackers.index(tracker) % len(_TRACKERS)]
+    return tracker_colours(run.trackers)[tracker]
 
 
 def blank(height: float, rows: int = 1, *, ratios: Sequence[float] = ()) -> tuple[Figure, list[Axes]]:

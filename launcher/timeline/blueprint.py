@@ -12,6 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun.blueprint.archetypes as rrba
 
+from launcher.colours import tracker_colours
 from launcher.records import SENSES, TRACKS, FieldInfo, Place
 from launcher.timeline.scene import extent, spacing
 from trackfield.role import NS
@@ -54,13 +55,6 @@ SERIES: Final[dict[str, tuple[list[str], list[Colour]]]] = {
 }
 """Names and colours of the lines of each plot."""
 _SHARES: Final[tuple[Colour, ...]] = (0xF2524BFF, 0xF5D041FF, 0x3DBE6CFF)
-_TRACKERS: Final[tuple[Colour, ...]] = (
-    0xFFC83DFF,
-    0x4FA3FFFF,
-    0xF078C8FF,
-    0x2BD4BDFF,
-    0xC88C5AFF,
-)
 
 _GROUND: Final = (14, 15, 20)
 _GRAPH_SPACING: Final = 52.0
@@ -75,8 +69,7 @@ neighbours would be too close to be told apart."""
 
 def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
     """The colour of a tracker's track, ellipse and error; one that the run did not announce comes last."""
-    rank = info.trackers.index(tracker) if tracker in info.trackers else len(info.trackers)
-    return _TRACKERS[rank % len(_TRACKERS)]
+    return int(tracker_colours([*info.trackers, tracker])[tracker][1:], 16) << 8 | 0xFF
 
 
 def state_colour(name: str) -> Colour:
