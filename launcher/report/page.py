@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
 from launcher.report.parts import PARTS
+from launcher.report.templates import inline, templates
 
 PAGE: Final = "report.html"
 _HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}
@@ -33,19 +33,14 @@ def write_report(folder: Path) -> Path:
 
     Raises ``ScenarioError`` for a folder that is no finished run, and ``OSError`` where it cannot be written.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     run = read_run(folder)
-    pictures = draw(run)
-    environment = Environment(
-        loader=PackageLoader("launcher.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    text = environment.get_template("report.html.j2").render(_contents(run, pictures))
-    page = folder / PAGE
+    return write_page(run, draw(run))
+
+
+def write_page(run: Run, pictures: Mapping[str, Path]) -> Path:
+    """Write ``report.html`` with these figures, by name; its path."""
+    text = templates().get_template("report.html.j2").render(_contents(run, pictures))
+    page = run.folder / PAGE
     page.write_text(text, encoding="utf-8")
     return page
 
@@ -58,7 +53,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
         **{name: part.contents(run) for name, part in PARTS.items()},
         "number": number,
-        "pictures": {name: _inline(file) for name, file in pictures.items()},
+        "pictures": {name: inline(file.read_bytes()) for name, file in pictures.items()},
         "commands": commands(run),
         "files": {name: what for name, what in _FILES.items() if _has(run.folder / name)},
     }
@@ -119,10 +114,6 @@ def _quoted(argument: str) -> str:
     """As a shell takes it, in the quotes that are easier to read."""
     double = "'" in argument and not set(argument) & set('"$`\\!')
     return f'"{argument}"' if double else shlex.quote(argument)
-
-
-def _inline(file: Path) -> str:
-    return f"data:image/png;base64,{base64.b64encode(file.read_bytes()).decode('ascii')}"
 
 
 def _has(path: Path) -> bool:

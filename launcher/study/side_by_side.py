@@ -12,6 +12,8 @@ from typing import Any, Final
 from rich.table import Table
 from rich.text import Text
 
+from launcher.record.verdict import told
+
 Cell = float | int | str | None
 NOTHING: Final = "-"
 LONGEST: Final = 40
@@ -128,7 +130,7 @@ def _tracker(name: str, metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     yield from _telling(Row(f"{name} NEES", tuple(t and t["nees"] for t in found)))
     bands = [t and t.get("nees_band") for t in found]
     yield from _telling(Row(f"{name} NEES, 95 % band", tuple(b and f"{b[0]:.3f} to {b[1]:.3f}" for b in bands)))
-    yield Row(f"{name} lost", tuple(None if t is None else "yes" if t["lost"] else "no" for t in found))
+    yield Row(f"{name} verdict", tuple(None if t is None else told(t) for t in found))
 
 
 def _telling(*rows: Row) -> list[Row]:
