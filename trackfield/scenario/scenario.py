@@ -57,8 +57,12 @@ class Scenario(Contents):
 
         Raises ``ScenarioError`` as ``load`` does.
         """
+        return self.set_all({key: value})
+
+    def set_all(self, values: Mapping[str, Any]) -> Self:
+        """The scenario with several keys set to other values at once: those of a kind beside the kind."""
         written = self.model_dump(mode="json", by_alias=True, exclude_unset=True)
-        return self._valid(written, {key: value}, "", "", None)
+        return self._valid(written, values, "", "", None)
 
     def plain(self) -> dict[str, Any]:
         """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""
