@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from launcher.timeline.view import program
 from trackfield.drivers.session import PROTOCOLS, is_endpoint
 from trackfield.errors import ScenarioError, combined
 
@@ -32,4 +31,6 @@ def check_driver(*, virtual: bool, external: bool, live: bool, connect: str, spe
 
 def check_viewer() -> None:
     """Raise ``RunFailed`` if there is no viewer for a live view."""
+    from launcher.timeline.view import program  # loads Rerun
+
     program()

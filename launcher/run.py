@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 
 import psutil
 
+from launcher.drawing import write_here
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.gathering import Gathering
 from launcher.processes.live import LiveView
@@ -68,9 +69,17 @@ class Outcome:
 
 
 def run_virtual(
-    plan: Plan, folder: Path, command: Sequence[str] = (), tick: Callable[[float | None], None] = lambda _: None
+    plan: Plan,
+    folder: Path,
+    command: Sequence[str] = (),
+    *,
+    tick: Callable[[float | None], None] = lambda _: None,
+    write: Callable[[Path], None] | None = None,
 ) -> Outcome:
-    """Run in virtual time; ``tick`` is told the time (s since the first step) now and then, None when it is over."""
+    """Run in virtual time; ``write`` writes the report of the finished folder (None: this process does).
+
+    ``tick`` is told the time (s since the first step) now and then, None when it is over.
+    """
     with _until_signal() as ended:
         write_manifest(folder, plan, command, None)
         begun, cpu_s = time.monotonic(), time.process_time()
@@ -92,7 +101,7 @@ def run_virtual(
         metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
         metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
         metrics["timing"]["speed"] = None
-        return close_folder(folder, metrics, [], ended, complete=virtual.end_ns == plan.run.end_ns)
+        return close_folder(folder, metrics, [], ended, write, complete=virtual.end_ns == plan.run.end_ns)
 
 
 def run_processes(
@@ -164,7 +173,13 @@ def _blank(value: object) -> Any:
 
 
 def close_folder(
-    folder: Path, metrics: Metrics, complaints: list[str], ended: list[int], *, complete: bool = False
+    folder: Path,
+    metrics: Metrics,
+    complaints: list[str],
+    ended: list[int],
+    write: Callable[[Path], None] | None = None,
+    *,
+    complete: bool = False,
 ) -> Outcome:
     """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early.
 
@@ -178,17 +193,15 @@ def close_folder(
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    unreported = _report(folder, ended)
+    unreported = _report(folder, ended) if write is None else _report(folder, ended, write)
     return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported, complete)
 
 
-def _report(folder: Path, ended: list[int]) -> str:
-    """Draw the report; why that failed, if it did. There is a whole one afterwards, or none."""
+def _report(folder: Path, ended: list[int], write: Callable[[Path], None] = write_here) -> str:
+    """Write the report; why that failed, if it did. There is a whole one afterwards, or none."""
     try:
         with _interruptible(ended):
-            from launcher.report import write_report  # matplotlib takes a while to load
-
-            write_report(folder)
+            write(folder)
     except KeyboardInterrupt:
         why = f"interrupted; trackfield report {folder} draws it"
     except Exception as error:  # noqa: BLE001  whatever it is, the run is over and all its tables are there

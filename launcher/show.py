@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
 from rich.live import Live
@@ -24,7 +24,9 @@ from launcher.plan.warnings import summary
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
 from launcher.record.words import alarms, span
 from launcher.records import ARRIVED, SENSES, Plan
-from launcher.run import Observer, Outcome
+
+if TYPE_CHECKING:
+    from launcher.run import Observer, Outcome  # loads Rerun
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
@@ -234,8 +236,11 @@ def conclude(outcome: Outcome) -> None:
     if outcome.signal is not None:
         early = "ended early; everything up to then is in the run folder"
         console.print(f"[yellow]{'interrupted after its end; the run is complete' if outcome.complete else early}[/]")
-    folder = str(outcome.folder)
-    console.print(Text(f"run folder: {folder}\nnext: {_program()} view {shlex.quote(folder)}"), soft_wrap=True)
+    folder, page = str(outcome.folder), outcome.folder / "report.html"
+    console.print(Text(f"run folder: {folder}"), soft_wrap=True)
+    if not outcome.unreported:
+        console.print(Text(f"report: {page}"), soft_wrap=True)
+    console.print(Text(f"next: {program()} view {shlex.quote(folder)}"), soft_wrap=True)
 
 
 def _missing(missing: Collection[str], of: int) -> str:
@@ -292,7 +297,7 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f} m"
 
 
-def _program() -> str:
+def program() -> str:
     """How to call this program again, as short as it goes."""
     if shutil.which("trackfield"):
         return "trackfield"

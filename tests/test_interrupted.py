@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def test_a_run_ends_early_and_leaves_a_whole_folder(
     assert 10 < metrics["end_s"] < 40
     assert pq.read_table(folder / "tracks.parquet")["step"].to_pylist()[-1] < 40
     assert pq.read_table(folder / "messages.parquet").num_rows == metrics["frames"]["expected"] == 100
-    assert "the run ended early" in read(folder).text
+    assert "The run ended early, " in read(folder).text
     assert trackfield("compare", "mine", "mine", "--exact", "0").code == 0
     assert trackfield("report", "mine").code == 0
     assert trackfield("replay", "mine", "--out", "again").code == 0
@@ -70,9 +71,17 @@ def test_one_while_the_folder_is_begun_leaves_nothing(
 def test_one_while_the_report_is_drawn_leaves_the_run_without_it(
     trackfield: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    interrupt_in("launcher.report.page", "_contents", monkeypatch)
+    run = os.getpid()
+
+    def drawn(*_: object) -> None:
+        os.kill(run, signal.SIGINT)
+        time.sleep(60)
+
+    monkeypatch.setattr("launcher.report.page.write_page", drawn)
+    begun = time.monotonic()
     said = trackfield(*RUN, "--set", "target.steps=5")
     assert said.code == 130
+    assert time.monotonic() - begun < 50
     assert "no report: interrupted; trackfield report mine draws it" in said.err
     assert "interrupted after its end; the run is complete" in said.err
     assert {file.name for file in Path("mine").iterdir()} == {

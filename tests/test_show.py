@@ -165,7 +165,7 @@ def test_a_long_virtual_run_says_now_and_then_how_far_it_is(
         for after_s, t_s in ((1.0, 0.1), (9.9, 2.0), (10.0, 2.4), (15.0, 3.0), (20.0, 4.0), (30.0, None)):
             now[0] = 1000.0 + after_s
             tick(t_s)
-    assert said() == "t = 2 s of 6; about 15.0 s left\nt = 4 s of 6; about 10.0 s left\n"
+    assert said() == "t = 2 s of 6; about 15 s left\nt = 4 s of 6; about 10 s left\n"
 
 
 def test_a_terminal_gets_a_bar_with_the_emulated_time(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -214,17 +214,23 @@ def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monk
     assert table["spcpf"] == ["1.23 m", "1.00 m", "5.68 m/s", "5 of 5", "lost"]
     assert table["fix-imm-ukf"][-2:] == ["5 of 5", "tracked"]
     assert "frames: sent 20, delivered 15 (late 2); lost: radio 4, dead 1" in said()
-    assert said().splitlines()[-2:] == ["run folder: runs/a", "next: trackfield view runs/a"]
+    folder, page, following = said().splitlines()[-3:]
+    assert (folder, page) == ("run folder: runs/a", "report: runs/a/report.html")
+    assert following == "next: trackfield view runs/a"
     assert "failed" not in said()
 
 
 def test_a_folders_name_stays_whole_whatever_the_width(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both lines are there to be copied, or read by a script."""
+    """The lines are there to be copied, or read by a script."""
     show.console.width = 60
     monkeypatch.setattr(show.shutil, "which", lambda name: f"/bin/{name}")
     folder = f"runs/{'long-' * 30}/[red] a b"
     show.conclude(replace(outcome(metrics_of(plan)), folder=Path(folder)))
-    assert said().splitlines()[-2:] == [f"run folder: {folder}", f"next: trackfield view '{folder}'"]
+    assert said().splitlines()[-3:] == [
+        f"run folder: {folder}",
+        f"report: {folder}/report.html",
+        f"next: trackfield view '{folder}'",
+    ]
 
 
 def test_a_tracker_without_a_track_has_no_figures(said: Said) -> None:
@@ -270,7 +276,7 @@ def test_a_run_that_nobody_recorded_still_has_its_complaint(plan: Plan, said: Sa
     metrics["frames"] = dict.fromkeys(metrics["frames"])
     metrics["timing"] = dict.fromkeys(metrics["timing"])
     show.conclude(outcome(metrics, "recorder died at 2.0 s: signal 9"))
-    first, *_, folder, _ = said().splitlines()
+    first, *_, folder, _, _ = said().splitlines()
     assert first == "failed: recorder died at 2.0 s: signal 9"
     assert folder == "run folder: runs/a"
     assert "no frame was sent" not in said()

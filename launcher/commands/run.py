@@ -49,12 +49,16 @@ def run(request: Request) -> None:
 
 def _carried_out(request: Request, plan: Plan, folder: Path) -> Outcome:
     """The run, watched by whoever fits the terminal."""
-    from launcher.run import run_processes, run_virtual
+    from launcher.drawing import written_beside
     from launcher.show import observing, progress, tell
 
     if request.virtual:
-        with progress(plan, quiet=request.quiet) as tick:
-            return run_virtual(plan, folder, sys.argv, tick)
+        with written_beside() as write, progress(plan, quiet=request.quiet) as tick:
+            from launcher.run import run_virtual  # loads Rerun, while the report's process loads matplotlib
+
+            return run_virtual(plan, folder, sys.argv, tick=tick, write=write)
+    from launcher.run import run_processes
+
     with observing(plan, quiet=request.quiet) as observer:
         live = tell if request.live else None
         return run_processes(plan, folder, observer, sys.argv, request.connect, external=request.external, live=live)

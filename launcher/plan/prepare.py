@@ -29,15 +29,34 @@ MAX_LINKS: Final = 2000
 """Nobody looks at more links than that."""
 
 
-def load(name: str, **changes: Any) -> Scenario:
-    """The scenario with what the command line changes in it (see ``examine``). Raises ``ScenarioError``."""
-    scenario, errors = examine(name, **changes)
+def load(name: str, **options: Any) -> Scenario:
+    """The scenario with what the command line changes in it (see ``changes``). Raises ``ScenarioError``."""
+    scenario, errors = examine(name, **options)
     if scenario is None or errors:
         raise combined(errors)
     return scenario
 
 
-def examine(
+def examine(name: str, **options: Any) -> tuple[Scenario | None, list[ScenarioError]]:
+    """As ``load``, but with all that is wrong; the scenario is without that, or None if there is none."""
+    overrides, errors = _changes(name, **options)
+    scenario, found = Scenario.examine(name, overrides, known_trackers=TRACKERS)
+    return scenario, [*errors, *found]
+
+
+def changes(name: str, **options: Any) -> dict[str, Any]:
+    """The keys that the command line sets in this scenario, with their values. Raises ``ScenarioError``.
+
+    The options are ``settings`` (of ``--set``), ``seed``, ``target``, ``start``, ``end``, ``sensors``, ``nodes``,
+    ``link`` and ``trackers``.
+    """
+    overrides, errors = _changes(name, **options)
+    if errors:
+        raise combined(errors)
+    return overrides
+
+
+def _changes(
     name: str,
     *,
     settings: Sequence[str] = (),
@@ -49,8 +68,8 @@ def examine(
     nodes: int | None = None,
     link: str | None = None,
     trackers: Sequence[str] = (),
-) -> tuple[Scenario | None, list[ScenarioError]]:
-    """As ``load``, but with all that is wrong; the scenario is without that, or None if there is none."""
+) -> tuple[dict[str, Any], list[ScenarioError]]:
+    """See ``changes``; with all that is wrong."""
     options: dict[str, tuple[str, Any]] = {
         "seed": ("--seed", seed),
         "target.path": ("--target", target and "file"),
@@ -76,8 +95,7 @@ def examine(
         what = "has no effect, since the number of nodes decides how large the field is"
         errors.append(ScenarioError(what, key="field.extent_m", expected="one of field.extent_m and field.nodes"))
     whole = {"target.steps": None} if "target.to" in options and end is not None else {}  # all up to there
-    scenario, found = Scenario.examine(name, whole | overrides, known_trackers=TRACKERS)
-    return scenario, [*errors, *found]
+    return whole | overrides, errors
 
 
 def _parsed(settings: Sequence[str]) -> tuple[dict[str, Any], list[ScenarioError]]:
@@ -103,14 +121,14 @@ def _recorded(name: str, overrides: Mapping[str, Any]) -> bool:
 
 
 def prepare(
-    name: str, speed: float = 1.0, checks: Sequence[Callable[[], object]] = (), **changes: Any
+    name: str, speed: float = 1.0, checks: Sequence[Callable[[], object]] = (), **options: Any
 ) -> tuple[Scenario, Plan]:
-    """The scenario with these changes, and its plan with its warnings.
+    """The scenario with these changes (see ``changes``), and its plan with its warnings.
 
-    Raises ``ScenarioError`` with all that is wrong: by any of the ``checks``, with the changes, in the scenario, and
+    Raises ``ScenarioError`` with all that is wrong: by any of the ``checks``, with the options, in the scenario, and
     what shows only as it is worked out.
     """
-    scenario, errors = examine(name, **changes)
+    scenario, errors = examine(name, **options)
     errors += found_by([partial(check_speed, speed), *checks])
     if scenario is None or errors:
         late = [] if scenario is None else worked_out(scenario, {section_of(error.key) for error in errors})
