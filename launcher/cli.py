@@ -8,7 +8,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from launcher.commands import choices, compare, listing, new, replay, reproduce, router, run, validate, view
+from launcher.commands import choices, compare, listing, new, replay, reproduce, router, run, study, validate, view
 from launcher.processes.garbage import look_seldom
 from trackfield.errors import ScenarioError, TrackfieldError
 
@@ -27,6 +27,7 @@ command("view")(view.view)
 command("report")(view.report)
 command("compare")(compare.compare)
 command("replay")(replay.replay)
+command("study")(study.study)
 command("reproduce")(reproduce.reproduce)
 command("router")(router.router)
 
