@@ -4,30 +4,36 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from launcher.plan.extensions import check_importable
-from launcher.plan.prepare import checked, planned
+from launcher.plan.prepare import checked, planned, warned
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.journal import METRICS
+from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import check_runs
+from launcher.study.results import figures_table
 from launcher.study.side_by_side import side_by_side
-from launcher.study.studies import Study, figures_table
+from launcher.study.studies import Study
 from launcher.study.studies import study as run_study
 from trackfield.errors import RunFailed, ScenarioError
+from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.nearest import suggestion
+
+if TYPE_CHECKING:
+    from launcher.study.pictures.look import Picture
 
 Driver = Literal["virtual", "processes"]
 Folder = str | Path
@@ -63,6 +69,24 @@ class Result:
 
         open_viewer(self.path, web)
 
+    def report(self, *, anew: bool = False) -> Path:
+        """The path of report.html, which is written if it is not there, or ``anew``."""
+        from launcher.report import PAGE, write_report
+
+        page = self.path / PAGE
+        return page if page.exists() and not anew else write_report(self.path)
+
+    def plot(self) -> Picture:
+        """The field with the tracks, and their errors over time: a matplotlib figure, which notebooks show."""
+        from launcher.study.pictures.overview import overview
+
+        return overview(self.path)
+
+    def _repr_html_(self) -> str:
+        from launcher.study.notebook import run_html
+
+        return run_html(self.path, self.metrics)
+
 
 class Comparison:
     """Runs side by side: printed as text; as ``table``, a row for each run and tracker as in a study's."""
@@ -87,7 +111,7 @@ class Comparison:
 
 
 def run(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     *,
     seed: int | None = None,
     driver: Driver = "virtual",
@@ -96,18 +120,18 @@ def run(
 ) -> Result:
     """Run a scenario and leave a run folder: ``out``, or, if that ends with a slash, one of its own name below it.
 
-    ``seed`` decides every random draw (None: the scenario's own); ``speed`` is emulated seconds per second of a run
-    over processes. Needs no ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
+    ``scenario`` may be the name of a packaged one or a TOML file. ``seed`` decides every random draw (None: the
+    scenario's own); ``speed`` is emulated seconds per second of a run over processes. Needs no
+    ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
     ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
     folder all the same. Ctrl-C ends the run early, leaves a whole folder, and is raised afterwards.
     """
-    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("zhai-spcpf")')
     if driver not in get_args(Driver):
         what = f"is {driver!r}{suggestion(str(driver), get_args(Driver))}"
         raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
     with _arguments():
-        chosen = checked(scenario, seed)
-        plan = planned(chosen, speed)
+        chosen = checked(_scenario(scenario), seed)
+        plan = warned(planned(chosen, speed))
         if driver == "processes":
             check_importable(plan)
         inside = isinstance(out, str) and out.endswith("/")
@@ -119,22 +143,35 @@ def run(
     return _finished(run_processes(plan, folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
 
 
-def study(scenario: Scenario, seeds: Iterable[int], *, n_jobs: int = -1, out: Folder | None = None) -> Study:
+def study(
+    scenario: Scenario | str | Path,
+    seeds: Iterable[int],
+    vary: Mapping[str, Iterable[Any]] | None = None,
+    *,
+    n_jobs: int = -1,
+    out: Folder | None = None,
+) -> Study:
     """Run a scenario in virtual time with each of these seeds, on so many cores (-1: all), without run folders.
 
-    The figures are those of single runs. ``out`` is a folder for the tables and the median run.
-    ``joblib.parallel_config`` chooses other machinery, like a Dask cluster. A terminal shows progress. Raises
-    ``ScenarioError``.
+    ``scenario`` may be a name or a file, as for ``run``. ``vary`` has values by key, ``{"field.spacing_m": [50, 75]}``;
+    all combinations are run, and checked before the first of them. The key ``tracker`` takes one tracker at a time.
+
+    The figures are those of single runs. ``out`` is a folder as ``trackfield study`` leaves it, with tables, pictures
+    and a page; runs that are in it already are not run again. ``joblib.parallel_config`` chooses other machinery, like
+    a Dask cluster. A terminal shows progress. Raises ``ScenarioError``.
     """
-    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("zhai-spcpf")')
     with _arguments():
-        return run_study(scenario, seeds, n_jobs, None if out is None else Path(out))
+        return run_study(_scenario(scenario), seeds, vary, n_jobs, None if out is None else Path(out))
 
 
 def open(folder: Folder) -> Result:
-    """The result in a run folder. Raises ``ScenarioError`` if it is not that of a finished run."""
-    check_runs([Path(folder)])
-    return Result(Path(folder))
+    """The result in a run folder; ``latest`` and ``latest~1`` are the last runs below runs/.
+
+    Raises ``ScenarioError`` if it is not that of a finished run.
+    """
+    path = run_folder(folder)
+    check_runs([path])
+    return Result(path)
 
 
 def replay(
@@ -146,7 +183,7 @@ def replay(
     """
     from launcher.study.replay import replay as fuse
 
-    folder = run.path if isinstance(run, Result) else Path(run)
+    folder = run.path if isinstance(run, Result) else run_folder(run)
     flags = [*(part for name in trackers for part in ("--tracker", name)), *(["--drop-late"] if drop_late else [])]
     again = ["trackfield", "replay", str(folder), *flags]
     with _arguments():
@@ -174,9 +211,14 @@ def _finished(outcome: Outcome) -> Result:
     return Result(outcome.folder)
 
 
-def _check(name: str, value: object, kind: type[Any], expected: str) -> None:
-    if not isinstance(value, kind):
-        raise ScenarioError(f"is {value!r}", key=name, expected=expected)
+def _scenario(given: Scenario | str | Path) -> Scenario:
+    """The scenario that was given, or that of this name or file."""
+    if isinstance(given, Scenario):
+        return given
+    if not isinstance(given, str | Path):
+        expected = 'a scenario, or the name or file of one, like "zhai-spcpf"'
+        raise ScenarioError(f"is {given!r}", key="scenario", expected=expected)
+    return Scenario.load(given, known_trackers=TRACKERS)
 
 
 @contextmanager
