@@ -26,9 +26,10 @@ FAULTS = (
 
 
 def run(folder: Path, *settings: str, scenario: str = "spcpf") -> Path:
-    """The folder of a short virtual run."""
+    """The folder of a virtual run, a short one unless a setting says another number of steps."""
     (folder / "logs").mkdir(parents=True)
-    resolved = load(scenario, settings=["target.steps=12", *settings])
+    short = [] if any(setting.startswith("target.steps=") for setting in settings) else ["target.steps=12"]
+    resolved = load(scenario, settings=[*short, *settings])
     keep(resolved, folder)
     outcome = run_virtual(planned(resolved), folder, ["trackfield", "run", scenario, "--virtual"])
     assert (outcome.unreported, outcome.exit_code) == ("", 0)
