@@ -15,9 +15,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from launcher.plan.extensions import check_importable
-from launcher.plan.prepare import checked, planned
+from launcher.plan.prepare import checked, planned, warned
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.journal import METRICS
+from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
@@ -130,7 +131,7 @@ def run(
         raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
     with _arguments():
         chosen = checked(_scenario(scenario), seed)
-        plan = planned(chosen, speed)
+        plan = warned(planned(chosen, speed))
         if driver == "processes":
             check_importable(plan)
         inside = isinstance(out, str) and out.endswith("/")
@@ -164,9 +165,13 @@ def study(
 
 
 def open(folder: Folder) -> Result:
-    """The result in a run folder. Raises ``ScenarioError`` if it is not that of a finished run."""
-    check_runs([Path(folder)])
-    return Result(Path(folder))
+    """The result in a run folder; ``latest`` and ``latest~1`` are the last runs below runs/.
+
+    Raises ``ScenarioError`` if it is not that of a finished run.
+    """
+    path = run_folder(folder)
+    check_runs([path])
+    return Result(path)
 
 
 def replay(
@@ -178,7 +183,7 @@ def replay(
     """
     from launcher.study.replay import replay as fuse
 
-    folder = run.path if isinstance(run, Result) else Path(run)
+    folder = run.path if isinstance(run, Result) else run_folder(run)
     flags = [*(part for name in trackers for part in ("--tracker", name)), *(["--drop-late"] if drop_late else [])]
     again = ["trackfield", "replay", str(folder), *flags]
     with _arguments():

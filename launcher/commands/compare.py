@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from launcher.commands.arguments import Runs
 from trackfield.errors import ScenarioError
 
 
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
+    runs: Runs,
     exact: Annotated[
         float | None,
         typer.Option(

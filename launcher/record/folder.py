@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from errno import EACCES, ENOTDIR
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,7 @@ from typing import Any
 import psutil
 
 from launcher.record.journal import write_json
+from launcher.record.latest import RUNS
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
@@ -21,7 +25,7 @@ from trackfield.scenario.links import Trace
 from trackfield.scenario.paths import FromFile
 
 
-def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Path("runs")) -> Path:
+def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUNS) -> Path:
     """An empty folder for the run: ``out``, or one ``below``. Raises ``ScenarioError`` as ``begin_folder`` does."""
     stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
     folder = out or below / f"{scenario}-{seed}-{stamp}"
@@ -31,28 +35,48 @@ def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Pat
 
 def begin_folder(folder: Path, inside: str) -> None:
     """A folder with an empty one inside. Raises ``ScenarioError`` if it has something in it or cannot be written."""
-    try:
+    with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise ScenarioError(
-                "the folder has something in it",
-                file=str(folder),
-                key="--out",
-                expected="an empty or new one",
-            )
+        _check_empty(folder)
         (folder / inside).mkdir()
+
+
+def check_folder(folder: Path) -> None:
+    """Raise ``ScenarioError`` as ``begin_folder`` would; nothing is written."""
+    with _writing(folder):
+        there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+        if there == folder:
+            _check_empty(folder)
+        elif not there.is_dir():
+            raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR))
+        if not os.access(there, os.W_OK):
+            raise PermissionError(EACCES, os.strerror(EACCES))
+
+
+def discard(folder: Path) -> None:
+    """Remove the folder of a run that never began."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
-        raise ScenarioError(
-            f"cannot write there ({error.strerror})",
-            file=str(folder),
-            key="--out",
-            expected="a writable folder",
-        ) from None
+        what = f"cannot write there ({error.strerror})"
+        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None
+
+
+def _check_empty(folder: Path) -> None:
+    if any(folder.iterdir()):
+        what = "the folder has something in it"
+        raise ScenarioError(what, file=str(folder), key="--out", expected="an empty or new one")
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """What ``manifest`` has; ``run`` and ``endpoint`` are what others join the run by."""
-    write_json({**manifest(command), "run": plan.run.run, "endpoint": endpoint}, folder / "manifest.json")
+    """What ``manifest`` has, the warnings, and by what others join the run: ``run`` and ``endpoint``."""
+    told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
+    write_json({**manifest(command), **told}, folder / "manifest.json")
 
 
 def manifest(command: Sequence[str]) -> dict[str, Any]:
@@ -72,12 +96,18 @@ def manifest(command: Sequence[str]) -> dict[str, Any]:
 
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
+    (folder / "scenario.toml").write_text(with_files(scenario, folder).to_toml(), encoding="utf-8")
+
+
+def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
+    """The scenario with copies in the folder of the files that it names, called by what they are."""
     for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
-        scenario = scenario.model_copy(update={section: _kept(getattr(scenario, section), folder, name)})
-    names = [f"target-{one.id}" if one is not scenario.every_target[0] else "target" for one in scenario.targets]
+        copied = _kept(getattr(scenario, section), folder, prefix + name)
+        scenario = scenario.model_copy(update={section: copied})
+    first = scenario.every_target[0]
+    names = [f"{prefix}target{'' if one is first else f'-{one.id}'}" for one in scenario.targets]
     targets = tuple(_kept(one, folder, name) for one, name in zip(scenario.targets, names, strict=True))
-    scenario = scenario.model_copy(update={"targets": targets})
-    (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    return scenario.model_copy(update={"targets": targets})
 
 
 def _kept(part: Any, folder: Path, name: str) -> Any:
