@@ -74,9 +74,9 @@ def run_virtual(
     command: Sequence[str] = (),
     *,
     tick: Callable[[float | None], None] = lambda _: None,
-    write: Callable[[Path], None] | None = None,
+    write: Callable[[Path], None] = write_here,
 ) -> Outcome:
-    """Run in virtual time; ``write`` writes the report of the finished folder (None: this process does).
+    """Run in virtual time; ``write`` writes the report of the finished folder.
 
     ``tick`` is told the time (s since the first step) now and then, None when it is over.
     """
@@ -177,7 +177,7 @@ def close_folder(
     metrics: Metrics,
     complaints: list[str],
     ended: list[int],
-    write: Callable[[Path], None] | None = None,
+    write: Callable[[Path], None] = write_here,
     *,
     complete: bool = False,
 ) -> Outcome:
@@ -193,11 +193,11 @@ def close_folder(
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    unreported = _report(folder, ended) if write is None else _report(folder, ended, write)
+    unreported = _report(folder, ended, write)
     return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported, complete)
 
 
-def _report(folder: Path, ended: list[int], write: Callable[[Path], None] = write_here) -> str:
+def _report(folder: Path, ended: list[int], write: Callable[[Path], None]) -> str:
     """Write the report; why that failed, if it did. There is a whole one afterwards, or none."""
     try:
         with _interruptible(ended):
