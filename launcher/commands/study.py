@@ -48,6 +48,7 @@ def study(
     from trackfield.scenario import Scenario
 
     fixed = changes(
+        scenario,
         settings=overrides or (),
         target=target,
         start=start,
