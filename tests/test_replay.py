@@ -41,7 +41,7 @@ COMMANDED = ("sensor.threshold=adaptive", "fusion.target_sd_m=3")
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports have tests of their own, and take longer than all else here."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("launcher.run._report", lambda folder: "")
+    monkeypatch.setattr("launcher.run._report", lambda *_: "")
 
 
 def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 30, trackers: Sequence[str] = ()) -> Path:
@@ -229,7 +229,7 @@ def test_what_the_machine_did_is_said(trackfield: Call) -> None:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("launcher.run._report", lambda folder: "")
+        patch.setattr("launcher.run._report", lambda *_: "")
         return virtual((), str(tmp_path_factory.mktemp("finished") / "run"), steps=3)
 
 
