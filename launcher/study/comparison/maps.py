@@ -1,0 +1,116 @@
+"""Tracks of several runs over each other on the map of the field, and close up where they are furthest apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from launcher.report import style
+from launcher.report.parts.field import IN_A_STEP, _along, _box
+from launcher.report.tracks import Array
+from launcher.study.comparison.lines import Line, colours, common, panels
+
+CLOSE_M = 5.0
+"""From the middle of the close-up to its edge, at least."""
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Where two lines are furthest apart: at ``t_s``, ``distance_m``; ``points`` (2, 2) of the one and the other, m."""
+
+    one: Line
+    other: Line
+    t_s: float
+    points: Array
+
+    @property
+    def distance_m(self) -> float:
+        """How far that is."""
+        return float(np.hypot(*(self.points[1] - self.points[0])))
+
+    @property
+    def text(self) -> str:
+        """For the title of the close-up."""
+        ends = (self.one.name, self.other.name)
+        if self.one.track.tracker != self.other.track.tracker:
+            ends = (self.one.label, self.other.label)
+        else:
+            ends = (f"{self.one.track.tracker} in {self.one.name}", self.other.name)
+        return f"t = {self.t_s:g} s: {ends[0]} and {ends[1]}\nare furthest apart, {self.distance_m:.3g} m"
+
+
+def maps(found: Sequence[Line]) -> list[Figure]:
+    """A map for each plot of lines whose runs have the same target."""
+    return [_map(plot) for plot in panels(found)]
+
+
+def furthest(plot: Sequence[Line]) -> Apart | None:
+    """Where two runs differ most: by the same tracker, or by any if they have none in common; None if nowhere."""
+    pairs = [(a, b) for a, b in combinations(plot, 2) if a.place != b.place and a.track.target == b.track.target]
+    same = [(a, b) for a, b in pairs if a.track.tracker == b.track.tracker]
+    known = [apart for a, b in same or pairs if (apart := _apart(a, b)) is not None]
+    return max(known, key=lambda apart: apart.distance_m, default=None)
+
+
+def _apart(one: Line, other: Line) -> Apart | None:
+    first, second = common(one.track, other.track)
+    points = np.stack((one.track.mean[first, :2], other.track.mean[second, :2]), axis=1)
+    distances = np.hypot(*(points[:, 1] - points[:, 0]).T)
+    if not (distances > 0.0).any():
+        return None
+    where = int(np.nanargmax(distances))
+    return Apart(one, other, float(one.track.t_s[first[where]]), points[where])
+
+
+def _map(plot: Sequence[Line]) -> Figure:
+    run = plot[0].run
+    ways = [_along(path, path.start_s, path.end_s, IN_A_STEP * run.site.steps + 1) for path in run.site.paths.values()]
+    heard = [run.sensors[id] for id in run.frames.senders() if id in run.sensors]
+    box = _box(np.vstack([*ways, np.reshape(heard, (-1, 2))]))
+    apart = furthest(plot)
+    figure = Figure(figsize=(style.WIDTH, 4.6), layout="constrained")
+    whole, *close = np.atleast_1d(figure.subplots(1, 2 if apart else 1, width_ratios=[1.25, 1.0] if apart else None))
+    for axes in (whole, *close):
+        _draw(axes, plot, ways)
+        axes.set(xlabel="east [m]", aspect="equal")
+    whole.set(xlim=box[:, 0], ylim=box[:, 1], ylabel="north [m]")
+    if apart:
+        _close_up(whole, close[0], apart)
+    handles, labels = whole.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=3.2)
+    return figure
+
+
+def _draw(axes: Axes, plot: Sequence[Line], ways: Sequence[Array]) -> None:
+    run, looks, named = plot[0].run, colours(plot), set[str]()
+    axes.plot(*np.array(list(run.sensors.values())).T, "o", color="#c3cad4", ms=2.5, mew=0, label="sensor")
+    for number, way in enumerate(ways):
+        axes.plot(*way.T, color=style.TRUTH, lw=5.0, alpha=0.4, label=None if number else "true path")
+    for line in plot:
+        label = None if line.label in named else line.label
+        axes.plot(*line.track.mean[:, :2].T, label=label, zorder=3, **line.look(looks))
+        named.add(line.label)
+
+
+def _close_up(whole: Axes, axes: Axes, apart: Apart) -> None:
+    """Around the two points and where the target was, with a frame in the map that says where that is."""
+    where = int(np.argmin(np.abs(apart.one.track.t_s - apart.t_s)))
+    truth = apart.one.track.truth[where, :2]
+    seen = np.vstack([apart.points, truth]) if np.isfinite(truth).all() else apart.points
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    half = max(0.75 * float(np.ptp(seen, axis=0).max()), CLOSE_M)
+    low, high = middle - half, middle + half
+    looks = colours([apart.one, apart.other])
+    for line, point in zip((apart.one, apart.other), apart.points, strict=True):
+        axes.plot(*point, "o", color=line.look(looks)["color"], mec=style.INK, mew=1.0, ms=8, zorder=5)
+    if np.isfinite(truth).all():
+        axes.plot(*truth, "s", color="white", mec=style.INK, mew=1.2, ms=7, zorder=5)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_title(apart.text, fontsize=8.5, loc="left")
+    corners = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
+    whole.plot(*corners.T, color=style.DEAD, lw=1.2, zorder=6)
