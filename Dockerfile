@@ -1,7 +1,7 @@
 # One image for every role, the router and the launcher. Made by `make image`, which fills build/wheels first.
 # Plain instructions only: the classic builder and BuildKit both know them.
 
-ARG BASE=trackfield/base:bookworm
+ARG BASE=python:3.11-slim
 
 FROM ${BASE} AS packages
 COPY build/wheels /wheels

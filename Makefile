@@ -5,9 +5,8 @@ BIN := $(VENV)/bin
 PYTHON ?= python3.13 python3.12 python3.11 python3
 GROUND := pyproject.toml constraints.txt
 
-# Containers (docs/containers.md); BASE may be any image with Python 3.11 or newer, venv and glibc.
-OWN_BASE := trackfield/base:bookworm
-BASE ?= $(OWN_BASE)
+# Containers (docs/containers.md); BASE may be any image with Python 3.11 or newer, venv and glibc. If unset, one is found.
+BASE ?=
 IMAGE ?= trackfield
 NODES ?= 25
 SCENARIO ?= zhai-spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
@@ -43,15 +42,18 @@ bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that 
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=build/peers $(BIN)/python -m bench.kernels
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.growth
 
-base-image:  ## the image that ours stands on, from Debian packages (as root, with debootstrap)
-	containers/base-image $(OWN_BASE)
+base-image:  ## the image that ours stands on: the official slim Python, or one from Debian packages
+	@containers/base
 
 image: | $(BIN)/python  ## the image of router, nodes, fusion centre and launcher
-	@[ "$(BASE)" != $(OWN_BASE) ] || docker image inspect $(BASE) >/dev/null 2>&1 || containers/base-image $(BASE)
-	containers/wheels $(BASE) $(BIN)/python
-	docker build --quiet --tag $(IMAGE) --build-arg BASE=$(BASE) .
+	@containers/engine
+	@base=$(BASE); base=$${base:-$$(containers/base)} && \
+	containers/wheels "$$base" $(BIN)/python && \
+	docker build --quiet --tag $(IMAGE) --build-arg BASE="$$base" .
 
-field: image  ## track a vehicle with 25 containers, from the image to the run folder in runs/
+field:  ## track a vehicle with 25 containers, from the image to the run folder in runs/
+	@containers/compose >/dev/null
+	@$(MAKE) --no-print-directory image
 	TRACKFIELD_IMAGE=$(IMAGE) containers/field $(NODES) $(SCENARIO) --nodes $(NODES)
 
 clean:  ## remove the environment and all caches; run folders stay

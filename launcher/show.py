@@ -18,6 +18,7 @@ from rich.text import Text
 
 from launcher.plan.prepare import remarks
 from launcher.plan.reception import Shares, receptions
+from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
 from launcher.record.words import alarms, span
 from launcher.records import ARRIVED, SENSES, Plan
 from launcher.run import Observer, Outcome
@@ -25,6 +26,7 @@ from launcher.run import Observer, Outcome
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
 MAX_MISSING: Final = 5
+VERDICTS: Final = {TRACKED: "green", WITH_GAPS: "yellow", LOST: "red"}
 POOR: Final = 0.5
 """Less than this share of the frames received is worth a warning."""
 console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -199,8 +201,8 @@ def _fates(status: dict[str, Any]) -> list[str]:
 
 def _result(metrics: dict[str, Any]) -> Table:
     table = Table()
-    for column in ("tracker", "RMSE", "median error", "velocity RMSE", "steps", ""):
-        table.add_column(column, justify="left" if column in ("tracker", "") else "right")
+    for column in ("tracker", "RMSE", "median error", "velocity RMSE", "steps", "verdict"):
+        table.add_column(column, justify="left" if column in ("tracker", "verdict") else "right")
     for name, m in metrics["trackers"].items():
         velocity = m["rmse"]["velocity"]
         table.add_row(
@@ -208,8 +210,8 @@ def _result(metrics: dict[str, Any]) -> Table:
             _metres(m["rmse"]["position"]),
             _metres(m["median_error"]),
             "-" if velocity is None else f"{velocity:.2f} m/s",
-            str(m["steps"]),
-            "[red]lost[/]" if m["lost"] else "",
+            f"{m['steps_tracked']} of {m['steps_expected']}",
+            Text(told(m), style=VERDICTS.get(m["verdict"], "")),
         )
     frames = metrics["frames"]
     lost = ", ".join(f"{cause} {n}" for cause, n in frames["lost"].items() if n) or "none"

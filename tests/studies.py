@@ -9,6 +9,7 @@ path s1 and for a share of the field another path and another share. All of it i
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from fusion.threshold import position_sd
 from launcher.plan.prepare import load, planned
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
+from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
 from tests.simulated import simulated
 from trackfield.role import Corrected
 
@@ -108,8 +110,10 @@ def largest(outcomes: Sequence[Outcome]) -> str:
     return f"{max(joined(outcomes, 'errors')):.0f}"
 
 
-def lost(outcomes: Sequence[Outcome]) -> str:
-    return f"{sum(one.of('trackers', 'fix-imm-ukf', 'lost') for one in outcomes)} of {len(outcomes)}"
+def verdicts(outcomes: Sequence[Outcome]) -> str:
+    """How many runs were tracked, tracked with gaps, and lost."""
+    found = Counter(one.of("trackers", "fix-imm-ukf", "verdict") for one in outcomes)
+    return " / ".join(str(found[verdict]) for verdict in (TRACKED, WITH_GAPS, LOST))
 
 
 def blank(outcomes: Sequence[Outcome]) -> str:
@@ -204,7 +208,7 @@ def _clocks() -> Study:
     figures = {
         "RMSE, m": rmse,
         "largest, m": largest,
-        "lost": lost,
+        "tracked / with gaps / lost": verdicts,
         "clock rms, ms": clock("clock_ms", rms),
         "max": clock("clock_ms", max),
         "set before, %": set_before,
@@ -226,7 +230,7 @@ def _thresholds() -> Study:
         "RMSE, m": rmse,
         "sd median, m": worst_sd(0.5),
         "sd 95 %": worst_sd(0.95),
-        "lost": lost,
+        "tracked / with gaps / lost": verdicts,
         "reports in a step": active,
         "frames": mean("frames", "sent"),
         "bytes on air": mean("bytes", "on_air"),
@@ -262,7 +266,7 @@ def _faults() -> Study:
         for name, fault in FAULTS.items()
     }
     figures = {f"RMSE {path}, m": on_path(path) for path in paths}
-    figures |= {"largest, m": largest, "lost": lost, "steps without track": blank}
+    figures |= {"largest, m": largest, "tracked / with gaps / lost": verdicts, "steps without track": blank}
     return Study(("fault",), rows, (figures,))
 
 

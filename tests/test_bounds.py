@@ -81,7 +81,7 @@ def test_along_a_straight_path_it_is_the_kalman_filter_linearised_about_the_trut
             belief = Gaussian(belief.mean, kalman.update(belief, np.zeros(2), H, sd**2 * np.eye(2)).covariance)
         expected.append(np.sqrt(np.trace(belief.covariance[:2, :2])))
     assert by_step(run_bound(plan, rows)) == pytest.approx(dict(enumerate(expected, start=1)))
-    found = bound_metrics(plan, rows)  # over the steps that have a track, and a truth
+    found = bound_metrics(plan, rows, run_bound(plan, rows))  # over the steps that have a track, and a truth
     assert found["trajectory"] == pytest.approx(np.sqrt(np.mean(np.square(expected[2:7]))))
     assert found["position"] is not None and found["position"] < found["trajectory"]
 
@@ -165,7 +165,8 @@ def test_where_there_is_no_bound_there_is_nothing_to_say() -> None:
     exact = spcpf(1, [*STRAIGHT, "sensor.doa_sd_deg=0"])
     assert run_bound(exact, used_by(("n012", 1))) == {}
     nobody = replace(spcpf(1, STRAIGHT), tracking={})
-    assert bound_metrics(nobody, used_by(("n012", 1), ("n013", 1))) == dict.fromkeys(("position", "trajectory"))
+    reports = used_by(("n012", 1), ("n013", 1))
+    assert bound_metrics(nobody, reports, run_bound(nobody, reports)) == dict.fromkeys(("position", "trajectory"))
     empty = run_metrics(exact, Ledger(exact.run, exact.processes), [])
     assert empty["bound"] == {"position": None, "trajectory": None}
 

@@ -173,14 +173,14 @@ def shown(*runs: Path) -> dict[str, list[str]]:
 def test_figures_stand_side_by_side(tmp_path: Path) -> None:
     def known(metrics: dict[str, Any]) -> None:
         metrics["trackers"]["spcpf"]["rmse"]["position"] = 1.25
-        metrics["trackers"]["spcpf"]["lost"] = True
+        metrics["trackers"]["spcpf"]["verdict"] = "tracked with gaps"
         metrics["timing"]["host_late"] = 17
 
     a = finished(tmp_path / "a", change=known)
     b = finished(tmp_path / "b", "link.loss=1", 'fusion.trackers=["fix-imm-ukf"]')
     table = shown(a, b)
     assert table["spcpf RMSE [m]"] == ["1.250", "-"]
-    assert table["spcpf lost"] == ["yes", "-"]
+    assert table["spcpf verdict"] == ["tracked with gaps", "-"]
     assert table["host late"] == ["17", "0"]
     assert table["frames delivered"][1] == "0"
     assert table["frames lost"][1] == table["frames expected"][1] == table["frames sent"][1] != "0"

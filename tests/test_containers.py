@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import time
 import uuid
@@ -35,12 +34,20 @@ def output(*command: str, **environment: str) -> str:
     return done.stdout
 
 
+def found_or_skip(script: str) -> str:
+    """What a script of containers/ finds; skips the test if that is nothing, for the reason that it gives."""
+    done = subprocess.run([ROOT / script], capture_output=True, text=True, timeout=600, check=False)
+    if done.returncode:
+        pytest.skip(done.stderr[done.stderr.find("no ") :].strip())
+    return done.stdout.strip()
+
+
 @pytest.fixture(scope="module")
 def image() -> str:
-    """The image of this source; skips the test where there is no engine to make it."""
-    if not shutil.which("docker") or subprocess.run(["docker", "info"], capture_output=True, check=False).returncode:
-        pytest.skip("no container engine")
-    output("make", "image", "IMAGE=trackfield-test")
+    """The image of this source; skips the test where there is no engine, no Compose or no base image for it."""
+    found_or_skip("containers/compose")
+    base = found_or_skip("containers/base")
+    output("make", "image", "IMAGE=trackfield-test", f"BASE={base}")
     return "trackfield-test"
 
 
@@ -49,8 +56,7 @@ class Field:
 
     def __init__(self, image: str, folder: Path) -> None:
         self.project, self.folder = f"trackfield-test-{uuid.uuid4().hex[:8]}", folder
-        modern = subprocess.run(["docker", "compose", "version"], capture_output=True, check=False).returncode == 0
-        self.compose = [*(["docker", "compose"] if modern else ["docker-compose"]), "--project-name", self.project]
+        self.compose = [*output("containers/compose").split(), "--project-name", self.project]
         self.environment = {
             "COMPOSE_HTTP_TIMEOUT": "300",  # an older Compose gives up after a minute of a busy machine
             "TRACKFIELD_IMAGE": image,

@@ -6,31 +6,28 @@ import json
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path as FilePath
-from typing import Any
 
 import pytest
 
 from launcher.record.journal import write_json
 from launcher.record.ledger import Ledger
-from launcher.record.metrics import Metrics, run_metrics, scored, tracker_metrics
-from launcher.record.tables import TrackRow
-from launcher.records import TRACKS, FieldInfo, MessageRow, Place, Plan, View
+from launcher.record.metrics import Metrics, run_metrics, tracker_metrics
+from launcher.records import MessageRow
 from tests.simulated import simulated, spcpf
+from tests.tiny import MS, point, tiny
 from trackfield.drivers.frames import Frame, Refused
 from trackfield.drivers.histogram import Histogram
-from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.filters.metrics import Lost
-from trackfield.role import NS, TrackPoint
+from trackfield.role import NS
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa
-from trackfield.world.path import Path
 
 DOCUMENT = FilePath(__file__).parents[1] / "docs" / "metrics.md"
-MS = 1_000_000
 
 KEYS = """
-scenario seed driver wall_s cpu_s
-trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,lost,steps,association}
+scenario seed driver end_s wall_s cpu_s
+trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,steps,bound_m,times_bound}
+trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_blackout_s}
+trackers.<name>.gap.{rmse,steps} trackers.<name>.association
 trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id> trackers.<name>.views.<view>
 bound.{position,trajectory}
 processes.{started,ready_s,died,stopped,pss_mb_per_node}
@@ -48,7 +45,10 @@ lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped}
 """
-SCORE = ("rmse", "median_error", "nees", "nees_band", "lost", "steps")
+SCORE = (
+    *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),
+    *("steps_expected", "steps_tracked", "share_within", "longest_blackout_s", "gap"),
+)
 """What is told of each view."""
 
 
@@ -103,7 +103,9 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
     nothing = {
         "rmse": {"x": None, "y": None, "position": None, "velocity": None},
-        "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0,
+        "median_error": None, "nees": None, "nees_band": None, "steps": 0, "bound_m": None, "times_bound": None,
+        "verdict": "lost", "lost": True, "steps_expected": 4, "steps_tracked": 0, "share_within": 0.0,
+        "longest_blackout_s": 4.0, "gap": {"rmse": None, "steps": 0},
     }  # fmt: skip
     told = {"association": None, "targets": {}, "sources": {}, "views": {"base": nothing}}
     assert metrics["trackers"]["t"] == {**nothing, **told}
@@ -152,88 +154,13 @@ def test_the_document_names_every_file_of_a_run_folder() -> None:
 # --- a tiny run -------------------------------------------------------------------------------------------------------
 
 
-def tiny() -> Plan:
-    """Two nodes, a centre, and a target that goes east at 1 m/s for 4 s."""
-    run = RunSpec("tiny", 7, 5 * NS, {"model": "fixed", "loss": 0.0, "delay_ms": 10}, 2.0)
-    processes = (ProcessSpec("fusion", "fusion", "none"), *(ProcessSpec(n, "node", "none") for n in ("n0", "n1")))
-    path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (4.0, 4.0, 0.0, 1.0, 0.0)])
-    places = (Place("fusion", "fusion", 0.0, 0.0, frozenset({TRACKS})),)
-    info = FieldInfo(run.run, "tiny-scenario", places, (), ("t",), 5.0)
-    return Plan(run, processes, {"target": path}, info, views=(View("base", ("fusion",)),))
-
-
-COVARIANCE = (9.0, 0, 0, 0, 0, 16.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0)
-
-
-def point(
-    step: int,
-    error: tuple[float, ...] | None,
-    *,
-    told_ms: int = 300,
-    covariance: tuple[float, ...] = COVARIANCE,
-    truth: bool = True,
-) -> TrackRow:
-    """A point off by ``error`` (None: no track), published ``told_ms`` after its instant."""
-    true = (float(step), 0.0, 1.0, 0.0)
-    mean = () if error is None else tuple(a + b for a, b in zip(true, error, strict=True))
-    status: Any = "tracking" if mean else "waiting"
-    covariance = covariance if mean else ()
-    told = TrackPoint("t", "target", step * NS, status, mean, covariance, ("n0", "n1"), step=step, source="fusion")
-    return TrackRow(step * NS + told_ms * MS, told, true if truth else None, "target" if truth else "")
-
-
-def errors_of(*tracks: TrackRow) -> Any:
-    return scored(tracks, Lost())
-
-
-def test_errors_are_those_of_the_formulas() -> None:
-    found = errors_of(point(1, (3, 4, 0, 0)), point(2, (0, 0, 0, 1)))
-    assert found == {
-        "rmse": {"x": (9 / 2) ** 0.5, "y": (16 / 2) ** 0.5, "position": (25 / 2) ** 0.5, "velocity": (1 / 2) ** 0.5},
-        "median_error": 2.5,  # of 5 and 0
-        "nees": pytest.approx((1 + 1 + 1) / 2),  # 3^2/9 + 4^2/16 in the first step, 1^2/1 in the second
-        "nees_band": pytest.approx([1.0899, 8.7673], abs=1e-4),  # chi-square of 8 at 2.5 and 97.5 %, over 2
-        "lost": False,
-        "steps": 2,
-    }
-
-
-def test_steps_without_a_track_or_a_truth_are_left_out() -> None:
-    found = errors_of(point(1, None), point(2, (3, 4, 0, 0)), point(3, (9, 9, 9, 9), truth=False))
-    assert (found["steps"], found["rmse"]["position"], found["lost"]) == (1, 5.0, False)
-
-
-@pytest.mark.parametrize(
-    ("last", "lost"), [((50.0, 0, 0, 0), False), ((50.001, 0, 0, 0), True), ((30.0, 40.001, 0, 0), True), (None, True)]
-)
-def test_lost_is_who_ends_far_off_or_without_a_track(last: tuple[float, ...] | None, lost: bool) -> None:
-    assert errors_of(point(1, (9, 0, 0, 0)), point(2, last))["lost"] is lost
-
-
-def test_a_track_without_a_truth_says_nothing_about_a_loss() -> None:
-    unseen = point(3, (0, 0, 0, 0), truth=False)
-    for error, lost in (((9, 0, 0, 0), False), ((99, 0, 0, 0), True), (None, True)):
-        assert errors_of(point(1, (9, 0, 0, 0)), point(2, error), unseen)["lost"] is lost
-    assert errors_of(point(1, (9, 0, 0, 0)), point(2, None, truth=False))["lost"] is True
-
-
-def test_a_loss_goes_by_the_rule_that_is_given() -> None:
-    """Two steps in a row, anywhere: one too far off and one without a track."""
-    tracks = [point(1, (9, 0, 0, 0)), point(2, (21, 0, 0, 0)), point(3, None), point(4, (9, 0, 0, 0))]
-    for n, lost in ((1, True), (2, True), (3, False)):
-        assert tracker_metrics(replace(tiny(), lost=Lost(20.0, n, None)), tracks)["t"]["lost"] is lost
-
-
-def test_who_found_its_way_back_is_not_lost() -> None:
-    assert errors_of(point(1, (99, 0, 0, 0)), point(2, (9, 0, 0, 0)))["lost"] is False
-
-
 def test_each_tracker_has_its_own_errors() -> None:
     tracks = [point(1, (3, 4, 0, 0)), point(2, (3, 4, 0, 0))]
     plan = tiny()
+    plan = replace(plan, run=replace(plan.run, end_ns=3 * NS))
     found = tracker_metrics(replace(plan, info=replace(plan.info, trackers=("t", "other"))), tracks)
     assert (found["t"]["steps"], found["other"]["steps"]) == (2, 0)
-    assert (found["t"]["lost"], found["other"]["lost"]) == (False, True)
+    assert (found["t"]["verdict"], found["other"]["verdict"]) == ("tracked", "lost")
 
 
 def test_a_whole_tiny_run() -> None:
@@ -304,22 +231,6 @@ def test_expected_is_delivered_and_lost(settings: list[str]) -> None:
 
 
 # --- figures that JSON does not have ----------------------------------------------------------------------------------
-
-
-def test_an_infinite_nees_is_nothing_to_say() -> None:
-    """A covariance without any extent, and an error all the same."""
-    found = errors_of(point(1, (3, 4, 0, 0), covariance=(0.0,) * 16))
-    assert found["nees"] is found["nees_band"] is None
-    assert found["rmse"]["position"] == 5.0
-    assert errors_of(point(1, (0, 0, 0, 0), covariance=(0.0,) * 16))["nees"] == 0.0
-
-
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-def test_a_state_that_is_no_number_is_no_track(value: float) -> None:
-    good = point(1, (3, 4, 0, 0))
-    for bad in (point(2, (value, 0, 0, 0)), point(2, (0, 0, 0, 0), covariance=(value,) * 16)):
-        found = errors_of(good, bad)
-        assert (found["steps"], found["rmse"]["position"], found["lost"]) == (1, 5.0, True)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])

@@ -161,13 +161,13 @@ def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monk
     metrics["trackers"]["spcpf"] |= {
         "rmse": {"position": 1.234, "velocity": 5.678},
         "median_error": 0.999,
-        "lost": True,
+        "verdict": "lost",
     }
     metrics["frames"] |= {"sent": 20, "delivered": 15, "late": 2, "lost": {"radio": 4, "asleep": 0, "dead": 1}}
     show.conclude(outcome(metrics))
     table = rows(said())
-    assert table["spcpf"] == ["1.23 m", "1.00 m", "5.68 m/s", "5", "lost"]
-    assert table["fix-imm-ukf"][-2:] == ["5", ""]
+    assert table["spcpf"] == ["1.23 m", "1.00 m", "5.68 m/s", "5 of 5", "lost"]
+    assert table["fix-imm-ukf"][-2:] == ["5 of 5", "tracked"]
     assert "frames: sent 20, delivered 15 (late 2); lost: radio 4, dead 1" in said()
     assert said().splitlines()[-2:] == ["run folder: runs/a", "next: trackfield view runs/a"]
     assert "failed" not in said()
@@ -185,7 +185,7 @@ def test_a_folders_name_stays_whole_whatever_the_width(plan: Plan, said: Said, m
 def test_a_tracker_without_a_track_has_no_figures(said: Said) -> None:
     plan = spcpf(1, ["target.steps=5", "link.loss=1", "fusion.prior=none"])
     show.conclude(outcome(metrics_of(plan)))
-    assert rows(said())["spcpf"] == ["-", "-", "-", "0", "lost"]
+    assert rows(said())["spcpf"] == ["-", "-", "-", "0 of 5", "lost"]
     assert "the link delivered none of" in said()
 
 

@@ -45,11 +45,14 @@ def scenario_bound(plan: Plan, rows: Iterable[TrackRow]) -> Series:
     return _series(plan, _all(plan, used(rows)))
 
 
-def bound_metrics(plan: Plan, rows: Iterable[TrackRow]) -> dict[str, float | None]:
-    """The bounds as they stand in metrics.json, where there is both track and truth: rms, null where there is none."""
+def bound_metrics(plan: Plan, rows: Iterable[TrackRow], of_run: Mapping[int, float]) -> dict[str, float | None]:
+    """The bounds as they stand in metrics.json, where there are a track and a recorded truth: rms, null without any.
+
+    ``of_run`` is what ``run_bound`` found for these rows.
+    """
     kept = list(rows)
-    at = {row.t_ns for row in kept if row.has_track and row.truth}
-    series = {"position": scenario_bound(plan, kept), "trajectory": run_bound(plan, kept)}
+    at = {row.t_ns for row in kept if row.has_track and row.truth and not row.interpolated}
+    series = {"position": scenario_bound(plan, kept), "trajectory": of_run}
     return {name: _rms([sd for t_ns, sd in one.items() if t_ns in at]) for name, one in series.items()}
 
 

@@ -103,7 +103,7 @@ class Journal(Telling):
         self.timeline.close()
         write_messages(self.ledger.rows, self.folder / "messages.parquet")
         write_tracks(tracks, bound, self.folder / "tracks.parquet", self.plan.origin_ns)
-        metrics = run_metrics(self.plan, self.ledger, tracks)
+        metrics = run_metrics(self.plan, self.ledger, tracks, bound)
         metrics["recorder"]["messages"] = messages
         return metrics
 

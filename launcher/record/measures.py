@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from launcher.record.verdict import Verdict
 from trackfield.errors import ScenarioError
 
 
@@ -25,6 +26,13 @@ class Rmse(_Figures):
     velocity: float | None
 
 
+class Gap(_Figures):
+    """RMSE of the position (m) over the ``steps`` with a track inside gaps of the recorded truth."""
+
+    rmse: float | None
+    steps: int
+
+
 class ScoreFigures(_Figures):
     """How well a tracker did in a view."""
 
@@ -32,8 +40,16 @@ class ScoreFigures(_Figures):
     median_error: float | None
     nees: float | None
     nees_band: tuple[float, float] | None
-    lost: bool
     steps: int
+    bound_m: float | None
+    times_bound: float | None
+    verdict: Verdict | None
+    lost: bool
+    steps_expected: int
+    steps_tracked: int
+    share_within: float | None
+    longest_blackout_s: float
+    gap: Gap
 
 
 class TargetFigures(_Figures):
@@ -216,6 +232,7 @@ class RunFigures(_Figures):
     scenario: str
     seed: int
     driver: Literal["processes", "virtual", "replay"]
+    end_s: float
     wall_s: float
     cpu_s: float
     trackers: Mapping[str, TrackerFigures]

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from launcher.record.bounds import bound_metrics
+from launcher.record.bounds import bound_metrics, run_bound
 from launcher.record.energy import batteries_of, energy_metrics, lifetime_metrics
 from launcher.record.ledger import Ledger
+from launcher.record.scores import offsets, scored
 from launcher.record.tables import TrackRow
 from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan
 from trackfield.drivers.histogram import Histogram
 from trackfield.filters import metrics as score
+from trackfield.role import NS
 
 CAUSES: Final = ("radio", "partition", "in_flight", "asleep", "frozen", "dead", "overflow")
 NEAREST: Final = "nearest"
@@ -24,17 +26,25 @@ NEAREST: Final = "nearest"
 Metrics = dict[str, Any]
 
 
-def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metrics:
-    """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say."""
+def run_metrics(
+    plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bound: Mapping[int, float] | None = None
+) -> Metrics:
+    """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say.
+
+    ``bound`` is what ``run_bound`` finds for the headline view, if that is known.
+    """
     batteries = batteries_of(plan, ledger)
+    seen_first = headline(plan, tracks)
+    bound = run_bound(plan, seen_first) if bound is None else bound
     return {
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
         "driver": None,
+        "end_s": (ledger.run.end_ns - plan.origin_ns) / NS,
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
-        "trackers": tracker_metrics(plan, tracks),
-        "bound": bound_metrics(plan, headline(plan, tracks)),
+        "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bound),
+        "bound": bound_metrics(plan, seen_first, bound),
         "processes": {
             "started": len(plan.processes),
             "ready_s": None,
@@ -59,14 +69,21 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow]) -> Metri
     }
 
 
-def tracker_metrics(plan: Plan, tracks: Sequence[TrackRow]) -> Metrics:
-    """How well each tracker did in the headline view; then by target, by source and in each view."""
-    return {name: _tracker(plan, [r for r in tracks if r.point.tracker == name]) for name in plan.info.trackers}
+def tracker_metrics(
+    plan: Plan, tracks: Sequence[TrackRow], end_ns: int | None = None, bound: Mapping[int, float] | None = None
+) -> Metrics:
+    """How well each tracker did in the headline view; then by target, by source and in each view.
+
+    ``end_ns`` is when the run ended (None: as planned), ``bound`` that of the headline view (m, by instant in ns).
+    """
+    own = {name: [row for row in tracks if row.point.tracker == name] for name in plan.info.trackers}
+    until_ns = plan.run.end_ns if end_ns is None else end_ns
+    return {name: _tracker(plan, rows, until_ns, bound or {}) for name, rows in own.items()}
 
 
-def _tracker(plan: Plan, rows: Sequence[TrackRow]) -> Metrics:
+def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float]) -> Metrics:
     views = {view.name: seen(rows, view) for view in plan.views}
-    scores = {name: scored(chosen, plan.lost) for name, chosen in views.items()}
+    scores = {name: scored(plan, chosen, end_ns, bound) for name, chosen in views.items()}
     several = len(plan.paths) > 1
     first = plan.views[0].name
     return {
@@ -79,37 +96,9 @@ def _tracker(plan: Plan, rows: Sequence[TrackRow]) -> Metrics:
 
 
 def _target(rows: Sequence[TrackRow], target: str) -> Metrics:
-    """Over the steps in which this target was the one nearest to the track."""
-    errors = [np.subtract(r.point.mean, r.truth) for r in rows if r.has_track and r.truth and r.true_target == target]
-    return {"rmse": score.rmse(np.array(errors)[:, :2]) if errors else None, "steps": len(errors)}
-
-
-def scored(rows: Sequence[TrackRow], lost: score.Lost) -> Metrics:
-    """Errors of one tracker over the instants at which there is both track and truth; ``lost`` says when it is lost."""
-    judged = [r for r in rows if not (r.has_track and r.truth is None)]
-    known = [r for r in judged if r.has_track and r.truth is not None]
-    if not known:
-        nothing = dict.fromkeys(("x", "y", "position", "velocity"))
-        return {"rmse": nothing, "median_error": None, "nees": None, "nees_band": None, "lost": True, "steps": 0}
-    errors = np.array([r.point.mean for r in known]) - np.array([r.truth for r in known])
-    covariances = np.array([r.point.covariance for r in known]).reshape(-1, 4, 4)
-    nees = score.nees(errors, covariances)
-    sound = bool(np.isfinite(nees).all())
-    off = np.full((len(judged), 2), np.nan)
-    off[[r.has_track for r in judged]] = errors[:, :2]
-    return {
-        "rmse": {
-            "x": score.rmse(errors[:, 0:1]),
-            "y": score.rmse(errors[:, 1:2]),
-            "position": score.rmse(errors[:, :2]),
-            "velocity": score.rmse(errors[:, 2:]),
-        },
-        "median_error": score.median_error(errors[:, :2]),
-        "nees": float(nees.mean()) if sound else None,
-        "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
-        "lost": bool(lost.holds(off)),
-        "steps": len(known),
-    }
+    """Over the steps in which this target was the one nearest to the track, and its place was recorded."""
+    own = [r for r in rows if r.has_track and r.truth and r.true_target == target and not r.interpolated]
+    return {"rmse": score.rmse(offsets(own)[:, :2]) if own else None, "steps": len(own)}
 
 
 def _frames(ledger: Ledger) -> Metrics:

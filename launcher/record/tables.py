@@ -24,6 +24,7 @@ class TrackRow:
 
     ``told_ns`` is when it was published first, ``incarnation`` the life of its source that did so last. ``truth`` is
     the state of ``true_target``; with several targets the one nearest to the point, as nobody says which one it is of.
+    It may be ``interpolated``, in a gap of a recorded track.
     """
 
     told_ns: int
@@ -31,6 +32,7 @@ class TrackRow:
     truth: State | None = None
     true_target: str = ""
     incarnation: int = 0
+    interpolated: bool = False
 
     @property
     def t_ns(self) -> int:
@@ -49,10 +51,13 @@ def track_rows(published: Iterable[Published], paths: Mapping[str, Path]) -> lis
     for one in published:
         key = (one.source, one.point.tracker, one.point.target, one.point.at_ns)
         latest[key] = latest.get(key, (one.told_ns, one))[0], one
-    return [
-        TrackRow(told_ns, one.point, *nearest(paths, one.point), one.incarnation)
-        for _, (told_ns, one) in sorted(latest.items(), key=lambda item: item[0])
-    ]
+    return [_row(told_ns, one, paths) for _, (told_ns, one) in sorted(latest.items(), key=lambda item: item[0])]
+
+
+def _row(told_ns: int, one: Published, paths: Mapping[str, Path]) -> TrackRow:
+    truth, target = nearest(paths, one.point)
+    interpolated = truth is not None and paths[target].interpolated(one.point.at_ns / NS)
+    return TrackRow(told_ns, one.point, truth, target, one.incarnation, interpolated)
 
 
 def nearest(paths: Mapping[str, Path], point: TrackPoint) -> tuple[State | None, str]:
@@ -106,6 +111,7 @@ def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns
         "covariance": pa.array([list(p.covariance) or None for p in points], vector),
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
         "true_target": pa.array([r.true_target or None for r in rows], texts),
+        "true_interpolated": pa.array([r.interpolated for r in rows], pa.bool_()),
         "bound_m": pa.array([None if p.lag else bound.get(p.at_ns) for p in points], floats),
         "sensors": pa.array([list(p.sensors) for p in points], pa.list_(texts)),
         "lag": pa.array([p.lag for p in points], pa.int32()),

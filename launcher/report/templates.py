@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def templates(*packages: str) -> Environment:
-    """The templates of reports (``base.html.j2``, ``macros.html.j2``), and those of other packages, which come first."""
+    """The templates of reports (``base.html.j2``, ``macros.html.j2``), those of other packages first."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     return Environment(

@@ -184,7 +184,7 @@ def _fuse(
 ) -> Metrics:
     """Write the tracks and the timeline; the metrics of a run in which nobody but trackers said anything."""
     ledger = Ledger(plan.run, plan.processes)
-    ledger.end(_end_ns(plan, fusions, rows))
+    ledger.end(plan.origin_ns + round(before["end_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
     told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
     for number, (one, t_ns, effect) in enumerate(told):
@@ -198,11 +198,3 @@ def _fuse(
             t_ns = plan.origin_ns + round(died["t"] * NS)
             journal.timeline.death(t_ns, died["id"].partition("~")[0], died["why"])
     return journal.close([], messages=0)
-
-
-def _end_ns(plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> int:
-    """When the run was over: as planned, or after the last it left if that is not about its last step."""
-    if max((one.step for one in fusions), default=0) >= plan.step_of(plan.run.end_ns) - 1:
-        return plan.run.end_ns
-    left = (*(one.told_ns for one in fusions), *(row.sent_ns for row in rows))
-    return min(max(left, default=0) + 1, plan.run.end_ns)

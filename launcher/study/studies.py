@@ -34,8 +34,9 @@ CHOSEN: Final = "median"
 _TYPES: Final = {
     "seed": pa.int64(),
     "tracker": pa.string(),
+    "verdict": pa.string(),
     "lost": pa.bool_(),
-    "steps": pa.int64(),
+    **dict.fromkeys(("steps", "steps_expected", "steps_tracked", "gap.steps"), pa.int64()),
     "nees_band": pa.list_(pa.float64()),
 }
 """Of columns of a study's table; frames and bytes are whole numbers, all others not."""
@@ -102,13 +103,12 @@ def study_run(scenario: Scenario) -> StudyRun:
     except ScenarioError as error:
         raise ScenarioError(f"with seed {scenario.seed}: {error}") from None
     ledger, rows = simulate(plan)
-    metrics = run_metrics(plan, ledger, rows)
+    bound = run_bound(plan, headline(plan, rows))
+    metrics = run_metrics(plan, ledger, rows, bound)
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
     metrics["recorder"]["messages"] = metrics["frames"]["sent"]
-    return StudyRun(
-        scenario.seed, RunFigures.of(metrics), tracks_table(rows, run_bound(plan, headline(plan, rows)), plan.origin_ns)
-    )
+    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, bound, plan.origin_ns))
 
 
 def unordered(

@@ -74,6 +74,10 @@ class Path:
             return None
         return _hermite(self._knot(i), self._knot(i + 1), t_s)
 
+    def interpolated(self, t_s: float) -> bool:
+        """Whether this time lies inside a gap, where a straight line stands in for the truth."""
+        return any(begin < t_s < end for begin, end in self.gaps)
+
     def clip(self, from_s: float, to_s: float) -> Path:
         """The part of a whole path between two times, with knots at its ends.
 

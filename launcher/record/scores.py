@@ -1,0 +1,131 @@
+"""How well a tracker did: its errors where the truth is known, and in how many of the expected steps it was there."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from launcher.record.tables import TrackRow
+from launcher.record.verdict import verdict
+from launcher.records import Plan
+from trackfield.filters import metrics as score
+from trackfield.filters.types import Array
+from trackfield.role import NS
+
+_NOTHING: Final = {
+    "rmse": dict.fromkeys(("x", "y", "position", "velocity")),
+    "median_error": None,
+    "nees": None,
+    "nees_band": None,
+    "steps": 0,
+}
+
+
+def scored(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float]) -> dict[str, Any]:
+    """The figures of one tracker in one view, of a run that ended at ``end_ns``.
+
+    Errors, and the ``bound`` (m, by instant in ns) beside them, are over the instants at which there are both a track
+    and a recorded truth; what lies in gaps of the truth stands apart. Each step at which a target is there is expected
+    to have a track, also those of which nobody told anything.
+    """
+    known = [row for row in rows if row.has_track and row.truth is not None]
+    guessed = [row for row in known if row.interpolated]
+    known = [row for row in known if not row.interpolated]
+    return {
+        **(_errors(known) if known else _NOTHING),
+        **_beside(known, bound),
+        **_presence(plan, rows, end_ns),
+        "gap": {"rmse": score.rmse(offsets(guessed)[:, :2]) if guessed else None, "steps": len(guessed)},
+    }
+
+
+def last_step(plan: Plan, end_ns: int) -> int:
+    """The number of the last step whose track was to be told before the end."""
+    return plan.step_of(end_ns) - 1
+
+
+def offsets(rows: Sequence[TrackRow]) -> Array:
+    """(n, 4) estimate minus truth."""
+    offsets: Array = np.array([row.point.mean for row in rows]) - np.array([row.truth for row in rows])
+    return offsets
+
+
+def _errors(rows: Sequence[TrackRow]) -> dict[str, Any]:
+    errors = offsets(rows)
+    nees = score.nees(errors, np.array([row.point.covariance for row in rows]).reshape(-1, 4, 4))
+    sound = bool(np.isfinite(nees).all())
+    return {
+        "rmse": {
+            "x": score.rmse(errors[:, 0:1]),
+            "y": score.rmse(errors[:, 1:2]),
+            "position": score.rmse(errors[:, :2]),
+            "velocity": score.rmse(errors[:, 2:]),
+        },
+        "median_error": score.median_error(errors[:, :2]),
+        "nees": float(nees.mean()) if sound else None,
+        "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
+        "steps": len(rows),
+    }
+
+
+def _beside(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> dict[str, float | None]:
+    """The bound, and how many times it the error is, both over the instants that have one."""
+    bounded = [row for row in rows if not row.point.lag and row.t_ns in bound]
+    if not bounded:
+        return {"bound_m": None, "times_bound": None}
+    bound_m = score.rmse(np.array([[bound[row.t_ns]] for row in bounded]))
+    return {"bound_m": bound_m, "times_bound": score.rmse(offsets(bounded)[:, :2]) / bound_m}
+
+
+def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int) -> dict[str, Any]:
+    """In how many of the expected steps there was a track, and one that was near enough; and the verdict."""
+    tracks = defaultdict[int, list[TrackRow]](list)
+    for row in rows:
+        if row.has_track:
+            tracks[round((row.t_ns - plan.origin_ns) / plan.step_ns)].append(row)
+    last = last_step(plan, end_ns) - max((row.point.lag for row in rows), default=0)
+    there = {k: recorded for k in range(1, last + 1) if (recorded := _recorded(plan, k)) is not None}
+    judged = [k for k, recorded in there.items() if recorded and not _only_guessed(tracks.get(k, ()))]
+    errors = np.array([_worst(tracks.get(k, ())) for k in judged]).reshape(-1, 1)
+    share = float((errors <= plan.lost.beyond_m).mean()) if judged else None
+    lost = bool(judged and plan.lost.holds(errors))
+    blackout = _longest([k for k in there if k not in tracks])
+    return {
+        "verdict": verdict(lost=lost, share_within=share, blackout_steps=blackout),
+        "lost": lost,
+        "steps_expected": len(judged),
+        "steps_tracked": int(np.isfinite(errors).sum()),
+        "share_within": share,
+        "longest_blackout_s": blackout * plan.step_ns / NS,
+    }
+
+
+def _recorded(plan: Plan, step: int) -> bool | None:
+    """Whether any target's place at a step was recorded, not interpolated in a gap; None if no target is there."""
+    t_s = (plan.origin_ns + step * plan.step_ns) / NS
+    present = [path for path in plan.paths.values() if path.at(t_s) is not None]
+    return any(not path.interpolated(t_s) for path in present) if present else None
+
+
+def _only_guessed(rows: Sequence[TrackRow]) -> bool:
+    """Whether there are tracks, and all are of targets whose place was interpolated."""
+    return bool(rows) and all(row.interpolated for row in rows)
+
+
+def _worst(rows: Iterable[TrackRow]) -> float:
+    """The largest error of the tracks of a step, m; NaN if there is none."""
+    known = [row for row in rows if row.truth is not None and not row.interpolated]
+    return float(np.linalg.norm(offsets(known)[:, :2], axis=1).max()) if known else np.nan
+
+
+def _longest(steps: Sequence[int]) -> int:
+    """How many of these steps follow each other at most."""
+    longest = row = min(len(steps), 1)
+    for before, step in pairwise(steps):
+        row = row + 1 if step == before + 1 else 1
+        longest = max(longest, row)
+    return longest
