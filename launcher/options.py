@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from launcher.timeline.view import program
 from trackfield.drivers.session import PROTOCOLS, is_endpoint
 from trackfield.errors import ScenarioError
 
@@ -22,6 +21,8 @@ def check_driver(*, virtual: bool, external: bool, live: bool, connect: str) -> 
         expected = "it without --virtual, or the timeline afterwards: trackfield view RUN"
         raise ScenarioError("a run in virtual time is over at once", key="--live", expected=expected)
     if live:
+        from launcher.timeline.view import program  # loads Rerun
+
         program()
     if external and not connect:
         raise ScenarioError("nobody can find a router of our own", key="--external", expected="--connect beside it")

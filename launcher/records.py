@@ -138,7 +138,8 @@ class Plan:
     targets by id, in emulated time. ``tracking`` is what whoever tracks is told, the arguments of a
     ``fusion.bank.Bank``; ``views`` are whose tracks are scored together, the headline first; ``flows`` who talks to
     whom. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which die unplanned are
-    started again; ``lost`` is when a track counts as lost.
+    started again; ``lost`` is when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and
+    of use up to ``max_age_s``. ``warnings`` say what is likely to go wrong in the run, a sentence each.
     """
 
     run: RunSpec
@@ -151,6 +152,9 @@ class Plan:
     reach_m: float = 0.0
     restart: bool = False
     lost: Lost = field(default_factory=Lost)
+    deadline_s: float = 0.0
+    max_age_s: float = 0.0
+    warnings: tuple[str, ...] = ()
 
     @property
     def step_ns(self) -> int:

@@ -14,6 +14,7 @@ from typing import Any, Final, Protocol
 
 import psutil
 
+from launcher.drawing import write_here
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.gathering import Gathering
 from launcher.processes.live import LiveView
@@ -60,8 +61,10 @@ class Outcome:
         return 0 if self.signal is None else 128 + self.signal
 
 
-def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcome:
-    """Run in virtual time."""
+def run_virtual(
+    plan: Plan, folder: Path, command: Sequence[str] = (), report: Callable[[Path], None] = write_here
+) -> Outcome:
+    """Run in virtual time; ``report`` writes the report of the finished folder."""
     write_manifest(folder, plan, command, None)
     begun, cpu_s = time.monotonic(), time.process_time()
     ledger = Ledger(plan.run, plan.processes)
@@ -73,7 +76,7 @@ def run_virtual(plan: Plan, folder: Path, command: Sequence[str] = ()) -> Outcom
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
-    return close_folder(folder, metrics, [], ended)
+    return close_folder(folder, metrics, [], ended, report)
 
 
 def run_processes(
@@ -144,7 +147,13 @@ def _blank(value: object) -> Any:
     return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
 
 
-def close_folder(folder: Path, metrics: Metrics, complaints: list[str], ended: list[int]) -> Outcome:
+def close_folder(
+    folder: Path,
+    metrics: Metrics,
+    complaints: list[str],
+    ended: list[int],
+    report: Callable[[Path], None] = write_here,
+) -> Outcome:
     """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early."""
     frames = metrics["frames"]
     if frames["host_lost"]:
@@ -154,15 +163,13 @@ def close_folder(folder: Path, metrics: Metrics, complaints: list[str], ended: l
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, _report(folder))
+    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, _unreported(report, folder))
 
 
-def _report(folder: Path) -> str:
-    """Draw the report; why that failed, if it did."""
-    from launcher.report import write_report  # matplotlib takes a while to load
-
+def _unreported(report: Callable[[Path], None], folder: Path) -> str:
+    """Write the report; why that failed, if it did."""
     try:
-        write_report(folder)
+        report(folder)
     except Exception as error:  # noqa: BLE001  whatever it is, the run is over and all its tables are there
         return f"{type(error).__name__}: {error}"
     return ""

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
 from rich.live import Live
@@ -21,7 +21,9 @@ from launcher.plan.reception import Shares, receptions
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
 from launcher.record.words import alarms, span
 from launcher.records import ARRIVED, SENSES, Plan
-from launcher.run import Observer, Outcome
+
+if TYPE_CHECKING:
+    from launcher.run import Observer, Outcome  # loads Rerun
 
 PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3

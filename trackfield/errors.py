@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+T = TypeVar("T")
+
 
 class TrackfieldError(Exception):
     """Base of every error that Trackfield raises on purpose."""
@@ -10,11 +15,15 @@ class TrackfieldError(Exception):
 class ScenarioError(TrackfieldError):
     """Bad input: a scenario, a target file, a command-line value (exit code 2).
 
-    ``file`` and ``key`` say where (either may be empty), ``expected`` what would be right.
+    ``file`` and ``key`` say where (either may be empty), ``expected`` what would be right. ``parts`` are the errors
+    that it tells together, or it alone.
     """
+
+    parts: tuple[ScenarioError, ...]
 
     def __init__(self, what: str, *, file: str = "", key: str = "", expected: str = "") -> None:
         self.what, self.file, self.key, self.expected = what, file, key, expected
+        self.parts = (self,)
         where = ": ".join(part for part in (file, key) if part)
         super().__init__(f"{where}: {what}" if where else what)
 
@@ -29,3 +38,26 @@ class RunFailed(TrackfieldError):  # noqa: N818  a name that users read
     def __init__(self, what: str, *, process: str = "", log: str = "") -> None:
         self.what, self.process, self.log = what, process, log
         super().__init__(what)
+
+
+def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
+    """One error that tells all of them, a line each, and none twice."""
+    parts = tuple({str(part): part for error in errors for part in error.parts}.values())
+    if len(parts) == 1:
+        return parts[0]
+    whole = ScenarioError("\n".join(map(str, parts)))
+    whole.parts = parts
+    return whole
+
+
+def together(calls: Iterable[Callable[[], T]]) -> list[T]:
+    """What all of these return. Raises ``ScenarioError`` with all that is wrong by any of them."""
+    found, errors = [], []
+    for call in calls:
+        try:
+            found.append(call())
+        except ScenarioError as error:
+            errors.append(error)
+    if errors:
+        raise combined(errors)
+    return found

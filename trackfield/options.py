@@ -6,10 +6,11 @@ import inspect
 import math
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
+from functools import partial
 from types import NoneType, UnionType
 from typing import Any, Final, Literal, Union, get_args, get_origin
 
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, together
 
 _WORDS: Final = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 
@@ -21,18 +22,22 @@ def made(maker: Callable[..., Any], options: Mapping[str, Any], key: str) -> Any
     it has to be. A ``ValueError`` of the class itself, as of ``__post_init__``, is passed on under ``key``.
     """
     known = _parameters(maker)
-    for name, value in options.items():
-        if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            expected = f"one of {', '.join(known)}" if known else "none: it has no options"
-            raise ScenarioError(f"unknown option{hint}", key=f"{key}.{name}", expected=expected)
-        if not _fits(value, known[name]):
-            raise ScenarioError(f"is {value!r}", key=f"{key}.{name}", expected=_words(known[name]))
+    together(partial(_check, f"{key}.{name}", name, value, known) for name, value in options.items())
     try:
         return maker(**options)
     except (TypeError, ValueError) as error:
         raise ScenarioError(str(error), key=key) from error
+
+
+def _check(key: str, name: str, value: object, known: Mapping[str, Any]) -> None:
+    """Raise ``ScenarioError`` unless this is an option, and the value fits it."""
+    if name not in known:
+        near = get_close_matches(name, known, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        expected = f"one of {', '.join(known)}" if known else "none: it has no options"
+        raise ScenarioError(f"unknown option{hint}", key=key, expected=expected)
+    if not _fits(value, known[name]):
+        raise ScenarioError(f"is {value!r}", key=key, expected=_words(known[name]))
 
 
 def _parameters(maker: Callable[..., Any]) -> dict[str, Any]:

@@ -37,10 +37,10 @@ def run(
     quiet: Annotated[bool, typer.Option("--quiet", help="No progress.")] = False,
 ) -> None:
     """Run a scenario and leave a run folder with its timeline, tables and metrics."""
+    from launcher.drawing import written_beside
     from launcher.options import check_driver, check_endpoint
     from launcher.plan.prepare import load, planned
     from launcher.record.folder import keep, prepare_folder
-    from launcher.run import run_processes, run_virtual
     from launcher.show import announce, conclude, observing, tell
 
     resolved = load(
@@ -64,8 +64,13 @@ def run(
     if not quiet:
         announce(plan)
     if virtual:
-        outcome = run_virtual(plan, folder, sys.argv)
+        with written_beside() as report:
+            from launcher.run import run_virtual  # loads Rerun, while the report's process loads matplotlib
+
+            outcome = run_virtual(plan, folder, sys.argv, report)
     else:
+        from launcher.run import run_processes
+
         with observing(plan, quiet=quiet) as observer:
             live_to = tell if live else None
             outcome = run_processes(plan, folder, observer, sys.argv, connect, external=external, live=live_to)

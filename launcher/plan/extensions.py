@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from launcher.records import Plan
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, together
 from trackfield.filters.trackers import ANY_SENSOR, TRACKERS, make_tracker
 from trackfield.plugins import Maker, importable
 from trackfield.scenario import Scenario
@@ -42,13 +43,20 @@ def tracker_places(fusion: Fusion) -> dict[str, str]:
     a name that is neither a tracker nor a variant of one.
     """
     options = tables(fusion.options)
-    for name in dict.fromkeys((*fusion.trackers, *options)):
-        if name not in fusion.trackers and str(options[name].get("tracker", name)) not in TRACKERS:
-            expected = f"a tracker's name ({', '.join(sorted(TRACKERS))}), or tracker = one of them for a variant"
-            raise ScenarioError(f"there is no tracker '{name}'", key=f"fusion.options.{name}", expected=expected)
-        make_tracker(name, options.get(name))
+    together(
+        partial(_check_tracker, name, options.get(name, {}), name in fusion.trackers)
+        for name in dict.fromkeys((*fusion.trackers, *options))
+    )
     kinds = {kind for _, kind in _kinds(fusion)}
     return {kind: TRACKERS.place(kind) for kind in sorted(kinds - TRACKERS.own.keys())}
+
+
+def _check_tracker(name: str, options: Mapping[str, Any], runs: bool) -> None:
+    """Raise ``ScenarioError`` unless there is a tracker of this name with these options."""
+    if not runs and str(options.get("tracker", name)) not in TRACKERS:
+        expected = f"a tracker's name ({', '.join(sorted(TRACKERS))}), or tracker = one of them for a variant"
+        raise ScenarioError(f"there is no tracker '{name}'", key=f"fusion.options.{name}", expected=expected)
+    make_tracker(name, options)
 
 
 def _kinds(fusion: Fusion) -> Iterator[tuple[str, str]]:

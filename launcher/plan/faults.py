@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
 from launcher.records import SENSES, Place
 from trackfield.draw import bits
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, combined, together
 from trackfield.link.partitioned import Cut
 from trackfield.role import NS
 from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
@@ -86,20 +87,26 @@ def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns:
     """The faults of a field, in a run that ends at ``end_ns``; their times count from the first step, at ``origin_ns``.
 
     A share of the sensors, or of a role, is drawn by seed and the fault's number. Raises ``ScenarioError`` for an id or
-    a role that there is not, for a fault after the end, and for one that contradicts another.
+    a role that there is not, for a fault after the end, and for one that contradicts another: for all that there are.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
     partitions, marks, last_ns = [], [], end_ns - origin_ns
-    for number, fault in enumerate(faults):
-        _check_times(number, fault, last_ns)
-        ids = _ids(number, fault, seed, places)
+    struck = together(partial(_struck, number, fault, seed, places, last_ns) for number, fault in enumerate(faults))
+    for number, (fault, ids) in enumerate(zip(faults, struck, strict=True)):
         marks += [mark for id in ids for mark in _marks(fault, id, last_ns)]
         if isinstance(fault, Partition):
             partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), last_ns), ids, fault.medium))
             continue
         for id in ids:
             befalls[id].append((number, fault))
-    fates = {id: _fates(id, sorted(own, key=_when), last_ns) for id, own in befalls.items()}
+    fates, wrong = dict[str, Fates](), dict[str, ScenarioError]()
+    for id, own in befalls.items():
+        try:
+            fates[id] = _fates(id, sorted(own, key=_when), last_ns)
+        except ScenarioError as error:
+            wrong.setdefault(error.key, error)  # the same of a thousand processes is told once
+    if wrong:
+        raise combined(list(wrong.values()))
     return Faults(fates, tuple(partitions), tuple(sorted(marks))).later(origin_ns)
 
 
@@ -110,6 +117,12 @@ def _when(one: Numbered) -> tuple[float, bool]:
 
 def _ns(t_s: float) -> int:
     return round(min(t_s, LONGEST_S) * NS)
+
+
+def _struck(number: int, fault: Fault, seed: int, places: Sequence[Place], end_ns: int) -> tuple[str, ...]:
+    """Whom the fault befalls, in time."""
+    _check_times(number, fault, end_ns)
+    return _ids(number, fault, seed, places)
 
 
 def _check_times(number: int, fault: Fault, end_ns: int) -> None:

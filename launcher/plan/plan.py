@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from launcher.plan.architectures import Architecture, architecture_of
 from launcher.plan.faults import Faults, Mark, resolve
@@ -34,10 +34,9 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     architecture = architecture_of(site)
     faults = planned_faults(site, architecture)
     end_ns = end_of(site)
-    link = scenario.plain()["link"]
-    queue = {"queue": link.pop("queue")} if "queue" in link else {}  # of the process, not of what is in the air
-    spec = RunSpec(run, scenario.seed, end_ns, link, speed, faults.partitions, **queue)
-    _check_link(spec)
+    queue = {key: value for key, value in scenario.plain()["link"].items() if key == "queue"}
+    spec = RunSpec(run, scenario.seed, end_ns, link_of(scenario), speed, faults.partitions, **queue)
+    check_link(scenario)
     arranged = architecture.arrange(end_ns)
     processes = tuple(life for process in arranged.processes for life in _lives(process, faults))
     _, report_m = scenario.sensor.reach_m()
@@ -52,6 +51,8 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         report_m,
         scenario.restart == "on-death",
         lost_of(scenario),
+        scenario.fusion.deadline_s,
+        scenario.fusion.max_age_s,
     )
 
 
@@ -72,17 +73,22 @@ def lost_of(scenario: Scenario) -> Lost:
     return Lost(scenario.lost_beyond_m, rule.steps, rule.within)
 
 
-def _check_link(spec: RunSpec) -> None:
+def check_link(scenario: Scenario) -> None:
     """Raise ``ScenarioError`` unless the link can be made; the scenario checked all but its file and ``acks``."""
-    for kind in spec.link.get("acks", {}):
-        known = [one.name for one in product_kinds()]
-        if kind not in known:
-            what = f"there is no message {kind!r}{suggestion(kind, known)}"
-            raise ScenarioError(what, key="link.acks", expected=f"names of messages: {', '.join(known)}")
+    link, known = link_of(scenario), [one.name for one in product_kinds()]
+    wrong = [kind for kind in link.get("acks", {}) if kind not in known]
+    if wrong:
+        what = f"there is no message {', '.join(map(repr, wrong))}{suggestion(wrong[0], known)}"
+        raise ScenarioError(what, key="link.acks", expected=f"names of messages: {', '.join(known)}")
     try:
-        make_link(spec.link, spec.seed)
+        make_link(link, scenario.seed)
     except ValueError as error:
         raise ScenarioError(str(error), key="link.file") from None
+
+
+def link_of(scenario: Scenario) -> dict[str, Any]:
+    """What makes the link; the queue is a process's, not of what is in the air."""
+    return {key: value for key, value in scenario.plain()["link"].items() if key != "queue"}
 
 
 def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:

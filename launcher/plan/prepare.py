@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from fusion.smoothing import lagged_name
+from launcher.plan.foresight import foresee
 from launcher.plan.plan import make_plan
 from launcher.plan.reception import receptions
+from launcher.plan.warnings import warnings
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
@@ -65,6 +67,7 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     if not 0 < speed <= 100:
         raise ScenarioError(f"is {speed}", key="--speed", expected="more than 0, at most 100")
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
+    plan = replace(plan, warnings=warnings(plan, foresee(plan)))
     if len(plan.info.places) > MAX_LINKS:
         return plan
     reports = next(iter(receptions(plan).values()))

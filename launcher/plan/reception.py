@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
 
 from launcher.records import Flow, Plan
@@ -17,15 +18,15 @@ Shares = dict[tuple[str, str], float]
 """By sender and hearer."""
 
 
-def receptions(plan: Plan) -> dict[str, Shares]:
+def receptions(plan: Plan, ends: Collection[str] | None = None) -> dict[str, Shares]:
     """The share of its messages that each link in use may expect to carry, by kind of message, reports first.
 
-    Of who moves, the mean over the run.
+    Of who moves, the mean over the run. ``ends`` are those whose links are asked for; None: all.
     """
-    return {kind_of(flow.message).name: _shares(plan, flow) for flow in plan.flows}
+    return {kind_of(flow.message).name: _shares(plan, flow, ends) for flow in plan.flows}
 
 
-def _shares(plan: Plan, flow: Flow) -> Shares:
+def _shares(plan: Plan, flow: Flow, ends: Collection[str] | None) -> Shares:
     link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
     kind, size = kind_of(flow.message).name, len(encode(flow.message))
     moving = any(p.legs for p in plan.processes)
@@ -33,4 +34,5 @@ def _shares(plan: Plan, flow: Flow) -> Shares:
     return {
         (src, dst): sum(link.reception(src, dst, size, kind, at) for at in times) / len(times)
         for src, dst in flow.pairs
+        if ends is None or src in ends or dst in ends
     }

@@ -12,7 +12,6 @@ from math import radians
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from launcher.record.tables import TrackRow
 from launcher.records import SENSES, Plan
@@ -66,6 +65,8 @@ def used(rows: Iterable[TrackRow]) -> Reporting:
 
 def _all(plan: Plan, heard: Reporting) -> Reporting:
     """With all sensors that are near enough to the target to report it."""
+    from scipy.spatial import cKDTree
+
     sensors, truth = _sensors(plan), _truth(plan)
     if not sensors or not truth:
         return heard

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from math import ceil, dist, inf
 from typing import Any, Final
 
-from scipy.spatial import cKDTree
-
 from launcher.record.ledger import Ledger
 from launcher.records import BATTERY, SENSES, MessageRow, Plan
 from trackfield.drivers.meter import Activity
@@ -115,6 +113,8 @@ def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]
 
 
 def _coverage_lost(plan: Plan, ends: Mapping[str, float]) -> float | None:
+    from scipy.spatial import cKDTree
+
     sensors = plan.info.tagged(SENSES)
     lasts = [ends.get(place.id, inf) for place in sensors]
     tree = cKDTree([(place.x, place.y) for place in sensors])

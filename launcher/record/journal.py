@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from launcher.record.bounds import run_bound
 from launcher.record.diary import Event
@@ -16,9 +16,11 @@ from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import nearest, track_rows, write_messages, write_tracks
 from launcher.record.views import headline
 from launcher.records import MessageRow, Plan
-from launcher.timeline.timeline import Timeline
 from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.role import NS, Note, Publish, State
+
+if TYPE_CHECKING:
+    from launcher.timeline.timeline import Timeline
 
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
@@ -90,6 +92,8 @@ class Journal(Telling):
     """Writes the timeline of a run into its folder, and closes the books."""
 
     def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
+        from launcher.timeline.timeline import Timeline  # loads Rerun
+
         super().__init__(plan, ledger, Timeline(folder / TIMELINE, plan.info))
         self.folder = folder
 

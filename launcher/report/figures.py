@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Final
 
@@ -16,16 +17,16 @@ FIGURES: Final[Figures] = {name: draw for part in PARTS.values() for name, draw 
 """Those of all parts, by name."""
 
 
-def draw(run: Run) -> dict[str, Path]:
-    """Write ``plots/<name>.png`` into the run folder, anew; the files by name."""
+def draw(run: Run, names: Collection[str] = FIGURES.keys()) -> dict[str, Path]:
+    """Write ``plots/<name>.png`` into the run folder, anew, for these names; the files by name."""
     folder = run.folder / PLOTS
     folder.mkdir(exist_ok=True)
     drawn = {}
     with matplotlib.rc_context():
         matplotlib.rcParams.update(STYLE)
-        for name, make in FIGURES.items():
+        for name in names:
             file = folder / f"{name}.png"
-            figure = make(run)
+            figure = FIGURES[name](run)
             if figure is None:
                 file.unlink(missing_ok=True)
             else:

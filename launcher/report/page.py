@@ -34,9 +34,13 @@ def write_report(folder: Path) -> Path:
     Raises ``ScenarioError`` for a folder that is no finished run, and ``OSError`` where it cannot be written.
     """
     run = read_run(folder)
-    pictures = draw(run)
+    return write_page(run, draw(run))
+
+
+def write_page(run: Run, pictures: Mapping[str, Path]) -> Path:
+    """Write ``report.html`` with these figures, by name; its path."""
     text = templates().get_template("report.html.j2").render(_contents(run, pictures))
-    page = folder / PAGE
+    page = run.folder / PAGE
     page.write_text(text, encoding="utf-8")
     return page
 

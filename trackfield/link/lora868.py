@@ -13,6 +13,8 @@ NOISE_DBM: Final = -117.0
 SENSITIVITY_DBM: Final = {7: -123.0, 8: -126.0, 9: -129.0, 10: -132.0, 11: -134.5, 12: -137.0}
 PAYLOAD_BYTES: Final = {7: 242, 8: 242, 9: 115, 10: 51, 11: 51, 12: 51}
 """The longest payload per spreading factor, LoRaWAN regional parameters for EU 863-870 MHz."""
+DUTY: Final = 0.01
+"""The share of an hour in which a device may send from 868.0 to 868.6 MHz (ETSI EN 300 220-2): 36 s."""
 
 
 @dataclass(frozen=True, slots=True)

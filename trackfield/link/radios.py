@@ -21,7 +21,8 @@ class Radio:
     ``prr(snr_db, frame_bytes)`` is the share of frames received, ``airtime_ns(frame_bytes)`` what one takes.
     An acknowledgement begins ``turnaround_ns`` after a frame and has ``ack_bytes``; a sender waits ``patience_ns`` for
     it in vain. ``ack`` is how often a frame is sent at most until it is acknowledged; 0: once, and it never is.
-    ``channel`` names the path loss (``CHANNELS``) under which its figures are usually given.
+    ``channel`` names the path loss (``CHANNELS``) under which its figures are usually given. ``duty`` is the share of
+    any hour in which a device may send by law; no model enforces it.
     """
 
     tx_dbm: float
@@ -36,6 +37,7 @@ class Radio:
     airtime_ns: Callable[[int], int]
     prr: Callable[[float, int], float]
     ack: int = 0
+    duty: float = 1.0
 
     @property
     def ack_ns(self) -> int:
@@ -112,6 +114,7 @@ def _lora(sf: int) -> Radio:
         access=Aloha(),
         airtime_ns=modem.airtime_ns,
         prr=modem.prr,
+        duty=lora868.DUTY,
     )
 
 

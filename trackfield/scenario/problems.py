@@ -18,11 +18,6 @@ NUMBER: Final = re.compile(r"\[(\d+)\]")
 """Which of a list of sections: ``faults[0]``."""
 
 
-def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
-    """One error that tells all of them, a line each."""
-    return errors[0] if len(errors) == 1 else ScenarioError("\n".join(map(str, errors)))
-
-
 def problems(error: ValidationError, file: str, text: str, set_keys: Collection[str]) -> list[ScenarioError]:
     """All that validation found in a ``file`` with this ``text``, of which ``set_keys`` were set anew."""
     found: dict[str, ScenarioError] = {}
@@ -36,6 +31,30 @@ def problems(error: ValidationError, file: str, text: str, set_keys: Collection[
         where = f"{here}:{line}" if line else here
         found.setdefault(key, ScenarioError(what, file=where, key=key, expected=expected))
     return list(found.values())
+
+
+STAND_INS: Final = {"name": "scenario", "target": {"path": "s1"}}
+"""What takes the place of what a scenario cannot do without, to look at the rest of it."""
+
+
+def section_of(key: str) -> str:
+    """The section that a key is in: ``faults[0].at_s`` in ``faults``."""
+    return re.sub(NUMBER, "", key.partition(".")[0])
+
+
+def without(data: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
+    """A scenario without these keys; a list of sections goes as a whole, and so does one whose kind is unknown."""
+    less = dict(data)
+    for key in keys:
+        name, _, rest = key.partition(".")
+        part, section = less.get(name), sections_of_file().get(name)
+        own = rest.partition(".")[0]
+        if isinstance(part, Mapping) and own in part and (section is None or own != section.tag):
+            less[name] = {other: value for other, value in part.items() if other != own}
+        else:
+            less.pop(section_of(key), None)
+    missing = {section_of(key) for key in keys} - less.keys()
+    return less | {name: value for name, value in STAND_INS.items() if name in missing}
 
 
 def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:

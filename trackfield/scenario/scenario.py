@@ -11,13 +11,13 @@ import tomlkit
 from pydantic import ValidationError
 from tomlkit.items import Item, Table
 
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, combined
 from trackfield.scenario.contents import Contents
 from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
 from trackfield.scenario.packaged import ALIASES, names, packaged_file
-from trackfield.scenario.problems import combined, problems
+from trackfield.scenario.problems import problems, section_of, without
 
 _WITH_FILES: Final = ("field", "target", "targets", "link")
 """Sections that may name a file."""
@@ -40,25 +40,44 @@ class Scenario(Contents):
         working directory. The trackers' names are checked if ``known_trackers`` are given. Raises
         ``ScenarioError``, which tells all that is wrong, a line each.
         """
-        if isinstance(source, Mapping):
-            return cls._valid(_anchored(source, Path.cwd()), overrides or {}, "", "", known_trackers)
-        file = _file_of(source)
+        scenario, errors = cls.examine(source, overrides, known_trackers=known_trackers)
+        if scenario is None or errors:
+            raise combined(errors)
+        return scenario
+
+    @classmethod
+    def examine(
+        cls,
+        source: str | Path | Mapping[str, Any],
+        overrides: Mapping[str, Any] | None = None,
+        *,
+        known_trackers: Collection[str] | None = None,
+    ) -> tuple[Self | None, list[ScenarioError]]:
+        """As ``load``, but with all that is wrong, and the scenario without the keys that are: none if it cannot be."""
         try:
-            text = file.read_text(encoding="utf-8")
-            data = tomllib.loads(text)
-        except OSError as error:
-            raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
-        except ValueError as error:  # bytes that are no text, or text that is no TOML
-            raise ScenarioError(f"not a TOML file ({error})", file=str(file)) from None
-        return cls._valid(_anchored(data, file.parent), overrides or {}, str(file), text, known_trackers)
+            data, file, text = _written(source)
+            changed = _anchored(apply(data, overrides or {}), Path.cwd())
+        except ScenarioError as error:
+            return None, [error]
+        found: list[ScenarioError] = []
+        while True:
+            try:
+                return cls.model_validate(_tuples(changed), context={"trackers": known_trackers}), found
+            except ValidationError as error:
+                wrong = problems(error, file, text, overrides or {})
+            broken = {section_of(one.key) for one in found}
+            found += [one for one in wrong if section_of(one.key) not in broken]
+            less = without(changed, [one.key for one in wrong])
+            if less == changed:
+                return None, found
+            changed = less
 
     def set(self, key: str, value: Any) -> Self:
         """The scenario with one key, like ``link.model``, set to another value; see ``override.apply``.
 
         Raises ``ScenarioError`` as ``load`` does.
         """
-        written = self.model_dump(mode="json", by_alias=True, exclude_unset=True)
-        return self._valid(written, {key: value}, "", "", None)
+        return self.load(self.model_dump(mode="json", by_alias=True, exclude_unset=True), {key: value})
 
     def plain(self) -> dict[str, Any]:
         """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""
@@ -86,25 +105,25 @@ class Scenario(Contents):
                 document.add(name, _table(section, value))
         return tomlkit.dumps(document)
 
-    @classmethod
-    def _valid(
-        cls,
-        data: Mapping[str, Any],
-        overrides: Mapping[str, Any],
-        file: str,
-        text: str,
-        known_trackers: Collection[str] | None,
-    ) -> Self:
-        changed = _anchored(apply(data, overrides), Path.cwd())
-        try:
-            return cls.model_validate(_tuples(changed), context={"trackers": known_trackers})
-        except ValidationError as error:
-            raise combined(problems(error, file, text, overrides)) from None
-
 
 def schema() -> dict[str, Any]:
     """The JSON schema of scenario files, for editors."""
     return Scenario.model_json_schema(by_alias=True)
+
+
+def _written(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:
+    """What a source says, its file and that file's text; both are empty for a dict. Raises ``ScenarioError``."""
+    if isinstance(source, Mapping):
+        return _anchored(source, Path.cwd()), "", ""
+    file = _file_of(source)
+    try:
+        text = file.read_text(encoding="utf-8")
+        data = tomllib.loads(text)
+    except OSError as error:
+        raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
+    except ValueError as error:  # bytes that are no text, or text that is no TOML
+        raise ScenarioError(f"not a TOML file ({error})", file=str(file)) from None
+    return _anchored(data, file.parent), str(file), text
 
 
 def _file_of(source: str | Path) -> Path:

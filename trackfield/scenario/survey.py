@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from trackfield.draw import normal
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, together
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS, Course, origin_of
 from trackfield.scenario.places import Place, Point
@@ -126,7 +126,7 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     step_ns, targets = _step_ns(scenario), scenario.keyed_targets
     origin = origin_of(targets) if len(targets) > 1 else None  # who moves alone lays the plane by the way
     course = partial(Course, scenario.seed, step_ns, scenario.steps, origin)
-    runs = [target.run(course(key)) for key, target in targets]
+    runs = together(partial(target.run, course(key)) for key, target in targets)
     longest = max(steps for steps, _ in runs)
     steps = min(longest, scenario.steps or longest)
     if steps > MAX_STEPS:

@@ -8,10 +8,12 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, combined, together
 
 Column = tuple[Callable[[str], Any], str]
 """What reads a cell, raising ``ValueError``, and what is expected there."""
+MOST: Final = 5
+"""So many wrong lines of a file are told."""
 Row = tuple[int, dict[str, Any]]
 """(line, values by column)"""
 
@@ -52,15 +54,26 @@ def read_rows(
     if found is None:
         raise fail(f"has the columns {', '.join(header)}" if header else "is empty")
     wanted = [*found, *(name for name in optional if name in header)]
-    read = []
+    read, wrong = [], list[ScenarioError]()
     for line, row in enumerate(rows[1:], start=2):
         if any(cell.strip() for cell in row):
             values = dict(zip(header, row, strict=False))
-            cells = {name: _cell(f"{file}:{line}", name, values.get(name, ""), columns[name]) for name in wanted}
-            read.append((line, cells))
+            try:
+                read.append((line, _cells(f"{file}:{line}", values, {name: columns[name] for name in wanted})))
+            except ScenarioError as error:
+                wrong.append(error)
+    if wrong:
+        more = ScenarioError(f"{len(wrong) - MOST} more lines are wrong", file=str(file))
+        raise combined([*wrong[:MOST], *([more] if len(wrong) > MOST else [])])
     if not read:
         raise fail("has no rows")
     return read
+
+
+def _cells(where: str, values: Mapping[str, str], columns: Mapping[str, Column]) -> dict[str, Any]:
+    """A line's values by column. Raises ``ScenarioError`` for those that are none."""
+    found = together(partial(_cell, where, name, values.get(name, ""), column) for name, column in columns.items())
+    return dict(zip(columns, found, strict=True))
 
 
 def _cell(where: str, name: str, text: str, column: Column) -> Any:

@@ -27,7 +27,8 @@ class Sensor(Protocol):
     """A kind of sensor, the same at every node: a frozen dataclass whose fields a scenario sets in ``[sensor]``.
 
     A reading is m numbers, z = h(x) + noise. Nodes call ``simulate`` alone, trackers call the others. ``residual``
-    may be left out: it takes differences of readings (..., m) to where they mean something, as for angles.
+    may be left out: it takes differences of readings (..., m) to where they mean something, as for angles. So may
+    ``fix_sensors``, how many sensors a position takes: two if m is 1, else one.
     """
 
     @property
@@ -77,6 +78,11 @@ def register_sensor(kind: str, maker: Maker) -> None:
     SENSORS.register(kind, maker)
 
 
+def fix_sensors(sensor: Sensor) -> int:
+    """From how many sensors' readings of one instant a position follows."""
+    return int(getattr(sensor, "fix_sensors", 2 if len(sensor.sd) == 1 else 1))
+
+
 def make_sensor(kind: str, options: Mapping[str, Any], place: str = "") -> Sensor:
     """The sensor of this kind with these options; ``place`` says where it is if another process registered it.
 
@@ -93,6 +99,10 @@ def make_sensor(kind: str, options: Mapping[str, Any], place: str = "") -> Senso
         values = getattr(sensor, name, None)
         if not (isinstance(values, tuple) and values and all(isfinite(v) and v > 0 for v in values)):
             raise ScenarioError(f"'{kind}' has {values!r}", key=f"sensor.{name}", expected="a tuple of numbers above 0")
+    needs = getattr(sensor, "fix_sensors", 1)
+    if not (isinstance(needs, int) and needs >= 1):
+        what = f"'{kind}' has {needs!r}"
+        raise ScenarioError(what, key="sensor.fix_sensors", expected="a whole number of at least 1")
     if not len(sensor.sd) == len(sensor.resolution) <= MAX_VALUES:
         what = f"'{kind}' has {len(sensor.sd)} sd and {len(sensor.resolution)} resolutions"
         raise ScenarioError(what, key="sensor.sd", expected=f"one of each for each number, {MAX_VALUES} at most")

@@ -16,7 +16,6 @@ import numpy as np
 import pymap3d
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from trackfield.errors import ScenarioError
 from trackfield.world.fixes import Array, Fixes, read_fixes
@@ -93,6 +92,8 @@ def _gaps(t: Array) -> NDArray[np.bool_]:
 
 def _through(t: Array, xy: Array, gap: NDArray[np.bool_]) -> Path:
     """The path through positions ``xy`` (n, 2) at increasing times ``t`` (n,), straight where there is a ``gap``."""
+    from scipy.interpolate import PchipInterpolator
+
     knots: list[Knot] = []
     gaps: list[Interval] = []
     after = np.flatnonzero(gap) + 1

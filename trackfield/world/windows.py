@@ -16,7 +16,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from trackfield.world.path import Path
 from trackfield.world.readings import Window
@@ -87,6 +86,8 @@ def distances(positions: Array, path: Path, within_m: float) -> Array:
     Never too short; near ``within_m``, too long by less than 0.1 % of it. Raises ``ValueError`` for a cut
     path.
     """
+    from scipy.spatial import cKDTree
+
     pieces = _knots(path, within_m / 50.0)
     points = np.vstack([pieces[:, 0, 1:3], pieces[-1:, 1, 1:3]])
     nearest, _ = cKDTree(points).query(positions, distance_upper_bound=within_m)

@@ -1,0 +1,293 @@
+"""What a plan promises before it is run: who can sense the target when, and what the radio makes of the reports.
+
+Everything here is computed from the true paths and places, as a designer knows them; planned faults are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from launcher.plan.reception import Shares, receptions
+from launcher.records import SENSES, Plan
+from trackfield.drivers.spec import places_of
+from trackfield.link.models import Link, make_link
+from trackfield.link.radios import RADIOS
+from trackfield.role import NS
+from trackfield.wire.codec import encode
+from trackfield.wire.registry import kind_of
+from trackfield.world.path import Path
+from trackfield.world.sensors import fix_sensors, make_sensor
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+MOST_REPORTS: Final = 200_000
+"""Of a run with more reports, only every so manieth step is looked at."""
+MOST_FRAMES: Final = 1000
+"""So many frames are sent on trial to learn what a report takes."""
+MOST_SENSORS: Final = 64
+"""Of more sensors in reach of a target, those with the best links count."""
+DOA_FIX: Final = 2
+"""Two bearings give a position."""
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """A target at the steps at which it is there: ``t_s`` (n,) since the first step, ``in_reach`` (n,) sensors.
+
+    ``fixed`` (n,) is the probability that as many reports as a fix needs arrive and are of use; ``outside`` (n,)
+    whether the target is out of the rectangle around all sensors.
+    """
+
+    target: str
+    t_s: Array
+    in_reach: Indices
+    fixed: Array
+    outside: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Frames sent on trial, one a row: ``delay_s`` (n,) until they arrive, NaN for those that are lost.
+
+    ``air_s`` (n,) is how long they are on air with repeats, ``ack_s`` (n,) their acknowledgements, ``busy_s`` (n,) how
+    long the sender's radio is taken; all of them 0 of a link that knows no radio.
+    """
+
+    delay_s: Array
+    air_s: Array
+    ack_s: Array
+    busy_s: Array
+
+
+@dataclass(frozen=True)
+class Duty:
+    """Who sends ``what`` for so long (s) in the busiest hour."""
+
+    id: str
+    what: str
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """See the module. Of the run's ``steps``, ``every`` so manieth was looked at.
+
+    ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send.
+
+    ``receptions`` are by kind of message, reports first, on the links of those sensors alone. ``use_s`` is up to which
+    age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has any. ``duty`` is who
+    sends longest in any hour; None where no rule limits that.
+    """
+
+    needs: int
+    steps: int
+    every: int
+    coverage: tuple[Coverage, ...]
+    reports: Mapping[str, float]
+    receptions: Mapping[str, Shares]
+    trial: Trial
+    use_s: float
+    air_s: Array
+    duty: Duty | None
+
+    @cached_property
+    def arriving(self) -> float:
+        """The share of all reports that may be expected to arrive."""
+        total = sum(self.reports.values())
+        return sum(n * self.arrives(id) for id, n in self.reports.items()) / total if total else 0.0
+
+    @cached_property
+    def of_use(self) -> float:
+        """The share of the reports that arrive that are not too late."""
+        return useful(self.trial, self.use_s)
+
+    def arrives(self, id: str) -> float:
+        """The share of a sensor's reports that arrive at its best hearer."""
+        return best(next(iter(self.receptions.values()), {}), id)
+
+
+def useful(trial: Trial, use_s: float) -> float:
+    """The share of the arriving frames of a trial that are no older than ``use_s``; 1 if none arrives."""
+    arrived = trial.delay_s[np.isfinite(trial.delay_s)]
+    return float(np.mean(arrived <= use_s)) if len(arrived) else 1.0
+
+
+def best(shares: Shares, id: str) -> float:
+    """What arrives of a sender's messages at whoever hears it best."""
+    return max((share for (src, _), share in shares.items() if src == id), default=0.0)
+
+
+def foresee(plan: Plan) -> Foresight:
+    """What this plan promises."""
+    sensors = plan.info.tagged(SENSES)
+    ids = [place.id for place in sensors]
+    positions = np.array([(place.x, place.y) for place in sensors])
+    heard = _Heard.of(plan, positions)
+    senders, counts = np.unique(heard.sensor, return_counts=True)
+    reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
+    used = {kind: _of(shares, reports) for kind, shares in receptions(plan, reports.keys()).items()}
+    trial = _trial(plan, ids, heard)
+    use_s = max(plan.deadline_s, plan.max_age_s)
+    there = next(iter(used.values()), {})
+    share = np.array([best(there, id) if id in reports else 0.0 for id in ids]) * useful(trial, use_s)
+    needs = _needs(plan, len(ids))
+    per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
+    return Foresight(
+        needs=needs,
+        steps=heard.steps,
+        every=heard.every,
+        coverage=tuple(_coverage(plan, id, path, heard, positions, share, needs) for id, path in plan.paths.items()),
+        reports=reports,
+        receptions=used,
+        trial=trial,
+        use_s=use_s,
+        air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
+        duty=_duty(plan, ids, heard, trial),
+    )
+
+
+def _needs(plan: Plan, sensors: int) -> int:
+    """How many sensors a fix takes. A field of fewer that starts from a prior goes by the reports of those it has."""
+    own = plan.tracking.get("sensor")
+    needs = fix_sensors(make_sensor(**own)) if own else DOA_FIX
+    return min(needs, sensors) if plan.tracking.get("prior") else needs
+
+
+def _of(shares: Shares, senders: Mapping[str, float]) -> Shares:
+    """The links from or to these."""
+    return {link: share for link, share in shares.items() if link[0] in senders or link[1] in senders}
+
+
+@dataclass(frozen=True)
+class _Heard:
+    """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
+
+    A sensor reports the nearest target. Looked at are the instants ``times``, ``every`` so manieth of ``steps``.
+    """
+
+    t_ns: NDArray[np.int64]
+    target: Indices
+    sensor: Indices
+    times: tuple[int, ...]
+    every: int
+    steps: int
+
+    @classmethod
+    def of(cls, plan: Plan, positions: Array) -> _Heard:
+        """Those of a plan."""
+        steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
+        tree = cKDTree(positions)
+        every = -(-_pairs(plan, tree, steps) // MOST_REPORTS) or 1
+        times = tuple(steps[::every])
+        rows = [
+            _rows(tree, path, number, times, plan.reach_m, positions) for number, path in enumerate(plan.paths.values())
+        ]
+        t_ns, target, sensor, far = (np.concatenate(column) for column in zip(*rows, strict=True))
+        order = np.lexsort((far, sensor, t_ns))
+        t_ns, target, sensor = t_ns[order], target[order], sensor[order]
+        first = np.ones(len(t_ns), bool)
+        first[1:] = (t_ns[1:] != t_ns[:-1]) | (sensor[1:] != sensor[:-1])
+        return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
+
+
+def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:
+    """About how many reports there will be."""
+    some = steps[:: max(len(steps) // 500, 1)]
+    points = [state[:2] for path in plan.paths.values() for t in some if (state := path.at(t / NS))]
+    counts = tree.query_ball_point(points, plan.reach_m, return_length=True) if points else [0]
+    return int(np.sum(counts)) * len(steps) // len(some)
+
+
+def _rows(
+    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reach_m: float, positions: Array
+) -> tuple[NDArray[np.int64], Indices, Indices, Array]:
+    """When, which target, which sensor, how far away (m), for all sensors in reach of one target."""
+    there = [(t, state[:2]) for t in times if (state := path.at(t / NS)) is not None]
+    points = np.reshape([point for _, point in there], (-1, 2))
+    near: Any = tree.query_ball_point(points, reach_m) if len(points) else []
+    counts = [len(found) for found in near]
+    sensor = np.array([i for found in near for i in found], np.intp)
+    far = np.hypot(*(np.repeat(points, counts, axis=0) - positions[sensor]).T)
+    t_ns = np.repeat(np.array([t for t, _ in there], np.int64), counts)
+    return t_ns, np.full(len(sensor), number), sensor, far
+
+
+def _coverage(plan: Plan, id: str, path: Path, heard: _Heard, positions: Array, share: Array, needs: int) -> Coverage:
+    """The coverage of one target, for sensors whose reports arrive in time with these probabilities (sensors,)."""
+    there = [(t, state[:2]) for t in heard.times if (state := path.at(t / NS)) is not None]
+    times, points = np.array([t for t, _ in there], np.int64), np.reshape([point for _, point in there], (-1, 2))
+    mine = heard.target == list(plan.paths).index(id)
+    step, sensor = np.searchsorted(times, heard.t_ns[mine]), heard.sensor[mine]
+    in_reach = np.bincount(step, minlength=len(times))
+    order = np.lexsort((-share[sensor], step))
+    rank = np.arange(len(step)) - np.repeat(np.cumsum(in_reach) - in_reach, in_reach)
+    best = rank < MOST_SENSORS
+    chances = np.zeros((len(times), min(int(in_reach.max(initial=0)), MOST_SENSORS)))
+    chances[step[order][best], rank[best]] = share[sensor[order]][best]
+    margin = np.maximum(points - positions.max(axis=0), positions.min(axis=0) - points).max(axis=1)
+    return Coverage(id, (times - plan.origin_ns) / NS, in_reach, at_least(needs, chances), margin > 0.0)
+
+
+def at_least(needs: int, chances: Array) -> Array:
+    """(n,) the probability that at least ``needs`` of independent events with ``chances`` (n, k) happen."""
+    so_many = np.zeros((len(chances), needs + 1))  # the last column: that many, or more
+    so_many[:, 0] = 1.0
+    for chance in chances.T[:, :, None]:
+        more = so_many * chance
+        so_many[:, :needs] -= more[:, :needs]
+        so_many[:, 1:] += more[:, :needs]
+    return so_many[:, needs]
+
+
+def _trial(plan: Plan, ids: list[str], heard: _Heard) -> Trial:
+    """Some of the reports to come, as the link would treat them."""
+    if not plan.flows or not len(heard.sensor):
+        return Trial(*np.empty((4, 0)))
+    link, flow = _link(plan), plan.flows[0]
+    kind, size, hearer = kind_of(flow.message).name, len(encode(flow.message)), dict(flow.pairs)
+    some = np.unique(np.linspace(0, len(heard.sensor) - 1, MOST_FRAMES).astype(int))
+    fates = [
+        link.fate(ids[i], hearer[ids[i]], kind, t_ns, 0, size)
+        for i, t_ns in zip(heard.sensor[some].tolist(), heard.t_ns[some].tolist(), strict=True)
+    ]
+    lost = float("nan")
+    rows = [(f.delay_ns if f.cause is None else lost, f.air_ns, f.ack_air_ns, f.busy_ns) for f in fates]
+    return Trial(*(np.array(rows, np.float64).T / NS))
+
+
+def _link(plan: Plan) -> Link:
+    return make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
+
+
+def _duty(plan: Plan, ids: list[str], heard: _Heard, trial: Trial) -> Duty | None:
+    """Whose reports, or whose acknowledgements of them, are longest on air in any hour."""
+    name = str(plan.run.link.get("radio"))
+    if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(heard.sensor):
+        return None
+    hearer = dict(plan.flows[0].pairs)
+    hearers = sorted(set(hearer.values()))
+    to = np.array([hearers.index(hearer[ids[i]]) for i in heard.sensor.tolist()], np.intp)
+    air_s, ack_s = float(trial.air_s.mean()), float(trial.ack_s.mean())
+    on_air = [Duty(ids[i], "reports", n * air_s) for i, n in _busiest(heard, heard.sensor)]
+    on_air += [Duty(hearers[i], "acknowledgements", n * ack_s) for i, n in _busiest(heard, to)]
+    return max(on_air, key=lambda one: one.seconds)
+
+
+def _busiest(heard: _Heard, whose: Indices) -> list[tuple[int, int]]:
+    """(whose, how many) of the reports fall into the busiest hour of each."""
+    order, hour = np.lexsort((heard.t_ns, whose)), 3600 * NS
+    owner, t_ns = whose[order].astype(np.int64), heard.t_ns[order]
+    span = int(t_ns.max()) + hour
+    key = owner * span + t_ns  # one line of time, one owner after the other
+    counts = (np.searchsorted(key, key + hour) - np.arange(len(key))) * heard.every
+    owners, first = np.unique(owner, return_index=True)
+    most = np.maximum.reduceat(counts, first)
+    return list(zip(owners.tolist(), most.tolist(), strict=True))

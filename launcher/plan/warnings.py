@@ -1,0 +1,240 @@
+"""What is likely to go wrong in a run, said before it starts, and a summary of what was looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from launcher.plan.foresight import Coverage, Duty, Foresight
+from launcher.records import Plan
+from trackfield.link.radios import RADIOS
+from trackfield.role import NS
+
+POOR: Final = 0.5
+"""A link that carries less than this share of its messages is poor."""
+FEW: Final = 0.05
+"""What concerns a smaller share of the steps or of the reports is not worth a warning: a track of which 95 % of the
+steps are good counts as tracked."""
+COVERED: Final = 0.8
+"""A track bridges single steps without a fix; where more than one in five has none, it is in doubt."""
+HOUR_S: Final = 3600.0
+
+
+def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
+    """What is likely to go wrong, a sentence each; nothing of nodes that will have nothing to report."""
+    geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
+    radio = [*_lost(seen), *_late(plan, seen)]
+    weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
+    return (*geometry, *radio, *weak, *_queueing(plan, seen), *_crowded(plan, seen), *_over_duty(plan, seen))
+
+
+def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
+    """What was looked at, in figures, a line each."""
+    for one in seen.coverage:
+        mean = one.in_reach.mean() if len(one.in_reach) else 0.0
+        yield (
+            f"coverage{_whose(seen, one)}: {_at_least(seen, 'sensor')} within {_metres(plan.reach_m)} of the target in "
+            f"{_steps(seen, one, _enough(one, seen.needs))} ({mean:.1f} on average), {_at_least(seen, 'report')} in "
+            f"time in {_fixed(one):.0%}"
+        )
+    if not seen.reports:
+        return
+    senders = f"{len(seen.reports)} sensor node{'s' * (len(seen.reports) != 1)}"
+    yield (
+        f"reports: about {_total(seen):.0f} from {senders}; {seen.arriving:.1%} arrive, {seen.of_use:.1%} of those in "
+        f"time ({_delays(seen)}; {_limit(plan)})"
+    )
+    if len(seen.air_s) and seen.air_s.max() > 0:
+        yield (
+            f"channel: a report is on air for {_time(float(np.mean(seen.trial.air_s)))}, all of a step with their "
+            f"acknowledgements for {_time(float(seen.air_s.max()))} at most; a step lasts {_time(plan.step_ns / NS)}"
+        )
+    if seen.duty:
+        yield f"duty cycle: {_sends(seen.duty)} in an hour at most; {_allowed_s(plan):.0f} s are allowed"
+
+
+# --- where the target goes --------------------------------------------------------------------------------------------
+
+
+def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
+    """Steps in which too few sensors are in reach, whatever the radio does."""
+    enough, nobody, who = _enough(one, seen.needs), one.in_reach == 0, f"the target{_whose(seen, one)}"
+    few = f"{_at_least(seen, 'sensor')} in {_steps(seen, one, enough)}"
+    if len(nobody) and nobody.mean() >= FEW:
+        begin, lasts = _longest(one, nobody, plan.step_ns / NS)
+        what = f"{who} leaves the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
+        yield (
+            f"{what}: no sensor is within {_metres(plan.reach_m)} of it in {_steps(seen, one, float(nobody.mean()))} "
+            f"(the longest time from t = {begin:g} s on for {lasts:g} s){f', {few}' if seen.needs > 1 else ''}"
+        )
+    elif enough < COVERED:
+        yield f"too few sensors along the path: within {_metres(plan.reach_m)} of {who}, {few}"
+
+
+def _longest(one: Coverage, where: NDArray[np.bool_], step_s: float) -> tuple[float, float]:
+    """The longest time for which something holds: from when on (s), and for how long."""
+    runs = [list(run) for holds, run in groupby(range(len(where)), key=lambda i: bool(where[i])) if holds]
+    longest = max(runs, key=len)
+    begin, end = one.t_s[longest[0]], one.t_s[longest[-1]]
+    return float(begin), float(end - begin + step_s)
+
+
+def _enough(one: Coverage, needs: int) -> float:
+    """The share of steps with as many sensors in reach as a fix needs."""
+    return float(np.mean(one.in_reach >= needs)) if len(one.in_reach) else 0.0
+
+
+def _fixed(one: Coverage) -> float:
+    """The share of steps in which as many reports arrive in time."""
+    return float(np.mean(one.fixed)) if len(one.fixed) else 0.0
+
+
+# --- what the radio does ----------------------------------------------------------------------------------------------
+
+
+def _lost(seen: Foresight) -> Iterator[str]:
+    """Links that carry less than half, and matter."""
+    total = _total(seen)
+    for kinds, poor in _poor(seen):
+        ids = {end for link in poor for end in link if end in seen.reports}
+        if sum(seen.reports[id] for id in ids) < FEW * total:
+            continue
+        worst = min(poor, key=lambda link: poor[link])
+        yield (
+            f"less than {POOR:.0%} of {', '.join(kinds)} arrive on the links of {len(ids)} of the {len(seen.reports)} "
+            f"sensor nodes that will report (worst: {' to '.join(worst)}, {poor[worst]:.0%}); "
+            f"{seen.arriving * total:.0f} of {total:.0f} reports may be expected to arrive{_consequence(seen)}"
+        )
+
+
+def _poor(seen: Foresight) -> list[tuple[list[str], dict[tuple[str, str], float]]]:
+    """The poor links, with the kinds of message that they are poor for."""
+    found: list[tuple[list[str], dict[tuple[str, str], float]]] = []
+    for kind, shares in seen.receptions.items():
+        poor = {link: share for link, share in shares.items() if share < POOR}
+        ends = {frozenset(link) for link in poor}
+        same = next((kinds for kinds, other in found if {frozenset(link) for link in other} == ends), None)
+        if same is not None:
+            same.append(kind)
+        elif poor:
+            found.append(([kind], poor))
+    return found
+
+
+def _late(plan: Plan, seen: Foresight) -> Iterator[str]:
+    """Reports that take longer than anybody waits for them."""
+    if 1 - seen.of_use >= FEW:
+        yield (
+            f"{1 - seen.of_use:.0%} of the reports that arrive are too late ({_delays(seen)}; {_limit(plan)})"
+            f"{_consequence(seen)}; it takes a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
+        )
+
+
+def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
+    """Losses that none of the others names."""
+    if _fixed(one) < COVERED:
+        yield (
+            f"{seen.arriving * seen.of_use:.0%} of the reports{_whose(seen, one)} may be expected to arrive in time: "
+            f"{_at_least(seen, 'report')} in {_steps(seen, one, _fixed(one))}"
+        )
+
+
+def _consequence(seen: Foresight) -> str:
+    """What losses and delays leave of the coverage."""
+    least = min(seen.coverage, key=_fixed)
+    return f": {_at_least(seen, 'report')} in {_steps(seen, least, _fixed(least))}"
+
+
+def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
+    """A node that cannot send as fast as it reports."""
+    busy_s = float(np.mean(seen.trial.busy_s)) if len(seen.trial.busy_s) else 0.0
+    step_s = plan.step_ns / NS
+    if busy_s > step_s:
+        yield (
+            f"a report takes its node's radio {_time(busy_s)}, and a step lasts {_time(step_s)}: reports of successive "
+            "steps wait for each other"
+        )
+
+
+def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
+    """Reports of a step that one channel cannot carry: the models know no collisions."""
+    if not len(seen.air_s):
+        return
+    air_s, step_s = float(np.mean(seen.air_s)), plan.step_ns / NS
+    for limit_s, what in ((step_s, f"a step lasts {_time(step_s)}"), (seen.use_s, _limit(plan))):
+        if air_s > limit_s:
+            yield (
+                f"the reports of a step take {_time(air_s)} on air if none collide, and {what}: one channel cannot "
+                "carry them (link models leave collisions out)"
+            )
+            return
+
+
+def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
+    """Radios that by law may not send so much."""
+    if seen.duty and seen.duty.seconds > _allowed_s(plan):
+        yield (
+            f"{_sends(seen.duty)} in an hour, and in the band of {plan.run.link['radio']} {_allowed_s(plan):.0f} s are "
+            f"allowed, a duty cycle of {_allowed_s(plan) / HOUR_S:.0%} (link models leave it out)"
+        )
+
+
+def _allowed_s(plan: Plan) -> float:
+    """How long the radio may send in an hour."""
+    return RADIOS[plan.run.link["radio"]](plan.run.link.get("sf", 9)).duty * HOUR_S
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+
+def _sends(duty: Duty) -> str:
+    return f"{duty.id} sends {duty.what} for {_time(duty.seconds)}"
+
+
+def _total(seen: Foresight) -> float:
+    """How many reports there will be."""
+    return sum(seen.reports.values())
+
+
+def _whose(seen: Foresight, one: Coverage) -> str:
+    """The target's id, if there are several."""
+    return f" {one.target}" if len(seen.coverage) > 1 else ""
+
+
+def _steps(seen: Foresight, one: Coverage, share: float) -> str:
+    """A share of a target's steps, as a number of them."""
+    steps = min(len(one.t_s) * seen.every, seen.steps)
+    return f"{share * steps:.0f} of {steps} steps"
+
+
+def _at_least(seen: Foresight, what: str) -> str:
+    """As many as a fix needs."""
+    return f"at least {seen.needs} {what}s, which a fix needs," if seen.needs > 1 else f"at least 1 {what}"
+
+
+def _delays(seen: Foresight) -> str:
+    """How long reports take."""
+    delays = seen.trial.delay_s[np.isfinite(seen.trial.delay_s)]
+    if not len(delays):
+        return "none arrives"
+    median, most = np.quantile(delays, (0.5, 0.95))
+    same = most < 1.01 * median
+    return f"delay {_time(float(median))}{'' if same else f', 95% within {_time(float(most))}'}"
+
+
+def _limit(plan: Plan) -> str:
+    if plan.max_age_s > plan.deadline_s:
+        return f"fusion.max_age_s is {_time(plan.max_age_s)}"
+    return f"fusion.deadline_s is {_time(plan.deadline_s)}"
+
+
+def _metres(value: float) -> str:
+    return f"{value:.0f} m" if value < 10_000 else f"{value / 1000:.0f} km"
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{seconds * 1e3:.3g} ms"
