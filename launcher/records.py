@@ -58,8 +58,9 @@ class FieldInfo:
     """What a picture of the run needs besides its events.
 
     Times count from the first step, which is ``origin_ns`` after the start of the run; steps follow each other every
-    ``step_ns``. ``marks`` are the planned faults, (t s, process, text); ``receptions`` the links used, (from, to,
-    share of the frames that arrive); ``paths`` where those go that move, as ``trackfield/link/places.py`` has it.
+    ``step_ns``. ``marks`` are when planned faults begin and end, (t s, process, text), ``spells`` those that last,
+    (from s, until s, process, text as in their mark); ``receptions`` the links used, (from, to, share of the frames
+    that arrive); ``paths`` where those go that move, as ``trackfield/link/places.py`` has it.
     """
 
     run: str
@@ -69,6 +70,7 @@ class FieldInfo:
     trackers: tuple[str, ...]
     end_s: float
     marks: tuple[tuple[float, str, str], ...] = ()
+    spells: tuple[tuple[float, float, str, str], ...] = ()
     receptions: tuple[tuple[str, str, float], ...] = ()
     paths: tuple[tuple[str, Legs], ...] = ()
     origin_ns: int = 0

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from launcher.timeline import blueprint as look
+from launcher.timeline import look
 from launcher.timeline.timeline import Timeline
 from tests import fake_run
 from tests.browser import count, page, shows, with_browser

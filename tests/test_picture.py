@@ -14,8 +14,7 @@ import pytest
 import rerun as rr
 
 from launcher.records import FieldInfo, MessageRow, Place
-from launcher.timeline import blueprint as look
-from launcher.timeline import rows
+from launcher.timeline import look, rows
 from launcher.timeline.picture import PACE_NS
 from launcher.timeline.timeline import Timeline
 from tests.fake_run import CENTRE, NODE
@@ -65,29 +64,30 @@ def report(src: str, sent_ns: int, outcome: str = "delivered", **changes: Any) -
 # --- batteries ---------------------------------------------------------------------------------------------
 
 
-def test_a_battery_is_a_ring_from_green_to_red_and_a_full_one_is_none(played: Played) -> None:
+def test_a_battery_is_a_ring_once_it_is_low(played: Played) -> None:
     def calls(timeline: Timeline) -> None:
         timeline.battery(0, "n0", 1.0)
-        timeline.battery(1 * NS, "n0", 0.5)
+        timeline.battery(0, "n1", 0.5)
+        timeline.battery(1 * NS, "n0", 0.2)
         timeline.battery(2 * NS, "n1", 0.0)
         timeline.battery(3 * NS, "n0", 1.0)  # changed by hand
-        timeline.battery(4 * NS, "stranger", 0.5)
+        timeline.battery(4 * NS, "stranger", 0.1)
 
     file = played(field_of(2), calls)
-    yellow, red = look.share_colour(0.5), look.share_colour(0.0)
+    yellow, red = look.share_colour(0.5), look.share_colour(0.0)  # of the last fifth
     found = read(file, "/field/battery", "Points2D:colors")
     assert found == [(1.0, [yellow]), (2.0, [yellow, red]), (3.0, [red]), (4.0, [red])]
     at = read(file, "/field/battery", "Points2D:positions")
     assert at[1:3] == [(2.0, [[0.0, 0.0], [100.0, 0.0]]), (3.0, [[100.0, 0.0]])]
 
 
-def test_a_battery_is_drawn_anew_only_when_it_has_lost_a_twentieth(played: Played) -> None:
+def test_a_low_battery_is_drawn_anew_only_when_it_has_lost_a_twentieth(played: Played) -> None:
     def calls(timeline: Timeline) -> None:
         for step in range(1001):
             timeline.battery(step * 100 * MS, "n0", 1 - step / 1000)
 
     found = [t for t, _ in read(played(field_of(2), calls), "/field/battery", "Points2D:positions")]
-    assert len(found) == 20
+    assert len(found) == 5
 
 
 def test_shares_go_from_red_through_yellow_to_green() -> None:

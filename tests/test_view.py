@@ -16,12 +16,15 @@ from pathlib import Path
 import psutil
 import pytest
 
-from launcher.timeline import view
+from launcher.timeline import look, view
 from launcher.timeline.timeline import Timeline
 from tests import fake_run
+from tests.command_line import Call, trackfield
 from tests.running import leftovers, until
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.role import NS
+
+__all__ = ["trackfield"]
 
 FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 DRIVERS = os.environ.get("VK_DRIVER_FILES") or [file for folder in FOLDERS for file in folder.glob("*.json")]
@@ -45,13 +48,14 @@ def no_viewer_left() -> bool:
 @with_driver
 def test_every_view_is_there_and_has_nothing_to_complain_of(run: Path) -> None:
     with view.headless(run / "run.rrd") as (viewer, recording):
-        (emu,) = recording.timelines
-        viewer.set_time("emu", duration=36.4, play_state="paused")
+        (line,) = recording.timelines
+        viewer.set_time(look.TIME, duration=36.4, play_state="paused")
         viewer.take_screenshot()
         state = viewer.get_state()
-    assert (emu.name, emu.start, emu.end) == ("emu", 0, 61 * NS)
+    assert (line.name, line.start, line.end) == (look.TIME, 0, 61 * NS)
     assert {(v.name, v.view_class) for v in state.views} == {
         ("Field (E right, N up)", "2D"),
+        ("Close-up of target", "2D"),
         ("Node states", "StateTimeline"),
         ("All states", "StateTimeline"),
         ("Network", "Graph"),
@@ -127,11 +131,38 @@ def test_a_folder_without_a_timeline_is_bad_input(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "darwin", reason="there is always a screen")
-def test_without_a_screen_the_other_ways_are_named(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+def test_without_a_screen_only_the_other_ways_are_named(
+    trackfield: Call, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in view.SCREENS:
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(RunFailed, match="--web or --png"):
-        view.open_viewer(run)
+    said = trackfield("view", run)
+    assert (said.code, said.out) == (1, "")
+    assert said.err == f"trackfield: there is no screen to show the timeline on; {view.OTHER_WAYS}\n"
+    monkeypatch.setenv("DISPLAY", ":99999")  # nobody there
+    said = trackfield("view", run)
+    assert (said.code, said.out) == (1, "")
+    assert said.err == f"trackfield: the viewer ended with exit code 1; {view.OTHER_WAYS}\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--at", "5"), "--at: is the second that a picture shows; expected --png FILE beside it"),
+        (("--web", "--png", "a.png"), "--web, --png: a picture is not shown in the browser; expected one of them"),
+        pytest.param(
+            ("--png", "a.png", "--at", "500"),
+            "--at: is 500, which the run does not have; expected a second from 0 to 61",
+            marks=with_driver,
+        ),
+    ],
+)
+def test_options_that_cannot_be_followed_are_refused(
+    trackfield: Call, run: Path, options: tuple[str, ...], message: str
+) -> None:
+    said = trackfield("view", run, *options)
+    assert (said.code, said.out, said.err) == (2, "", f"trackfield: {message}\n")
+    assert not Path("a.png").exists()
 
 
 SERVE = """

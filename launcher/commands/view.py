@@ -12,11 +12,19 @@ def view(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
     web: Annotated[bool, typer.Option("--web", help="In the browser.")] = False,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")] = None,
-    at: Annotated[float | None, typer.Option(help="The emulated second that the picture shows.")] = None,
+    at: Annotated[
+        float | None,
+        typer.Option(help="The second of the run that the picture shows; 60 % of it if not given."),
+    ] = None,
 ) -> None:
     """Open a run's timeline."""
     from launcher.timeline.view import open_viewer, picture
+    from trackfield.errors import ScenarioError
 
+    if at is not None and png is None:
+        raise ScenarioError("is the second that a picture shows", key="--at", expected="--png FILE beside it")
+    if web and png is not None:
+        raise ScenarioError("a picture is not shown in the browser", key="--web, --png", expected="one of them")
     if png is None:
         open_viewer(run, web)
     else:

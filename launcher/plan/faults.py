@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, Final
@@ -23,6 +23,8 @@ LONGEST_S: Final = 1e9
 Span = tuple[int, int]
 Mark = tuple[float, str, str]
 """(t s, id, what happens)"""
+Spell = tuple[float, float, str, str]
+"""(from s, until s, id, what is wrong)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +63,27 @@ class Fates:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """All that is planned to go wrong in a run. ``fates`` has those processes alone that something befalls."""
+    """All that is planned to go wrong in a run. ``fates`` has those processes alone that something befalls.
+
+    ``marks`` are when something begins or ends; ``spells`` how long what lasts is so, the end of the run at most.
+    """
 
     fates: Mapping[str, Fates] = field(default_factory=dict)
     partitions: tuple[Cut, ...] = ()
     marks: tuple[Mark, ...] = ()
+    spells: tuple[Spell, ...] = ()
 
     def of(self, id: str) -> Fates:
         """What befalls this process."""
         return self.fates.get(id, Fates())
 
     def later(self, by_ns: int) -> Faults:
-        """The same, so much later after the start; marks count from the first step."""
+        """The same, so much later after the start; marks and spells count from the first step."""
         if not by_ns:
             return self
         cuts = tuple((begin + by_ns, until + by_ns, ids, medium) for begin, until, ids, medium in self.partitions)
-        return Faults({id: fates.later(by_ns) for id, fates in self.fates.items()}, cuts, self.marks)
+        fates = {id: fates.later(by_ns) for id, fates in self.fates.items()}
+        return replace(self, fates=fates, partitions=cuts)
 
 
 Numbered = tuple[int, Fault]
@@ -90,10 +97,11 @@ def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns:
     a role that there is not, for a fault after the end, and for one that contradicts another: for all that there are.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
-    partitions, marks, last_ns = [], [], end_ns - origin_ns
+    partitions, marks, spells, last_ns = [], [], [], end_ns - origin_ns
     struck = together(partial(_struck, number, fault, seed, places, last_ns) for number, fault in enumerate(faults))
     for number, (fault, ids) in enumerate(zip(faults, struck, strict=True)):
         marks += [mark for id in ids for mark in _marks(fault, id, last_ns)]
+        spells += [spell for id in ids for spell in _spells(fault, id, last_ns)]
         if isinstance(fault, Partition):
             partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), last_ns), ids, fault.medium))
             continue
@@ -107,7 +115,7 @@ def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns:
             wrong.setdefault(error.key, error)  # the same of a thousand processes is told once
     if wrong:
         raise combined(list(wrong.values()))
-    return Faults(fates, tuple(partitions), tuple(sorted(marks))).later(origin_ns)
+    return Faults(fates, tuple(partitions), tuple(sorted(marks)), tuple(sorted(spells))).later(origin_ns)
 
 
 def _when(one: Numbered) -> tuple[float, bool]:
@@ -243,15 +251,30 @@ def _plain(fault: SensorFault, end_ns: int) -> dict[str, Any]:
 
 def _marks(fault: Fault, id: str, end_ns: int) -> Iterable[Mark]:
     """The beginning of a fault, and its end if that comes within the run."""
-    until_s = getattr(fault, "until_s", None)
-    if until_s is not None and until_s * NS >= end_ns:
-        until_s = None
+    until_s = _until_s(fault, end_ns)
+    yield fault.at_s, id, _text(fault, until_s)
+    if until_s is not None:
+        yield until_s, id, "up again" if isinstance(fault, Restart) else f"{fault.kind} ends"
+
+
+def _spells(fault: Fault, id: str, end_ns: int) -> Iterable[Spell]:
+    """How long a fault lasts; a jump of a clock is over at once."""
+    if not isinstance(fault, ClockJump):
+        until_s = _until_s(fault, end_ns)
+        yield fault.at_s, end_ns / NS if until_s is None else until_s, id, _text(fault, until_s)
+
+
+def _until_s(fault: Fault, end_ns: int) -> float | None:
+    """When a fault ends, if that comes within the run."""
+    until_s: float | None = getattr(fault, "until_s", None)
+    return None if until_s is None or until_s * NS >= end_ns else until_s
+
+
+def _text(fault: Fault, until_s: float | None) -> str:
     text = fault.kind.replace("_", " ") + ("" if until_s is None else f" until {until_s:g} s")
     match fault:
         case ClockJump():
             text = f"clock jump by {fault.jump_ms:+g} ms"
         case Bias():
             text += f": {fault.bias_deg:+g} degrees, {fault.bias_db:+g} dB"
-    yield fault.at_s, id, text
-    if until_s is not None:
-        yield until_s, id, "up again" if isinstance(fault, Restart) else f"{fault.kind} ends"
+    return text

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from launcher.plan.architectures import Architecture, architecture_of
-from launcher.plan.faults import Faults, Mark, resolve
+from launcher.plan.faults import Faults, resolve
 from launcher.plan.tracking import track_names
 from launcher.records import FieldInfo, Plan, Truth
 from trackfield.drivers.spec import ProcessSpec, RunSpec
@@ -44,7 +44,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         spec,
         processes,
         site.paths,
-        _info(site, spec, architecture, arranged.processes, faults.marks),
+        _info(site, spec, architecture, arranged.processes, faults),
         arranged.tracking,
         architecture.views(),
         tuple(arranged.flows),
@@ -110,7 +110,7 @@ def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:
 
 
 def _info(
-    site: Site, spec: RunSpec, architecture: Architecture, processes: Sequence[ProcessSpec], marks: tuple[Mark, ...]
+    site: Site, spec: RunSpec, architecture: Architecture, processes: Sequence[ProcessSpec], faults: Faults
 ) -> FieldInfo:
     return FieldInfo(
         spec.run,
@@ -119,7 +119,8 @@ def _info(
         tuple(_truth(site, target, path) for target, path in site.paths.items()),
         track_names(site.scenario),
         (spec.end_ns - site.origin_ns) / NS,
-        marks,
+        faults.marks,
+        faults.spells,
         paths=tuple((p.id, p.legs) for p in processes if p.legs),
         origin_ns=site.origin_ns,
         step_ns=site.step_ns,

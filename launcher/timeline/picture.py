@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 import numpy as np
 
 from launcher.records import SENSES, FieldInfo
-from launcher.timeline import blueprint as look
-from launcher.timeline import rows
+from launcher.timeline import look, rows
+from launcher.timeline.layers.closeup import Closeups
 from launcher.timeline.layers.rays import rays
 from launcher.timeline.scene import Add, Shown, crosses, extent, spacing
 
@@ -22,8 +21,9 @@ class Picture:
     """Draws what ``shown`` says, as rows that it hands to ``add``.
 
     Kinds of things shown, with their keys and values: ``state`` process -> name, while it is at work; ``battery``
-    process -> share, while not full; ``lost`` process -> True; ``edge`` (from, to) -> True; ``ray`` process ->
-    bearing in rad; ``fix`` tracker -> (x, y) m; ``mark`` (process, text) -> colour. ``words`` holds what the lane of
+    process -> share, while low; ``lost`` process -> True; ``edge`` (from, to) -> True; ``ray`` process ->
+    bearing in rad; ``fix`` tracker -> (x, y) m; ``size`` (target, tracker, source) -> m that a close-up is to reach;
+    ``mark`` (process, text) -> colour. ``words`` holds what the lane of
     marks has said, and the colour of each word.
     """
 
@@ -36,17 +36,21 @@ class Picture:
         self._others = self._places.keys() - self._sensors
         self._whole = list(look.graph_positions(info)) if len(info.places) <= look.WHOLE_NETWORK else []
         self._reach = extent(info) / 4
+        self._closeups = Closeups(info, add)
         self._cross = 0.16 * spacing(info)
         self._working: dict[str, int] = {}  # sensors that neither rest nor are dead, and their colours
         self._dead: set[str] = set()
+        self._links = bool(info.receptions)
         self._layers: dict[str, Callable[[int], int]] = {
             "working": self._draw_working,
             "dead": self._draw_dead,
             "battery": self._draw_batteries,
             "nodes": self._draw_nodes,
             "edge": self._draw_edges,
+            "lost": self._draw_lost,
             "ray": self._draw_rays,
             "mark": self._draw_marks,
+            "size": lambda t_ns: self._closeups.until(t_ns, self.shown.now["size"]),
         }
         self._stale: set[str] = {"nodes"}
         self._next_ns = dict.fromkeys(self._layers, 0)
@@ -59,12 +63,12 @@ class Picture:
             self._note(changed)
             self._draw(t_ns)
 
-    def close(self) -> None:
-        """Draws all that is left."""
+    def close(self, end_ns: float) -> None:
+        """Draws all that is left, but nothing after the end."""
         self._pace_ns = 0
         self._next_ns = dict.fromkeys(self._layers, 0)
         self._draw(self.shown.last_ns)
-        self.settle(math.inf)
+        self.settle(end_ns)
 
     def _note(self, changed: dict[str, set[Any]]) -> None:
         """Which layers no longer show what is."""
@@ -100,7 +104,7 @@ class Picture:
         return self._dots("/field/working", t_ns, self._working.items())
 
     def _draw_batteries(self, t_ns: int) -> int:
-        known = [(name, look.share_colour(share)) for name, share in self.shown.now["battery"].items()]
+        known = [(name, look.share_colour(share / look.LOW / 2)) for name, share in self.shown.now["battery"].items()]
         return self._dots("/field/battery", t_ns, (one for one in known if one[0] in self._places))
 
     def _dots(self, path: str, t_ns: int, found: Iterable[tuple[str, int]]) -> int:
@@ -124,6 +128,12 @@ class Picture:
             self._add("/network", rows.nodes, t_ns, (names, colours))
         return len(names)
 
+    def _draw_lost(self, t_ns: int) -> int:
+        at = np.reshape([self._places[name] for name in sorted(self.shown.now["lost"])], (-1, 2))
+        if self._links:
+            self._add("/links/lost", rows.points, t_ns, at)
+        return len(at)
+
     def _involved(self) -> list[str]:
         """Whoever works, sends or hears, and whatever is no sensor."""
         ends = {name for edge in self.shown.now["edge"] for name in edge}
@@ -132,6 +142,9 @@ class Picture:
     def _draw_edges(self, t_ns: int) -> int:
         edges = np.reshape(np.array(sorted(self.shown.now["edge"]), np.str_), (-1, 2))
         self._add("/network", rows.edges, t_ns, edges)
+        if self._links:
+            at = np.reshape([self._places[end] for edge in edges.tolist() for end in edge], (-1, 2, 2))
+            self._add("/links/frames", rows.strips, t_ns, at)
         return len(edges)
 
     def _draw_rays(self, t_ns: int) -> int:

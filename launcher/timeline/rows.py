@@ -10,7 +10,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from launcher.records import MessageRow
-from launcher.timeline import blueprint as look
+from launcher.timeline import look
 from launcher.timeline.scene import Points
 from trackfield.role import NS
 
@@ -20,6 +20,8 @@ Dots = tuple[Points, list[int]]
 Nodes = tuple[list[str], list[int]]
 """Ids and colours of the nodes of a network."""
 
+BAR_AT: Final = (1.8, 0.85)
+"""How far left of the middle of a close-up its scale bar begins, and how far below."""
 TIMES: Final = ("frame (from → to, kind)", "local clock", "received at", "sent at [s]")
 """Columns of the table of messages; the viewer shows them in the order of the alphabet, as wide as their names."""
 
@@ -54,6 +56,22 @@ def dots(values: list[Dots]) -> Columns:
 def strips(values: list[Points]) -> Columns:
     """Lines (n, corners, 2) of each picture."""
     return rr.LineStrips2D.columns(strips=np.concatenate(values)).partition(_lengths(values))
+
+
+def moves(values: list[tuple[float, float]]) -> Columns:
+    """Where a frame is in the one around it, (x, y)."""
+    return rr.Transform3D.columns(translation=[(x, y, 0.0) for x, y in values])
+
+
+def scales(values: list[float]) -> Columns:
+    """How large one unit of a frame is in the one around it."""
+    return rr.Transform3D.columns(scale=[(value, value, value) for value in values])
+
+
+def bars(values: list[tuple[float, str]]) -> Columns:
+    """Lengths of a scale bar in the lower left of a close-up, and what they stand for."""
+    strips = [[(-BAR_AT[0], BAR_AT[1]), (-BAR_AT[0] + length, BAR_AT[1])] for length, _ in values]
+    return rr.LineStrips2D.columns(strips=strips, labels=[text for _, text in values])
 
 
 def node_colours(values: list[list[int]]) -> Columns:

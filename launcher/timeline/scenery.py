@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from launcher.records import SENSES, FieldInfo, Place
-from launcher.timeline import blueprint as look
-from launcher.timeline.layers import truth
-from launcher.timeline.scene import halves
+from launcher.records import BATTERY, SENSES, FieldInfo, Place
+from launcher.timeline import look
+from launcher.timeline.layers import closeup, truth
+from launcher.timeline.scene import crosses, halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
 """An entity and what it is given."""
@@ -41,6 +41,29 @@ def _field(info: FieldInfo) -> Iterator[Part]:
         yield "/field/moving", look.point_style(look.CENTRE, 8, order=25), labels
     yield "/field/rays", look.line_style(look.RAY, 1.2, order=5)
     yield from truth.styles(info)
+    yield from closeup.styles(info)
+    yield from _legend(info)
+
+
+def _legend(info: FieldInfo) -> Iterator[Part]:
+    """What the colours of the sensors mean."""
+    states = [look.REST, "awake", "reporting"]
+    entries = [(name, look.state_colour(name)) for name in states] + [("dead", 0)]
+    if ringed := bool(info.tagged(BATTERY)):
+        entries.append(("battery low", look.state_colour(look.REST)))
+    at = look.row_below(look.field_points(info), len(entries))
+    names, colours = zip(*entries, strict=True)
+    yield from look.legend("/field/legend", at, names, colours, 4.5)
+    size = 0.09 * (at[1][0] - at[0][0])
+    cross = crosses(np.array(at[len(states) : len(states) + 1]), size)
+    yield (
+        "/field/legend/dead",
+        look.line_style(look.LOST, 2.0, order=70),
+        rr.LineStrips2D.from_fields(strips=list(cross)),
+    )
+    if ringed:
+        ring = rr.Points2D.from_fields(positions=at[-1:])
+        yield "/field/legend/battery", look.point_style(look.share_colour(0.25), 7.0, order=69), ring
 
 
 def _network(info: FieldInfo) -> Iterator[Part]:
@@ -70,17 +93,10 @@ def _links(info: FieldInfo) -> Iterator[Part]:
     )
     yield "/links/sensors", *_places(info.tagged(SENSES), look.dot(info) / 1.5, look.TRUTH, 20)
     yield "/links/centres", *_places(_others(info), 6, look.CENTRE, 25, names=True)
-    shares = [1.0, 0.75, 0.5, 0.25, 0.0]
-    yield (
-        "/links/legend",
-        rr.Points2D(
-            look.legend_places(info, len(shares)),
-            colors=np.array([look.share_colour(share) for share in shares], np.uint32),
-            labels=[f"{share:.0%}" for share in shares],
-            radii=rr.Radius.ui_points(5),
-            show_labels=True,
-        ),
-    )
+    yield "/links/frames", look.line_style(look.TARGET, 2.5, order=15)
+    yield "/links/lost", look.point_style(look.LOST, 5.0, order=22)
+    colours = [look.share_colour(share) for share in look.SHARES]
+    yield from look.legend("/links/legend", look.beside_links(info), [f"{share:.0%}" for share in look.SHARES], colours)
 
 
 def _places(places: list[Place], radius: float, colour: int, order: float, *, names: bool = False) -> list[rr.Points2D]:

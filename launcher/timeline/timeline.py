@@ -19,11 +19,11 @@ import rerun as rr
 import rerun_bindings
 
 from launcher.records import SENSES, FieldInfo, MessageRow
-from launcher.timeline import blueprint as look
-from launcher.timeline import rows, scenery
-from launcher.timeline.blueprint import path as entity
+from launcher.timeline import look, rows, scenery, views
+from launcher.timeline.curves import Curves
 from launcher.timeline.layers.tracks import Tracks
 from launcher.timeline.layers.truth import Truths
+from launcher.timeline.look import path as entity
 from launcher.timeline.picture import Picture
 from launcher.timeline.scene import Seconds
 from trackfield.link.places import position
@@ -48,7 +48,7 @@ LIVE_MEMORY: Final = "256MiB"
 LINGER_S: Final = 1.0
 """For viewers to fetch the last of it."""
 MARKS: Final = 100
-"""A mark is as long as the run divided by this."""
+"""A mark of an instant is as long as the run divided by this."""
 
 Columns = rows.Columns
 Rows = list[tuple[int, Any]]
@@ -70,23 +70,26 @@ class Timeline:
         self._resting: dict[str, int] = {}
         self._known = {(self._ns(t_s), process, text) for t_s, process, text in info.marks}
         self._pending: defaultdict[tuple[str, Callable[[list[Any]], Columns]], Rows] = defaultdict(list)
+        self._spells = {(self._ns(since_s), id, text): self._ns(until_s) for since_s, until_s, id, text in info.spells}
+        self._ends = {(until_ns, id) for (_, id, _), until_ns in self._spells.items()}
         self._messages: list[MessageRow] = []
         self._picture = Picture(info, self._add)
         self._seconds = Seconds()
         self._truths = Truths(info, self._add)
-        self._tracks = Tracks(info, self._add, self._static, self._picture.shown)
+        self._curves = Curves(info, self._add)
+        self._tracks = Tracks(info, self._add, self._static, self._picture.shown, self._curves)
         self._mark_ns = round(info.end_s / MARKS * NS)
         self._newest = self._flushes = self._marks = self._moves = 0
         self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
         sink = rr.FileSink(to) if isinstance(to, pathlib.Path) else _server(to)
-        self._rec.set_sinks(sink, default_blueprint=look.layout(info, live=self._live))
+        self._rec.set_sinks(sink, default_blueprint=views.layout(info, live=self._live))
         self._rec.send_recording_name(info.run)
         for static in scenery.parts(info):
             self._static(*static)
         for name in ("lost", "bytes", "queue"):
-            self._add(f"/plots/{name}", rows.scalars, 0, (0.0,) if name == "queue" else (0.0, 0.0))
+            self._curves.value((name,), 0, (0.0,) if name == "queue" else (0.0, 0.0), NS)
         for truth in info.truths:
             for start, end in truth.gaps:
                 self._note(self._ns(start), truth.target, f"path interpolated until {end:g} s", "WARN")
@@ -109,10 +112,10 @@ class Timeline:
             self._mark(t_ns, process, text, "WARN")
 
     def battery(self, t_ns: int, process: str, share: float) -> None:
-        """What is left in a battery, 0 to 1; a full one, and one never told of, is not drawn."""
+        """What is left in a battery, 0 to 1; it is drawn once that is little."""
         self._newest = max(self._newest, t_ns)
         level = round(share * BATTERY_STEPS) / BATTERY_STEPS
-        self._picture.shown.show("battery", process, level if level < 1 else None, t_ns)
+        self._picture.shown.show("battery", process, level if level <= look.LOW else None, t_ns)
 
     def clock_error(self, t_ns: int, process: str, error_ms: float) -> None:
         """By how much the clock of a process is wrong; the plot is of those told of in a second."""
@@ -141,7 +144,7 @@ class Timeline:
 
     def bound(self, t_ns: int, sd_m: float) -> None:
         """How small the trackers' error could be at an instant (m, root mean square)."""
-        self._add("/plots/error/bound", rows.scalars, t_ns, (sd_m,))
+        self._curves.value(("error", "bound"), t_ns, (sd_m,), self._info.step_ns)
 
     def flush(self) -> None:
         """Sends what is due; to be called every quarter of a second."""
@@ -152,12 +155,16 @@ class Timeline:
     def close(self) -> None:
         """Sends all that is left and ends the file; without it the file has no footer."""
         self._settle(self._newest)
-        self._picture.close()
-        self._settle(math.inf)
+        self._picture.close(self._newest + max(self._info.step_ns, self._mark_ns))
+        for second in self._seconds.until(math.inf):
+            self._second(*second)
         if words := self._picture.words:
             colours = np.array(list(words.values()), np.uint32)
             self._static("/faults", rr.StateConfiguration(values=list(words), colors=colours))
         self._send(everything=True)
+        if not self._live:
+            axes = {plot: self._curves.axis(plot, views.labels(self._info, plot)) for plot in views.PLOTS}
+            self._rec.send_blueprint(views.layout(self._info, axes), make_active=False)
         self._rec.flush(timeout_sec=5)
         if self._live:
             time.sleep(LINGER_S)
@@ -191,7 +198,9 @@ class Timeline:
 
     def _mark(self, t_ns: int, process: str, text: str, level: str) -> None:
         self._add("/faults", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
-        self._picture.shown.show("mark", (process, text), look.LEVELS[level], t_ns, t_ns + self._mark_ns)
+        if (t_ns, process) not in self._ends or level == "ERROR":
+            end_ns = self._spells.get((t_ns, process, text), t_ns + self._mark_ns)
+            self._picture.shown.show("mark", (process, text), look.LEVELS[level], t_ns, end_ns)
 
     def _settle(self, until_ns: float) -> None:
         """Turns all messages, and all else that happened up to this time, into rows."""
@@ -204,8 +213,12 @@ class Timeline:
         self._messages.clear()
         self._foreseen(self._newest)
         self._picture.settle(until_ns)
-        for t_ns, name, values in self._seconds.until(until_ns):
-            self._add(f"/plots/{name}", rows.scalars, t_ns, values)
+        self._tracks.until(until_ns)
+        for second in self._seconds.until(until_ns):
+            self._second(*second)
+
+    def _second(self, t_ns: int, name: str, values: tuple[float, ...]) -> None:
+        self._curves.value((name,), t_ns, values, max(NS, self._info.step_ns))
 
     def _foreseen(self, until_ns: int) -> None:
         """What was known beforehand, shown only as far as the run came."""
@@ -232,13 +245,16 @@ class Timeline:
         self._seconds.message(t_ns, row)
         if row.src not in self._places or row.dst not in self._places:
             return
-        over = row.sent_ns + self._info.step_ns
+        begin_ns, over_ns = t_ns, row.sent_ns + self._info.step_ns
+        if row.step is not None and row.outcome != "late":
+            begin_ns = self._info.origin_ns + row.step * self._info.step_ns
+            over_ns = begin_ns + self._info.step_ns
         if not row.delivered:
-            show("lost", row.src, True, row.sent_ns, over)
+            show("lost", row.src, True, min(begin_ns, row.sent_ns), over_ns)
             return
-        show("edge", (row.src, row.dst), True, t_ns, over)
+        show("edge", (row.src, row.dst), True, begin_ns, over_ns)
         if row.bearing_deg is not None and row.outcome == "delivered":
-            show("ray", row.src, math.radians(row.bearing_deg), t_ns, over)
+            show("ray", row.src, math.radians(row.bearing_deg), begin_ns, over_ns)
 
     def _add(self, path: str, columns: Callable[[list[Any]], Columns], t_ns: int, value: Any) -> None:
         self._pending[path, columns].append((t_ns, value))
@@ -251,7 +267,7 @@ class Timeline:
                 times = np.array([t_ns for t_ns, _ in found], np.int64)
                 if columns is rows.times:
                     times = rows.apart(times)
-                index = rr.TimeColumn(look.EMU, duration=(times - self._info.origin_ns).astype("timedelta64[ns]"))
+                index = rr.TimeColumn(look.TIME, duration=(times - self._info.origin_ns).astype("timedelta64[ns]"))
                 self._rec.send_columns(path, [index], columns([value for _, value in found]))
                 del self._pending[key]
 

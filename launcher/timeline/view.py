@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
 from urllib.parse import quote
 
-from launcher.timeline.blueprint import EMU
+from launcher.timeline.look import TIME
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.role import NS
 
@@ -33,6 +33,8 @@ NO_DRIVER: Final = (
     "the viewer found no Vulkan driver; a picture needs no screen, but Vulkan, which Mesa offers in software "
     "(Debian, Ubuntu: apt install mesa-vulkan-drivers)"
 )
+OTHER_WAYS: Final = "--web shows it in a browser, --png FILE writes a picture of it"
+SCREENS: Final = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
 _LIBC: Final = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG: Final = 1
 _SIGNS_OF_NO_DRIVER: Final = ("Failed to get render context", "No graphics adapter was found")
@@ -45,22 +47,28 @@ def open_viewer(run: Path, web: bool = False) -> None:
     Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not come up.
     """
     file, port = str(_timeline(run)), free_port()
+    page = free_port()
     if web:
-        page = free_port()
         command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), file)
         print(f"The viewer is at {page_address(page, port)} (Ctrl-C ends it)", file=sys.stderr)
+    elif not _has_screen():
+        raise RunFailed(f"there is no screen to show the timeline on; {OTHER_WAYS}", process="viewer")
     else:
         command = _rerun("--port", str(port), file)
-    with _viewer(command) as process:
+    with tempfile.TemporaryFile() as log, _viewer(command, None if web else log) as process:
         try:
             code = process.wait()
         except KeyboardInterrupt:
             return
+        log.seek(0)
+        said = log.read().decode(errors="replace")
     if code:
-        raise RunFailed(
-            f"the viewer ended with exit code {code}; without a screen try --web or --png FILE",
-            process="viewer",
-        )
+        raise RunFailed(f"the viewer ended with exit code {code}; {OTHER_WAYS}", process="viewer", log=said)
+
+
+def _has_screen() -> bool:
+    """Whether a window can be opened; only Linux says so beforehand."""
+    return sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)
 
 
 def page_address(page: int, port: int) -> str:
@@ -88,17 +96,20 @@ def environment() -> dict[str, str]:
 def picture(run: Path, png: Path, at_s: float | None = None) -> None:
     """Saves the timeline of a run folder as a PNG of 1600 x 900, at ``at_s`` (emulated s; None: at 60 %).
 
-    Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline or a file that cannot
-    be written, ``RunFailed`` if there is no driver or the viewer fails otherwise.
+    Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline, a time that the run
+    does not have or a file that cannot be written, ``RunFailed`` if there is no driver or the viewer fails otherwise.
     """
     timeline = _timeline(run)
     _check_writable(png)
     with headless(timeline) as (viewer, recording):
+        first_s, last_s = _span(recording)
         if at_s is None:
-            emu = next(line for line in recording.timelines if line.name == EMU)
-            at_s = 0.6 * (emu.end or 0) / NS
+            at_s = 0.6 * last_s
+        if not first_s <= at_s <= last_s:
+            expected = f"a second from {first_s:g} to {last_s:g}"
+            raise ScenarioError(f"is {at_s:g}, which the run does not have", key="--at", expected=expected)
         viewer.run_command("ui.toggle_top_panel")
-        viewer.set_time(EMU, duration=at_s, play_state="paused")
+        viewer.set_time(TIME, duration=at_s, play_state="paused")
         png.write_bytes(_painted(viewer))
 
 
@@ -206,13 +217,19 @@ def _connect(url: str, process: subprocess.Popen[bytes]) -> ViewerClient:
             time.sleep(0.1)
 
 
+def _span(recording: Recording) -> tuple[float, float]:
+    """The first and the last second of a recording."""
+    line = next(line for line in recording.timelines if line.name == TIME)
+    return (line.start or 0) / NS, (line.end or 0) / NS
+
+
 def _load(client: ViewerClient, timeline: Path) -> Recording:
     client.open(str(timeline))
     deadline = time.monotonic() + LOAD_S
     while True:
         state = client.get_state()
         for recording in state.recordings:
-            if not state.loading and any(line.name == EMU for line in recording.timelines):
+            if not state.loading and any(line.name == TIME for line in recording.timelines):
                 return recording
         errors = [entry.message for entry in client.get_logs() if entry.level == "ERROR"]
         if errors or time.monotonic() > deadline:

@@ -10,9 +10,10 @@ import numpy as np
 import rerun as rr
 
 from launcher.records import TRACKS, FieldInfo
-from launcher.timeline import blueprint as look
-from launcher.timeline import rows
-from launcher.timeline.blueprint import path as entity
+from launcher.timeline import look, rows
+from launcher.timeline.curves import GAP, Curves
+from launcher.timeline.layers.closeup import size
+from launcher.timeline.look import path as entity
 from launcher.timeline.scene import Add, Points, Shown, rings
 from trackfield.role import TrackPoint
 
@@ -25,19 +26,24 @@ class _Track:
     """What of a track the next point needs: its entity, and where it was."""
 
     path: str
-    plot: str
+    plot: tuple[str, ...]
     last: Points = field(default_factory=lambda: np.empty((0, 2)))
+    last_ns: int = 0
     particles: bool = False
+    shown: bool = False
 
 
 class Tracks:
-    """Hands points to ``add``; the latest of each tracker is ``shown``, for rays to end there.
+    """Hands points to ``add``; the latest of each tracker is ``shown``, for rays to end there and the close-up to fit.
+
+    A track that gets no point for one and a half steps leaves the picture until it has one again, and its line breaks.
 
     A field in which several processes track has a track for each of them.
     """
 
-    def __init__(self, info: FieldInfo, add: Add, static: Static, shown: Shown) -> None:
+    def __init__(self, info: FieldInfo, add: Add, static: Static, shown: Shown, curves: Curves) -> None:
         self._info, self._add, self._static, self._shown = info, add, static, shown
+        self._curves, self._limit_ns = curves, round(GAP * info.step_ns)
         self._alone = len(info.tagged(TRACKS)) <= 1
         self._tracks: dict[tuple[str, ...], _Track] = {}
 
@@ -45,33 +51,58 @@ class Tracks:
         """A point; of a smoothed track only the line is drawn, at the times that its points are about."""
         track, t_ns = self._track(point), point.at_ns
         here = np.reshape(point.mean[:2], (-1, 2))
+        self._leave(track, t_ns)
         if not point.lag:
-            self._place(track, t_ns, here, point)
+            self._place(track, t_ns, here, point, truth)
         if len(here) and len(track.last):
             self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
-        track.last = here
+        track.last, track.last_ns = here, t_ns
         if point.mean and truth is not None:
-            self._add(track.plot, rows.scalars, t_ns, (math.dist(point.mean[:2], truth),))
+            self._curves.value(track.plot, t_ns, (math.dist(point.mean[:2], truth),), self._info.step_ns)
 
-    def _place(self, track: _Track, t_ns: int, here: Points, point: TrackPoint) -> None:
+    def until(self, t_ns: float) -> None:
+        """No point of before this time is to come."""
+        for track in self._tracks.values():
+            self._leave(track, t_ns)
+
+    def _leave(self, track: _Track, t_ns: float) -> None:
+        """Takes a track out of the picture that had no point for too long by this time."""
+        gone_ns = track.last_ns + self._limit_ns
+        if t_ns <= gone_ns:
+            return
+        track.last = np.empty((0, 2))
+        if track.shown:
+            track.shown = False
+            self._add(track.path + "/position", rows.points, gone_ns, track.last)
+            self._add(track.path + "/ellipse", rows.strips, gone_ns, rings(track.last, ()))
+            if track.particles:
+                self._add(track.path + "/particles", rows.points, gone_ns, track.last)
+
+    def _place(
+        self, track: _Track, t_ns: int, here: Points, point: TrackPoint, truth: tuple[float, float] | None
+    ) -> None:
+        ring = rings(here, point.covariance)
         self._add(track.path + "/position", rows.points, t_ns, here)
-        self._add(track.path + "/ellipse", rows.strips, t_ns, rings(here, point.covariance))
+        self._add(track.path + "/ellipse", rows.strips, t_ns, ring)
         particles = np.frombuffer(point.particles, "<f4").reshape(-1, 2)
         if len(particles) or track.particles:
             track.particles = True
             self._add(track.path + "/particles", rows.points, t_ns, particles)
+        track.shown = bool(point.mean)
         if point.mean:
-            self._shown.show("fix", point.tracker, (point.mean[0], point.mean[1]), t_ns)
+            key, end_ns = (point.target, point.tracker, point.source), t_ns + self._limit_ns
+            self._shown.show("fix", point.tracker, (point.mean[0], point.mean[1]), t_ns, end_ns)
+            self._shown.show("size", key, size(ring[0], truth), t_ns, end_ns)
 
     def _track(self, point: TrackPoint) -> _Track:
         name = (point.tracker,) if self._alone else (point.tracker, point.source)
         if name not in self._tracks:
-            track = self._tracks[name] = _Track(entity("field", *name), entity("plots", "error", *name))
+            track = self._tracks[name] = _Track(entity("field", *name), ("error", *name))
             colour = look.tracker_colour(self._info, point.tracker)
-            faint = colour & ~0xFF | 0x70
+            faint = colour & ~0xFF | 0xB0
             self._static(track.path + "/position", look.point_style(colour, 3.0, order=50))
-            self._static(track.path + "/track", look.line_style(colour, 1.5, order=20))
-            self._static(track.path + "/ellipse", look.line_style(colour, 1.5, order=40))
-            self._static(track.path + "/particles", look.point_style(faint, 1.2, order=35))
-            self._static(track.plot, rr.SeriesLines(colors=colour, names=", ".join(name), widths=1.5))
+            self._static(track.path + "/track", look.line_style(colour, 2.0, order=20))
+            self._static(track.path + "/ellipse", look.line_style(colour, 2.5, order=40))
+            self._static(track.path + "/particles", look.point_style(faint, 1.5, order=35))
+            self._static(entity("plots", *track.plot), rr.SeriesLines(colors=colour, names=", ".join(name), widths=1.5))
         return self._tracks[name]

@@ -8,8 +8,8 @@ import numpy as np
 import rerun as rr
 
 from launcher.records import FieldInfo, Truth
-from launcher.timeline import blueprint as look
-from launcher.timeline import rows
+from launcher.timeline import look, rows
+from launcher.timeline.layers.closeup import along
 from launcher.timeline.scene import Add
 from trackfield.role import NS
 
@@ -20,6 +20,8 @@ class Truths:
     def __init__(self, info: FieldInfo, add: Add) -> None:
         self._add, self._origin_ns = add, info.origin_ns
         self._truths, self._drawn = info.truths, [0] * len(info.truths)
+        for truth in info.truths:
+            add(look.closeup_path(truth.target), rows.moves, 0, along(truth, 0))
 
     def until(self, until_s: float) -> None:
         """All up to a time since the first step."""
@@ -32,6 +34,7 @@ class Truths:
         t, x, y = truth.points[index]
         t_ns = self._origin_ns + round(t * NS)
         self._add(look.truth_path(truth.target, "position"), rows.points, t_ns, np.array([(x, y)]))
+        self._add(look.closeup_path(truth.target), rows.moves, t_ns, along(truth, index))
         if index:
             before, *start = truth.points[index - 1]
             guessed = any(before < end and t > begin for begin, end in truth.gaps)

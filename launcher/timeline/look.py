@@ -1,0 +1,179 @@
+"""How what is drawn looks: entity paths, colours, styles, and where things stand."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import rerun as rr
+
+from launcher.colours import tracker_colours
+from launcher.records import SENSES, FieldInfo, Place
+from launcher.timeline.scene import spacing
+
+TIME: Final = "emulated time"
+"""The timeline of emulated time since the first step."""
+
+Colour = int
+"""0xRRGGBBAA."""
+
+REST: Final = "asleep"
+"""The state that nodes are in while nothing happens."""
+DEAD: Final = "dead"
+STATE_COLOURS: Final[dict[str, Colour]] = {
+    REST: 0x6F7686FF,
+    "awake": 0xDDE2ECFF,
+    "reporting": 0x3DBE6CFF,
+    "waiting": 0x606C88FF,
+    "tracking": 0x3DBE6CFF,
+    "coasting": 0xF2A93BFF,
+    DEAD: 0x8E2420FF,
+}
+OTHER_STATE: Final[Colour] = 0xAA78DCFF
+CENTRE: Final[Colour] = 0xF2A93BFF
+TRUTH: Final[Colour] = 0x969BA5FF
+INTERPOLATED: Final[Colour] = 0xE258A0FF
+TARGET: Final[Colour] = 0xFFFFFFFF
+RAY: Final[Colour] = 0x4FC07AC8
+INFO: Final[Colour] = 0xC8CDD6FF
+LATE: Final[Colour] = 0xF5B041FF
+LOST: Final[Colour] = 0xF2524BFF
+LEVELS: Final[dict[str, Colour]] = {"INFO": INFO, "WARN": LATE, "ERROR": LOST}
+SERIES: Final[dict[str, tuple[list[str], list[Colour]]]] = {
+    "error/bound": (["bound"], [0x969BA5FF]),
+    "latency": (["median", "95 %"], [0x8C7BF0FF, 0x5B4FB0FF]),
+    "lost": (["lost", "late"], [LOST, LATE]),
+    "bytes": (["sent to hearers", "delivered"], [0x9A8F6AFF, 0xE6C65CFF]),
+    "clock": (["rms", "largest"], [0x2BD4BDFF, 0x1F7F78FF]),
+    "queue": (["longest"], [0xE68A5CFF]),
+}
+"""Names and colours of the lines of each plot."""
+SHARES: Final = (1.0, 0.5, 0.0)
+"""Shares of frames that arrive, in the legend of the links."""
+_SHARES: Final[tuple[Colour, ...]] = (0xF2524BFF, 0xF5D041FF, 0x3DBE6CFF)
+
+GROUND: Final = (14, 15, 20)
+_GRAPH_SPACING: Final = (52.0, 42.0)
+"""In a network, east and north: a little more than the box that is drawn around a name."""
+LOW: Final = 0.2
+"""What a battery has left when it is shown."""
+LANES: Final = 7
+"""Lanes that fit below the field,"""
+ALL_LANES: Final = 200
+"""and in the tab with all of them; a field of more sensors is drawn without their names."""
+WHOLE_NETWORK: Final = 2000
+"""Of a network of more places only those are drawn that have to do with something, and not where they stand:
+neighbours would be too close to be told apart."""
+
+
+def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
+    """The colour of a tracker's track, ellipse and error; one that the run did not announce comes last."""
+    return int(tracker_colours([*info.trackers, tracker])[tracker][1:], 16) << 8 | 0xFF
+
+
+def state_colour(name: str) -> Colour:
+    """The colour of a state, known or not."""
+    return STATE_COLOURS.get(name, OTHER_STATE)
+
+
+@lru_cache(maxsize=1024)
+def share_colour(share: float) -> Colour:
+    """From red (0) through yellow (0.5) to green (1): of batteries and of links."""
+    where = min(max(share, 0.0), 1.0) * (len(_SHARES) - 1)
+    low = min(int(where), len(_SHARES) - 2)
+    pairs = zip(_SHARES[low].to_bytes(4), _SHARES[low + 1].to_bytes(4), strict=True)
+    return int.from_bytes(bytes(round(a + (b - a) * (where - low)) for a, b in pairs))
+
+
+def dot(info: FieldInfo) -> float:
+    """Radius on screen of a sensor at rest; the dots of a dense field do not cover each other."""
+    return 4.5 if len(info.places) <= ALL_LANES else min(2.5, max(0.7, 80 / len(info.places) ** 0.5))
+
+
+@lru_cache(maxsize=4096)
+def path(*parts: str) -> str:
+    """An entity path of these parts, whatever characters they hold."""
+    return "/" + "/".join(rr.escape_entity_path_part(part) for part in parts)
+
+
+def truth_path(target: str, part: str) -> str:
+    """The entity of a part of a target's truth: ``path``, ``interpolated`` or ``position``."""
+    return path("field", "truth", target, part)
+
+
+def closeup_path(target: str, *parts: str) -> str:
+    """The entity that stays with a target and, as its ``zoom``, is as wide as the close-up of it."""
+    return path("closeup", target, *parts)
+
+
+def line_style(colour: Colour, width: float, order: float) -> rr.LineStrips2D:
+    """Lines of this width on screen; a higher order is drawn on top."""
+    return rr.LineStrips2D.from_fields(colors=colour, radii=rr.Radius.ui_points(width / 2), draw_order=order)
+
+
+def point_style(colour: Colour | None, radius: float, order: float) -> rr.Points2D:
+    """Dots of this radius on screen, of one colour or each of its own; a higher order is drawn on top."""
+    return rr.Points2D.from_fields(colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)
+
+
+def lanes(info: FieldInfo) -> list[Place]:
+    """All places, the ones whose states are worth a look first.
+
+    That is whatever is no sensor, then the sensors in the order of how long a target is nearest to them.
+    """
+    sensors = info.tagged(SENSES)
+    others = [place for place in info.places if SENSES not in place.tags]
+    way = [(x, y) for truth in info.truths for _, x, y in truth.points]
+    if not sensors or not way:
+        return others + sensors
+    at = np.array([(place.x, place.y) for place in sensors])
+    nearest = Counter(int(np.argmin(np.hypot(*(at - point).T))) for point in way[:: len(way) // 150 + 1])
+    first = [sensors[index] for index, _ in nearest.most_common()]
+    return others + first + [place for index, place in enumerate(sensors) if index not in nearest]
+
+
+def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
+    """Where each place is drawn in the network, sensors first: as in the field, but y down and scaled.
+
+    The graph view draws a box of some 45 x 20 units around a name, so neighbours are a little further apart,
+    and whatever is no sensor is drawn half a row further south, beside the sensors that it may stand amid.
+    """
+    places = sorted(info.places, key=lambda place: SENSES not in place.tags)
+    at = np.array([(place.x, -place.y) for place in places]) / spacing(info) * _GRAPH_SPACING
+    south = [0.0 if SENSES in place.tags else _GRAPH_SPACING[1] / 2 for place in places]
+    return {place.id: (x, y + down) for place, (x, y), down in zip(places, at.tolist(), south, strict=True)}
+
+
+def field_points(info: FieldInfo) -> list[tuple[float, float]]:
+    """All that stands or goes in a field."""
+    points = [(place.x, place.y) for place in info.places]
+    points += [(x, y) for truth in info.truths for _, x, y in truth.points]
+    return points + [(x, y) for _, legs in info.paths for _, x, y in legs]
+
+
+def row_below(points: Sequence[tuple[float, float]], count: int) -> list[tuple[float, float]]:
+    """Where the entries of a legend stand: in a row south of these points."""
+    (west, south), (east, north) = np.min(points, axis=0), np.max(points, axis=0)
+    step = max(float(east - west), 1.2 * float(north - south), 1.0) / 6
+    middle = float(west + east) / 2
+    return [(middle + (index - (count - 1) / 2) * step, float(south) - step / 2) for index in range(count)]
+
+
+def beside_links(info: FieldInfo) -> list[tuple[float, float]]:
+    """Where the legend of the links stands: in a column east of the places."""
+    at = [(place.x, place.y) for place in info.places]
+    (west, south), (east, north) = np.min(at, axis=0).tolist(), np.max(at, axis=0).tolist()
+    high = max(north - south, (east - west) / 2, 1.0)
+    return [(east + 0.3 * high, (south + north) / 2 + high * row) for row in (0.35, 0.0, -0.35)]
+
+
+def legend(
+    at: str, places: Sequence[tuple[float, float]], names: Sequence[str], colours: Sequence[Colour], dot: float = 5.0
+) -> list[tuple[str, rr.Points2D]]:
+    """Entities of a legend: a dot of its colour for each name, and the names below them, in a colour that is read."""
+    dots = rr.Points2D(places, colors=np.array(colours, np.uint32), radii=rr.Radius.ui_points(dot), draw_order=70)
+    words = rr.Points2D(places, colors=INFO, radii=rr.Radius.ui_points(0), labels=names, show_labels=True)
+    return [(at + "/dots", dots), (at + "/names", words)]

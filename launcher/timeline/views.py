@@ -1,0 +1,184 @@
+"""The views of a run in the Rerun viewer, and how they are laid out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import rerun as rr
+import rerun.blueprint as rrb
+import rerun.blueprint.archetypes as rrba
+
+from launcher.records import TRACKS, FieldInfo
+from launcher.timeline import look
+from launcher.timeline.curves import Axis
+from launcher.timeline.layers.closeup import WIDE
+from trackfield.role import NS
+
+PLOTS: Final = ("error", "latency", "clock", "lost", "queue", "bytes")
+Axes = Mapping[str, Axis | None]
+Overrides = Mapping[Any, rrb.VisibleTimeRanges]
+
+
+def layout(info: FieldInfo, axes: Axes | None = None, *, live: bool = False) -> rrb.Blueprint:
+    """The views of a run: field (network) and states left, close-up, radio and messages in the middle, plots right.
+
+    ``axes`` are those of the plots, by name, once all their values are known. A ``live`` one stays at the latest time.
+    """
+
+    def plot(what: str, name: str) -> rrb.TimeSeriesView:
+        return _plot(info, what, name, (axes or {}).get(what))
+
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(
+                _tabs(_field(info), _network(info)), _states(info, "Node states", look.LANES), row_shares=[3, 2]
+            ),
+            rrb.Vertical(
+                *([_tabs(*(_closeup(info, truth.target) for truth in info.truths))] if info.truths else []),
+                *([_links(info)] if info.receptions else []),
+                _tabs(
+                    _log("Messages", "/messages/**", "/notes/**", "/faults"),
+                    _log("Faults", "/faults"),
+                    _times(),
+                    _states(info, "All states", look.ALL_LANES),
+                ),
+            ),
+            rrb.Vertical(
+                plot("error", "Error [m]"),
+                _tabs(plot("latency", "Latency [ms]"), plot("clock", "Clock error [ms]")),
+                _tabs(plot("lost", "Frames lost"), plot("queue", "Frames waiting")),
+                plot("bytes", "Bytes/s"),
+            ),
+            column_shares=[5, 4, 3],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=look.TIME, play_state="following" if live else "playing"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        auto_views=False,
+    )
+
+
+def labels(info: FieldInfo, plot: str) -> list[str]:
+    """The entries of a plot's legend."""
+    if plot != "error":
+        return look.SERIES[plot][0]
+    sources = [place.id for place in info.tagged(TRACKS)]
+    names = [name if len(sources) <= 1 else f"{name}, {source}" for name in info.trackers for source in sources or [""]]
+    return [*look.SERIES["error/bound"][0], *names]
+
+
+def _tabs(*views: rrb.View) -> rrb.Tabs:
+    return rrb.Tabs(*views, active_tab=0)
+
+
+def _log(name: str, *contents: str) -> rrb.TextLogView:
+    columns = rrb.TextLogColumns(timeline_columns=[look.TIME], text_log_columns=["LogLevel", "Body"])
+    return rrb.TextLogView(origin="/", contents=list(contents), name=name, columns=columns)
+
+
+def _times() -> rrb.DataframeView:
+    query = rrba.DataframeQuery(timeline=look.TIME, auto_scroll=True)
+    return rrb.DataframeView(origin="/times", name="Message times", query=query)
+
+
+def _links(info: FieldInfo) -> rrb.Spatial2DView:
+    places = [(place.x, place.y) for place in info.places]
+    return _space("/", ["/links/**"], "Radio links (reception)", _bounds(places + look.beside_links(info)))
+
+
+def _field(info: FieldInfo) -> rrb.Spatial2DView:
+    points = look.field_points(info)
+    bounds = _bounds(points + look.row_below(points, 6), 0.07)
+    return _space("/", ["/field/**"], "Field (E right, N up)", bounds, _trails(info))
+
+
+def _closeup(info: FieldInfo, target: str) -> rrb.Spatial2DView:
+    """The field again, seen from a frame that goes along with a target."""
+    contents = ["/field/**", "- /field/legend/**", look.closeup_path(target) + "/**"]
+    bounds = rrb.VisualBounds2D(x_range=(-WIDE, WIDE), y_range=(-1.0, 1.0))
+    return _space(look.closeup_path(target, "zoom"), contents, f"Close-up of {target}", bounds, _trails(info))
+
+
+def _space(
+    origin: str, contents: list[str], name: str, bounds: rrb.VisualBounds2D, overrides: Overrides | None = None
+) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(
+        origin=origin,
+        contents=contents,
+        name=name,
+        background=look.GROUND,
+        visual_bounds=bounds,
+        overrides=overrides,
+    )
+
+
+def _trails(info: FieldInfo) -> Overrides:
+    """What is shown as far as it came, not as it is now."""
+    so_far = rrb.VisibleTimeRanges(
+        rrb.VisibleTimeRange(
+            look.TIME, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+        )
+    )
+    trails = [look.truth_path(truth.target, part) for truth in info.truths for part in ("path", "interpolated")]
+    sources = [place.id for place in info.tagged(TRACKS)]
+    for name in info.trackers:
+        names = [(name,)] if len(sources) <= 1 else [(name, source) for source in sources]
+        trails += [look.path("field", *parts, "track") for parts in names]
+    return dict.fromkeys(trails, so_far)
+
+
+def _network(info: FieldInfo) -> rrb.GraphView:
+    if len(info.places) > look.WHOLE_NETWORK:
+        return rrb.GraphView(origin="/network", name="Network (those involved)")
+    return rrb.GraphView(
+        origin="/network",
+        name="Network",
+        visual_bounds=_bounds([(x, -y) for x, y in look.graph_positions(info).values()]),
+        force_link=rrba.ForceLink(enabled=False),
+        force_many_body=rrba.ForceManyBody(enabled=False),
+        force_position=rrba.ForcePosition(enabled=False),
+        force_collision_radius=rrba.ForceCollisionRadius(enabled=False),
+        force_center=rrba.ForceCenter(enabled=False),
+    )
+
+
+def _plot(info: FieldInfo, what: str, name: str, axis: Axis | None) -> rrb.TimeSeriesView:
+    left, right = rrb.Corner2D.LeftTop, rrb.Corner2D.RightTop
+    return rrb.TimeSeriesView(
+        origin=look.path("plots", what),
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=left if axis and axis.left else right),
+        axis_x=_whole_run(info),
+        axis_y=rrb.ScalarAxis(range=(-0.03 * axis.top, axis.top)) if axis else None,
+    )
+
+
+def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:
+    return rrb.StateTimelineView(
+        origin="/",
+        contents=["/faults", *(look.path("state", place.id) + "/**" for place in look.lanes(info)[:count])],
+        name=name,
+        time_view=_whole_run(info),
+        defaults=[
+            rr.StateConfiguration(values=list(look.STATE_COLOURS), colors=list(look.STATE_COLOURS.values())),
+        ],
+    )
+
+
+def _whole_run(info: FieldInfo) -> rrb.TimeAxis:
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rrb.TimeRangeBoundary.absolute(seconds=-info.origin_ns / NS),
+            end=rrb.TimeRangeBoundary.absolute(seconds=info.end_s),
+        )
+    )
+
+
+def _bounds(points: Sequence[tuple[float, float]], share: float = 0.05) -> rrb.VisualBounds2D:
+    """The box around some points (y up), with a margin, for a view (y down)."""
+    xs, ys = zip(*points, strict=True)
+    margin = share * max(max(xs) - min(xs), max(ys) - min(ys)) + 5.0
+    return rrb.VisualBounds2D(
+        x_range=(min(xs) - margin, max(xs) + margin), y_range=(-max(ys) - margin, margin - min(ys))
+    )
