@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from launcher.record.words import joules
 from launcher.report import style
@@ -15,19 +17,38 @@ from launcher.report.parts import energy
 from launcher.report.parts.errors import WIDE
 from launcher.study.comparison.lines import Line, colours, panels
 
+_PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
+"""Numbers of a logarithmic axis as they are."""
+
 
 def errors(found: Sequence[Line]) -> Figure | None:
-    """The distance of each track from its truth over time; a line breaks where there is no track."""
-    plots = panels([line for line in found if np.isfinite(line.track.error_m).any()])
+    """The distance of each track from its truth over time, of long runs its rms over a window.
+
+    A line breaks where there is no track, and in gaps of the truth.
+    """
+    plots = panels([line for line in found if line.track.scored.any()])
     if not plots:
         return None
     figure, rows = style.blank(0.7 + 2.6 * len(plots), len(plots))
+    window_s = max(line.run.window * line.run.step_s for line in found)
     for axes, plot in zip(rows, plots, strict=True):
-        _draw(axes, plot, [(line.track.t_s, line.track.error_m) for line in plot])
-        _scale(axes, np.concatenate([line.track.error_m for line in plot]))
-        axes.set_ylabel("position error [m]")
+        curves = [(line.track.t_s, _over_time(line, window_s)) for line in plot]
+        _draw(axes, plot, curves)
+        _scale(axes, np.concatenate([values for _, values in curves]))
+        axes.set_ylabel(f"position error [m],\nrms over {window_s:g} s" if _long(found) else "position error [m]")
     rows[-1].set(xlim=(0.0, max(line.run.end_s for line in found)), xlabel="emulated time [s]")
     return figure
+
+
+def _over_time(line: Line, window_s: float) -> style.Array:
+    """(T,) the error, or its rms over so many seconds; NaN where it does not count."""
+    track = line.track
+    window = round(window_s / line.run.step_s) if line.run.long else 1
+    return style.rolling_rms(np.where(track.scored, track.error_m, np.nan), window)
+
+
+def _long(found: Sequence[Line]) -> bool:
+    return any(line.run.long for line in found)
 
 
 def distribution(found: Sequence[Line]) -> Figure | None:
@@ -39,6 +60,9 @@ def distribution(found: Sequence[Line]) -> Figure | None:
     for axes, plot in zip(rows, plots, strict=True):
         _draw(axes, plot, [_distribution(line) for line in plot])
         axes.set(xscale="log", ylim=(0.0, 102.0), ylabel="share of the steps [%]")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(_PLAIN)
+        axes.xaxis.set_minor_locator(NullLocator())
     rows[-1].set_xlabel("position error no larger than [m]")
     return figure
 
@@ -72,6 +96,7 @@ def _scale(axes: Axes, errors_m: style.Array) -> None:
     known = errors_m[np.isfinite(errors_m)]
     if known.max() > WIDE * max(float(np.median(known)), 1e-9):
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(_PLAIN)
     else:
         axes.set_ylim(bottom=0.0)
 

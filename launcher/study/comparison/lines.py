@@ -18,15 +18,16 @@ MOST_LINES: Final = 6
 """Lines that can be told apart in a plot; of more each tracker has a plot of its own."""
 _DASHED: Final = (0, (4.0, 1.6))
 _DOTTED: Final = (0, (1.0, 1.4))
-_LOOKS: Final[tuple[tuple[float, Any, float], ...]] = (
-    (0.0, "-", 2.2),
-    (-0.5, _DASHED, 1.3),
-    (0.5, "-", 1.3),
-    (-0.5, _DOTTED, 1.5),
-    (0.0, (0, (6.0, 1.4, 1.0, 1.4)), 1.3),
-    (0.45, _DASHED, 1.3),
+_LOOKS: Final[tuple[tuple[float, float, Any, float], ...]] = (
+    (0.0, 0.0, "-", 2.2),
+    (-0.5, 0.6, _DASHED, 1.3),
+    (0.5, -0.35, "-", 1.3),
+    (-0.5, 0.8, _DOTTED, 1.5),
+    (0.0, 0.3, (0, (6.0, 1.4, 1.0, 1.4)), 1.3),
+    (0.45, -0.15, _DASHED, 1.3),
 )
-"""Of each run: how much its lines are darker (below 0) or lighter than the tracker's colour, their dashes and width."""
+"""Of each run: how much its lines are lighter than the tracker's colour, or darker (below 0), on white and on black;
+their dashes and width."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,10 @@ class Line:
         """What a legend says of it."""
         return f"{self.track.tracker}, {self.name}"
 
-    def look(self, colours: dict[str, str]) -> dict[str, Any]:
-        """How matplotlib draws it."""
-        shade, dash, width = _LOOKS[self.place]
+    def look(self, colours: dict[str, str], *, dark: bool = False) -> dict[str, Any]:
+        """How matplotlib draws it, on white or on a ``dark`` ground."""
+        on_white, on_black, dash, width = _LOOKS[self.place]
+        shade = on_black if dark else on_white
         thin = float(np.clip(1.0 - len(self.track.t_s) / 2400, 0.4, 1.0))  # so that it does not become a surface
         return {"color": tint(colours[self.track.tracker], shade), "ls": dash, "lw": width * thin}
 

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import io
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any, Final
 
 from launcher.colours import tracker_colours
-from launcher.record.verdict import LOST, TRACKED, told
-from launcher.report.cells import NOTHING, number
 from launcher.report.folder import Run, read_run
 from launcher.study.comparison.exact import Exactness
 from launcher.study.comparison.remarks import remarks
@@ -18,16 +15,6 @@ from launcher.study.comparison.rows import figures, settings
 from launcher.study.comparison.runs import Compared
 
 _HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What became of one tracker in one run; ``state`` is good, doubtful or bad."""
-
-    run: str
-    said: str
-    state: str
-    text: str
 
 
 def as_page(compared: Compared, exact: Exactness | None = None) -> str:
@@ -58,7 +45,7 @@ def _contents(compared: Compared, exact: Exactness | None) -> dict[str, Any]:
         "facts": _facts(compared, runs),
         "remarks": remarks(compared),
         "exact": exact,
-        "verdicts": {name: _verdicts(compared, name) for name in compared.trackers},
+        "verdicts": _verdicts(compared, runs),
         "colours": _colours(compared),
         "settings": settings(compared),
         "figures": figures(compared),
@@ -122,29 +109,15 @@ def _facts(compared: Compared, runs: Sequence[Run]) -> list[list[str]]:
     ]
 
 
-def _verdicts(compared: Compared, tracker: str) -> list[Verdict]:
-    """Of one tracker, in each run that has it."""
-    return list(_each(compared, tracker))
+def _verdicts(compared: Compared, runs: Sequence[Run]) -> dict[str, list[tuple[str, Any]]]:
+    """What became of each tracker, in each run that has it: (name of the run, verdict)."""
+    from launcher.report.parts.verdicts import verdicts
 
-
-def _each(compared: Compared, tracker: str) -> Iterator[Verdict]:
-    for name, metrics in zip(compared.names, compared.metrics, strict=True):
-        m = metrics["trackers"].get(tracker)
-        if m is not None:
-            state = {TRACKED: "", LOST: "bad"}.get(m["verdict"], "doubtful")
-            yield Verdict(name, told(m), state, _sentence(m))
-
-
-def _sentence(m: Mapping[str, Any]) -> str:
-    """How far off, over how many steps, and how long there was no track."""
-    if not m["steps_tracked"]:
-        return f"It never had a track in {m['steps_expected']} steps."
-    error = f"RMSE {number(m['rmse']['position'], 'm')}"
-    if m["times_bound"] is not None:
-        error += f", {number(m['times_bound'])} times the bound,"
-    text = f"{error} over {number(m['steps_tracked'])} of {number(m['steps_expected'])} steps"
-    blackout = m["longest_blackout_s"]
-    return f"{text}; {number(blackout, 's')} without a track." if blackout else f"{text}."
+    found: dict[str, list[tuple[str, Any]]] = {}
+    for name, run in zip(compared.names, runs, strict=True):
+        for verdict in verdicts(run):
+            found.setdefault(verdict.tracker, []).append((name, verdict))
+    return found
 
 
 def _commands(compared: Compared) -> list[tuple[str, str]]:
@@ -156,6 +129,3 @@ def _commands(compared: Compared) -> list[tuple[str, str]]:
         (f"trackfield compare {folders} --exact 0", "whether tracks and frames are the same"),
         *((f"trackfield report {shlex.quote(str(folder))}", "the report of this run") for folder in compared.folders),
     ]
-
-
-__all__ = ["NOTHING", "as_page", "as_table"]

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from launcher.report.cells import NOTHING, Table, number
+from launcher.report.cells import NOTHING, Table, number, percent
 from launcher.study.comparison.lines import Line, common
 
 PARTS: Final = 10
@@ -42,6 +42,6 @@ def _row(first: Line, other: Line) -> Iterator[list[str]]:
         first.name,
         number(steps),
         f"{difference:+.3g}" if difference else "0",
-        f"{(after < before).mean():.0%} of the steps",
+        f"{percent(float((after < before).mean()))} of the steps",
         parts,
     ]

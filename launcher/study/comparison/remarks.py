@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 from launcher.record.words import alarms
 from launcher.study.comparison.runs import Compared
@@ -15,28 +17,35 @@ def remarks(compared: Compared) -> list[str]:
 
 def _chance(compared: Compared) -> Iterator[str]:
     """That one seed proves nothing; of the same scenario and seed there is no chance in what differs."""
-    seeds = [metrics["seed"] for metrics in compared.metrics]
     if not compared.settings:
         yield (
             "All runs have the same scenario and seed: what differs is the driver or the machine. "
-            "trackfield compare RUN RUN --exact 0 says whether they are the same."
+            "`trackfield compare RUN RUN --exact 0` says whether they are the same."
         )
         return
-    one = f"one seed ({seeds[0]})" if len(set(seeds)) == 1 else "one seed each"
+    seeds = list(dict.fromkeys(metrics["seed"] for metrics in compared.metrics))
+    drawn = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {', '.join(map(str, seeds))}"
     yield (
-        f"This is {one}: a lower figure in a single run may be chance. "
-        f"{_study(compared)} gives confidence intervals over many seeds."
+        f"Each run is one draw of the random numbers ({drawn}): a lower figure may be chance. "
+        f"`{_study(compared)}` gives confidence intervals over many seeds."
     )
 
 
 def _study(compared: Compared) -> str:
-    """The command that tells chance from effect, as far as the runs say what was varied."""
+    """The command that tells an effect from chance, ready to be run if a single key was varied."""
     varied = {key: values for key, values in compared.settings.items() if key != "seed"}
-    key, *more = varied or ["KEY"]
-    values = varied.get(key, ())
-    plain = not more and len(set(map(str, values))) == len(values) and all(isinstance(v, str | int | float) for v in values)
-    vary = f"{key}={','.join(map(str, values))}" if plain and values else "KEY=A,B"
-    return f"trackfield study SCENARIO --seeds 20{f' --vary {vary}' if varied else ''}"
+    scenario = f"{shlex.quote(str(compared.folders[0]))}/scenario.toml"
+    if not varied:
+        return f"trackfield study {scenario} --seeds 20"
+    key, values = next(iter(varied.items()))
+    known = [value for value in dict.fromkeys(map(str, values)) if len(varied) == 1 and _short(values)]
+    vary = f"{key}={','.join(known)}" if known else "KEY=A,B"
+    return f"trackfield study {scenario} --seeds 20 --vary {shlex.quote(vary)}"
+
+
+def _short(values: Sequence[Any]) -> bool:
+    """Whether all can stand on a command line, separated by commas."""
+    return all(isinstance(value, str | int | float) and "," not in str(value) for value in values)
 
 
 def _targets(compared: Compared) -> Iterator[str]:

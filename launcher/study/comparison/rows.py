@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 from launcher.record.verdict import TRACKED, told
 from launcher.record.words import span
-from launcher.report.cells import NOTHING, number
+from launcher.report.cells import NOTHING, number, percent
 from launcher.study.comparison.runs import Compared
 
 Cell = float | int | str | None
@@ -100,7 +100,7 @@ def _tracker(name: str, compared: Compared) -> Iterator[Row]:
     yield row("median error [m]", "median_error", better=lower)
     yield from _telling(row("velocity RMSE [m/s]", "rmse", "velocity", better=lower))
     yield pair("steps with a track", [t and (t["steps_tracked"], t["steps_expected"]) for t in found], "{} of {}")
-    yield Row("steps within lost_m", tuple(_at(t, ("share_within",)) for t in found), "higher", _percent)
+    yield Row("steps within lost_m", tuple(_at(t, ("share_within",)) for t in found), "higher", percent)
     yield Row("longest time without a track [s]", tuple(_at(t, ("longest_blackout_s",)) for t in found), "lower")
     yield from _telling(row("RMSE in gaps of the truth [m]", "gap", "rmse"))
     yield from _telling(row("mean NEES", "nees"), pair("NEES, 95 % band", [_at(t, ("nees_band",)) for t in found], "{} to {}"))
@@ -116,7 +116,7 @@ def _frames(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     shares = (n / m["frames"]["expected"] if m["frames"]["expected"] else None for n, m in zip(lost, metrics, strict=True))
     yield from (_row(metrics, key, "frames", key) for key in OF_ALL)
     yield Row("lost", tuple(lost))
-    yield Row("share lost", tuple(shares), "lower", _percent)
+    yield Row("share lost", tuple(shares), "lower", percent)
     causes = dict.fromkeys(cause for m in metrics for cause in m["frames"]["lost"])
     yield from _telling(*(_row(metrics, f"lost: {cause.replace('_', ' ')}", "frames", "lost", cause) for cause in causes))
     yield from _telling(_row(metrics, "lost by the machine", "frames", "host_lost"))
@@ -166,7 +166,3 @@ def _at(figures: Mapping[str, Any] | None, path: Sequence[str]) -> Any:
 
 def _said(cell: Cell, text: Callable[[Any], str]) -> str:
     return NOTHING if cell is None else cell if isinstance(cell, str) else text(cell)
-
-
-def _percent(share: float) -> str:
-    return f"{share:.1%}"

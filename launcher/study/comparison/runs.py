@@ -87,9 +87,10 @@ def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
         raise ScenarioError("there is nothing to compare it with", key=key, expected="two run folders or more")
     seen: dict[Path, Path] = {}
     for folder in folders:
-        if (other := seen.setdefault(folder.resolve(), folder)) is not folder:
+        if other := seen.get(folder.resolve()):
             what = f"{folder} is named twice" if folder == other else f"{folder} is the same run as {other}"
             raise ScenarioError(what, key=key, expected="different runs")
+        seen[folder.resolve()] = folder
     check_runs(folders)
     return Compared(
         tuple(folders),
