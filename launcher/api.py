@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -22,12 +22,17 @@ from launcher.record.measures import RunFigures
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import check_runs
-from launcher.study.side_by_side import side_by_side
-from launcher.study.studies import Study, figures_table
+from launcher.study.comparison.runs import Compared, read_runs
+from launcher.study.results import figures_table
+from launcher.study.studies import Study
 from launcher.study.studies import study as run_study
 from trackfield.errors import RunFailed, ScenarioError
+from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.nearest import suggestion
+
+if TYPE_CHECKING:
+    from launcher.study.pictures.look import Picture
 
 Driver = Literal["virtual", "processes"]
 Folder = str | Path
@@ -63,31 +68,66 @@ class Result:
 
         open_viewer(self.path, web)
 
+    def report(self, *, anew: bool = False) -> Path:
+        """The path of report.html, which is written if it is not there, or ``anew``."""
+        from launcher.report import PAGE, write_report
+
+        page = self.path / PAGE
+        return page if page.exists() and not anew else write_report(self.path)
+
+    def plot(self) -> Picture:
+        """The field with the tracks, and their errors over time: a matplotlib figure, which notebooks show."""
+        from launcher.study.pictures.overview import overview
+
+        return overview(self.path)
+
+    def _repr_html_(self) -> str:
+        from launcher.study.notebook import run_html
+
+        return run_html(self.path, self.metrics)
+
 
 class Comparison:
-    """Runs side by side: printed as text; as ``table``, a row for each run and tracker as in a study's."""
+    """Runs side by side: as text, as a table in a notebook, as a page; ``table`` is to compute with."""
 
     def __init__(self, runs: Sequence[Result]) -> None:
         self.runs = tuple(runs)
 
     @cached_property
     def table(self) -> pa.Table:
-        """A row for each run and tracker; ``path`` says which run it is."""
+        """A row for each run and tracker, as in a study's table; ``path`` says which run it is."""
         table = figures_table(run.metrics for run in self.runs)
         paths = [str(run.path) for run in self.runs for _ in run.metrics.trackers]
         return table.add_column(0, "path", pa.array(paths, pa.string()))
 
+    def to_html(self) -> str:
+        """The page that ``trackfield compare --html`` writes: one file that opens offline."""
+        from launcher.study.comparison.page import as_page
+
+        return as_page(self._compared)
+
+    def _repr_html_(self) -> str:
+        from launcher.study.comparison.page import as_table
+
+        return as_table(self._compared)
+
     def __repr__(self) -> str:
         from rich.console import Console
 
-        console = Console(width=_WIDTH, markup=False, emoji=False)
+        from launcher.study.side_by_side import show
+
+        console = Console(width=_WIDTH, markup=False, emoji=False, highlight=False)
         with console.capture() as text:
-            console.print(side_by_side([run.path for run in self.runs]))
+            show(self._compared, console)
         return text.get()
+
+    @cached_property
+    def _compared(self) -> Compared:
+        return read_runs([run.path for run in self.runs], "runs")
 
 
 def run(
-    scenario: Scenario,
+    scenario: Scenario | str | Path,
     *,
     seed: int | None = None,
     driver: Driver = "virtual",
@@ -96,17 +136,17 @@ def run(
 ) -> Result:
     """Run a scenario and leave a run folder: ``out``, or, if that ends with a slash, one of its own name below it.
 
-    ``seed`` decides every random draw (None: the scenario's own); ``speed`` is emulated seconds per second of a run
-    over processes. Needs no ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
+    ``scenario`` may be the name of a packaged one or a TOML file. ``seed`` decides every random draw (None: the
+    scenario's own); ``speed`` is emulated seconds per second of a run over processes. Needs no
+    ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
     ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
     folder all the same. Ctrl-C ends the run early, leaves a whole folder, and is raised afterwards.
     """
-    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("zhai-spcpf")')
     if driver not in get_args(Driver):
         what = f"is {driver!r}{suggestion(str(driver), get_args(Driver))}"
         raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
     with _arguments():
-        chosen = checked(scenario, seed)
+        chosen = checked(_scenario(scenario), seed)
         plan = planned(chosen, speed)
         if driver == "processes":
             check_importable(plan)
@@ -119,16 +159,25 @@ def run(
     return _finished(run_processes(plan, folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
 
 
-def study(scenario: Scenario, seeds: Iterable[int], *, n_jobs: int = -1, out: Folder | None = None) -> Study:
+def study(
+    scenario: Scenario | str | Path,
+    seeds: Iterable[int],
+    vary: Mapping[str, Iterable[Any]] | None = None,
+    *,
+    n_jobs: int = -1,
+    out: Folder | None = None,
+) -> Study:
     """Run a scenario in virtual time with each of these seeds, on so many cores (-1: all), without run folders.
 
-    The figures are those of single runs. ``out`` is a folder for the tables and the median run.
-    ``joblib.parallel_config`` chooses other machinery, like a Dask cluster. A terminal shows progress. Raises
-    ``ScenarioError``.
+    ``scenario`` may be a name or a file, as for ``run``. ``vary`` has values by key, ``{"field.spacing_m": [50, 75]}``;
+    all combinations are run, and checked before the first of them. The key ``tracker`` takes one tracker at a time.
+
+    The figures are those of single runs. ``out`` is a folder as ``trackfield study`` leaves it, with tables, pictures
+    and a page; runs that are in it already are not run again. ``joblib.parallel_config`` chooses other machinery, like
+    a Dask cluster. A terminal shows progress. Raises ``ScenarioError``.
     """
-    _check("scenario", scenario, Scenario, 'a scenario, like tf.Scenario.load("zhai-spcpf")')
     with _arguments():
-        return run_study(scenario, seeds, n_jobs, None if out is None else Path(out))
+        return run_study(_scenario(scenario), seeds, vary, n_jobs, None if out is None else Path(out))
 
 
 def open(folder: Folder) -> Result:
@@ -155,10 +204,11 @@ def replay(
 
 
 def compare(runs: Iterable[Result | Folder]) -> Comparison:
-    """Runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two or more finished ones."""
+    """Finished runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two different ones."""
     found = [one if isinstance(one, Result) else open(one) for one in runs]
     if len(found) < 2:
         raise ScenarioError(f"there are {len(found)}", key="runs", expected="two runs or more")
+    read_runs([one.path for one in found], "runs")
     return Comparison(found)
 
 
@@ -174,9 +224,14 @@ def _finished(outcome: Outcome) -> Result:
     return Result(outcome.folder)
 
 
-def _check(name: str, value: object, kind: type[Any], expected: str) -> None:
-    if not isinstance(value, kind):
-        raise ScenarioError(f"is {value!r}", key=name, expected=expected)
+def _scenario(given: Scenario | str | Path) -> Scenario:
+    """The scenario that was given, or that of this name or file."""
+    if isinstance(given, Scenario):
+        return given
+    if not isinstance(given, str | Path):
+        expected = 'a scenario, or the name or file of one, like "zhai-spcpf"'
+        raise ScenarioError(f"is {given!r}", key="scenario", expected=expected)
+    return Scenario.load(given, known_trackers=TRACKERS)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 import typer
 
-from launcher.commands import compare, listing, replay, reproduce, router, run, validate, view
+from launcher.commands import compare, listing, replay, reproduce, router, run, study, validate, view
 from launcher.processes.garbage import look_seldom
 from trackfield.errors import ScenarioError, TrackfieldError
 
@@ -26,6 +26,7 @@ app.command("validate")(validate.validate)
 app.command("view")(view.view)
 app.command("report")(view.report)
 app.command("compare")(compare.compare)
+app.command("study")(study.study)
 app.command("reproduce")(reproduce.reproduce)
 
 

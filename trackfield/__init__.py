@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from trackfield.scenario import Scenario
     from trackfield.world.sensors import register_sensor
 
+__version__: str
 _HOMES: Final = {
     "Comparison": "launcher.api",
     "Estimate": "trackfield.filters.types",
@@ -61,10 +62,14 @@ __all__ = [
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOMES])
+    return sorted({*globals(), *__all__, "__version__"})
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("trackfield")
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'trackfield' has no attribute {name!r}")

@@ -37,6 +37,33 @@ def load(
     trackers: Sequence[str] = (),
 ) -> Scenario:
     """The scenario with what the command line changes in it. Raises ``ScenarioError``."""
+    changed = changes(
+        settings=settings,
+        seed=seed,
+        target=target,
+        start=start,
+        end=end,
+        sensors=sensors,
+        nodes=nodes,
+        link=link,
+        trackers=trackers,
+    )
+    return Scenario.load(name, changed, known_trackers=TRACKERS)
+
+
+def changes(
+    *,
+    settings: Sequence[str] = (),
+    seed: int | None = None,
+    target: Path | None = None,
+    start: str | None = None,
+    end: str | None = None,
+    sensors: Path | None = None,
+    nodes: int | None = None,
+    link: str | None = None,
+    trackers: Sequence[str] = (),
+) -> dict[str, Any]:
+    """The keys of a scenario that the command line sets, with their values. Raises ``ScenarioError``."""
     if target is None and (start is not None or end is not None):
         raise ScenarioError("there is no track to cut", key="--from, --to", expected="--target FILE beside it")
     options: Mapping[str, Any] = {
@@ -52,8 +79,7 @@ def load(
         "fusion.trackers": list(trackers) or None,
     }
     whole = {"target.steps": None} if end is not None else {}  # who names the end wants all up to there
-    overrides = whole | dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
-    return Scenario.load(name, overrides, known_trackers=TRACKERS)
+    return whole | dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
 
 
 def checked(scenario: Scenario, seed: int | None = None) -> Scenario:

@@ -51,9 +51,14 @@ def begin_folder(folder: Path, inside: str) -> None:
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """Versions, machine and command; ``run`` and ``endpoint`` are what others join it by."""
+    """What ``manifest`` has; ``run`` and ``endpoint`` are what others join the run by."""
+    write_json({**manifest(command), "run": plan.run.run, "endpoint": endpoint}, folder / "manifest.json")
+
+
+def manifest(command: Sequence[str]) -> dict[str, Any]:
+    """Versions, machine and command."""
     packages = ("trackfield", "eclipse-zenoh", "numpy", "scipy", "rerun-sdk")
-    manifest = {
+    return {
         "command": list(command),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": {"python": platform.python_version(), **{p: version(p) for p in packages}},
@@ -62,10 +67,7 @@ def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: s
             "cores": psutil.cpu_count(),
             "memory_gb": round(psutil.virtual_memory().total / 1e9, 1),
         },
-        "run": plan.run.run,
-        "endpoint": endpoint,
     }
-    write_json(manifest, folder / "manifest.json")
 
 
 def keep(scenario: Scenario, folder: Path) -> None:
@@ -83,5 +85,7 @@ def _kept(part: Any, folder: Path, name: str) -> Any:
     if not isinstance(part, FromFile | Surveyed | Trace):
         return part
     file = Path(part.file)
-    copy = shutil.copyfile(file, folder / f"{name}{file.suffix}")
+    copy = folder / f"{name}{file.suffix}"
+    if not copy.exists() or not copy.samefile(file):  # a study's folder may be given its own scenario again
+        shutil.copyfile(file, copy)
     return part.model_copy(update={"file": copy.name})

@@ -270,16 +270,24 @@ class RunFigures(_Figures):
             yield {"seed": self.seed, "tracker": name, **dict(_flat(figures)), **run}
 
 
-OF_RUN: Final = (
+OF_RUN: Final[tuple[str, ...]] = (
     "bound.position",
     "bound.trajectory",
     "frames.sent",
     "frames.expected",
     "frames.delivered",
     "frames.late",
+    *(f"frames.lost.{cause}" for cause in Lost.model_fields),
     "bytes.payload",
     "bytes.on_air",
+    "latency_ms.link.p95",
+    "latency_ms.to_track.p95",
     "energy_j.total",
+    "energy_j.max_node",
+    "lifetime_s.first_death",
+    "lifetime_s.half_dead",
+    "lifetime_s.coverage_lost",
+    "lifetime_s.extrapolated",
 )
 """Figures of the whole run that stand in the table of a study, the same for all its trackers."""
 

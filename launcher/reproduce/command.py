@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -19,9 +18,10 @@ from launcher.reproduce.paper import Paper
 from launcher.reproduce.papers import paper_named
 from launcher.reproduce.report import markdown
 from launcher.reproduce.scores import Field, Results, S
-from launcher.reproduce.store import RESULTS, Store, code_digest
+from launcher.reproduce.store import Store, code_digest
 from launcher.reproduce.timing import cpu_times
-from launcher.show import PLAIN_EVERY_S, console
+from launcher.show import console
+from launcher.study.store import study_folder
 from trackfield.errors import ScenarioError
 
 FIGURES: Final = "figures"
@@ -49,7 +49,8 @@ def reproduce(name: str, runs: int, out: Path | None) -> Study:
     paper = paper_named(name)
     if runs < 1:
         raise ScenarioError(f"is {runs}", key="--runs", expected="1 or more")
-    folder = _folder(out or Path("runs") / f"reproduce-{paper.name}")
+    folder = out or Path("runs") / f"reproduce-{paper.name}"
+    study_folder(folder)
     store, seeds = Store(folder, list(paper.cases.values())), range(1, runs + 1)
     console.print(Text(f"{paper.title}: {len(paper.cases)} cases, {runs} runs of each"))
     try:
@@ -61,30 +62,13 @@ def reproduce(name: str, runs: int, out: Path | None) -> Study:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def _folder(folder: Path) -> Path:
-    """A folder for the study: new, empty, or one of an earlier study."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()) and not (folder / RESULTS).is_dir():
-            expected = "an empty or new one, or that of an earlier study"
-            raise ScenarioError("the folder has something in it", file=str(folder), key="--out", expected=expected)
-        (folder / RESULTS).mkdir(exist_ok=True)
-    except OSError as error:
-        what = f"cannot write there ({error.strerror})"
-        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None
-    return folder
-
-
 def _fill(store: Store, seeds: Sequence[int]) -> None:
     missing = store.missing(seeds)
     there = len(seeds) * len(store.cases) - len(missing)
     if there:
         console.print(f"{there} of {there + len(missing)} runs are there from before")
-    said = time.monotonic()
-    for done, _ in enumerate(store.fill(missing) if missing else (), 1):
-        if not console.is_terminal and time.monotonic() - said >= PLAIN_EVERY_S:
-            said = time.monotonic()
-            console.print(f"{done} of {len(missing)} runs")
+    for _ in store.fill(missing):
+        pass
 
 
 def _conclude(paper: Paper[S], store: Store, seeds: Sequence[int]) -> Study:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from launcher.record.bounds import run_bound
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
 from launcher.reproduce.case import Case
+from launcher.study.store import whole
 from trackfield.filters.types import Array
 
 
@@ -34,11 +34,8 @@ class Record:
 
     def save(self, file: Path) -> None:
         """Write it, whole or not at all."""
-        file.parent.mkdir(parents=True, exist_ok=True)
-        part = file.with_suffix(f".{os.getpid()}.part")
-        with part.open("wb") as stream:
+        with whole(file) as part, part.open("wb") as stream:
             np.savez(stream, errors=self.errors, reports=self.reports, bound=self.bound, network=self.network)
-        part.replace(file)
 
     @classmethod
     def load(cls, file: Path) -> Record:

@@ -1,167 +1,168 @@
-"""Many runs in virtual time, over all cores or a cluster, without their folders."""
+"""Studies: a scenario, what is varied of it, and many runs of each combination in virtual time."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from launcher.plan.extensions import Registered, register, registered
-from launcher.plan.prepare import checked, planned
-from launcher.record.bounds import run_bound
-from launcher.record.folder import begin_folder, keep, prepare_folder
-from launcher.record.measures import RunFigures
-from launcher.record.metrics import run_metrics
-from launcher.record.tables import tracks_table
-from launcher.record.views import headline
-from launcher.record.virtually import simulate
-from launcher.run import run_virtual
-from trackfield.errors import ScenarioError
+from launcher.plan.prepare import checked
+from launcher.study.axes import Axis, Design, design
+from launcher.study.folder import StudyFolder
+from launcher.study.parallel import unordered
+from launcher.study.results import StudyRun, study_run, study_table
+from launcher.study.summary import Summary, summary_of
+from trackfield.errors import TrackfieldError
 from trackfield.scenario import Scenario
 
-Job = TypeVar("Job")
-Answer = TypeVar("Answer")
+if TYPE_CHECKING:
+    import pandas as pd
 
-CHOSEN: Final = "median"
-"""The folder of the run that a study leaves."""
-_TYPES: Final = {
-    "seed": pa.int64(),
-    "tracker": pa.string(),
-    "verdict": pa.string(),
-    "lost": pa.bool_(),
-    **dict.fromkeys(("steps", "steps_expected", "steps_tracked", "gap.steps"), pa.int64()),
-    "nees_band": pa.list_(pa.float64()),
-}
-"""Of columns of a study's table; frames and bytes are whole numbers, all others not."""
-
-
-@dataclass(frozen=True)
-class StudyRun:
-    """One run of a study: its seed, its figures, and its ``tracks`` as in tracks.parquet."""
-
-    seed: int
-    metrics: RunFigures
-    tracks: pa.Table = field(repr=False)
+    from launcher.study.pictures.look import Picture
 
 
 @dataclass(frozen=True)
 class Study:
-    """Runs of one scenario, in the order of their seeds."""
+    """Runs of one scenario: combination by combination of what is varied, each in the order of the seeds.
 
-    scenario: Scenario = field(repr=False)
+    ``folder`` is where it is kept, if anywhere.
+    """
+
+    design: Design = field(repr=False)
     results: tuple[StudyRun, ...] = field(repr=False)
+    folder: Path | None = None
 
     def __repr__(self) -> str:
-        return f"Study({self.scenario.name}, {len(self.results)} runs)"
+        varied = f", {len(self.design.variants)} combinations" if self.axes else ""
+        return f"Study({self.scenario.name}{varied}, {len(self.results)} runs)"
+
+    @property
+    def scenario(self) -> Scenario:
+        """What is run, before anything of it is varied."""
+        return self.design.scenario
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """What is varied: ``key`` and ``values`` of each."""
+        return self.design.axes
 
     @cached_property
     def table(self) -> pa.Table:
-        """A row for each seed and tracker; the columns are keys of metrics.json, like ``rmse.position``."""
-        return figures_table(run.metrics for run in self.results)
+        """A row for each run and tracker; the columns are what is varied, and keys of metrics.json."""
+        return study_table(self.results, self.axes)
+
+    @cached_property
+    def summary(self) -> Summary:
+        """Of each combination and tracker the means, with intervals; ``summary.table`` has them as a table."""
+        return summary_of(self.design, self.results)
 
     @property
     def median(self) -> StudyRun:
         """The run whose first tracker has the median RMSE of the position; no track at all counts as worst."""
-        first = self.scenario.fusion.trackers[0]
 
         def error(run: StudyRun) -> float:
-            position = run.metrics.trackers[first].rmse.position
+            position = next(iter(run.metrics.trackers.values())).rmse.position
             return float("inf") if position is None else position
 
         return sorted(self.results, key=error)[(len(self.results) - 1) // 2]
 
+    def to_pandas(self) -> pd.DataFrame:
+        """``table`` as a data frame. Raises ``TrackfieldError`` where pandas is not installed."""
+        try:
+            import pandas  # noqa: F401
+        except ImportError:
+            said = "to_pandas needs pandas, which is not installed; pip install 'trackfield[notebook]' brings it"
+            raise TrackfieldError(said) from None
+        return self.table.to_pandas()
 
-def study(scenario: Scenario, seeds: Iterable[int], n_jobs: int = -1, out: Path | None = None) -> Study:
-    """Run the scenario with each of these seeds; ``out`` is for the tables and the median run.
+    def plot(self, axis: str | None = None) -> Picture:
+        """What a varied key does (none named: the first) to error, latency, energy, lifetime and losses.
 
-    Raises ``ScenarioError`` if a run cannot be made, there are no seeds, or ``out`` is not empty.
+        A matplotlib figure, which notebooks show. If nothing is varied, trackers are compared. Raises
+        ``ScenarioError`` for a key that is not varied.
+        """
+        from launcher.study.pictures.drawing import axis_of
+        from launcher.study.pictures.effects import axis_picture
+
+        return axis_picture(self.summary, axis_of(self.summary, axis))
+
+    def pareto(self, x: str = "", y: str = "") -> Picture:
+        """Two figures (keys of metrics.json) of each combination, and which are the best; unnamed: cost and error.
+
+        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for what is no figure of a study.
+        """
+        from launcher.study.figures import pair
+        from launcher.study.pictures.pareto import default_pair, front_of, pareto_picture
+
+        usual = default_pair(self.summary)
+        return pareto_picture(front_of(self.summary, *pair(f"{x or usual[0]},{y or usual[1]}")))
+
+    def _repr_html_(self) -> str:
+        from launcher.study.table import html_table
+
+        return f"<p><b>{self.scenario.name}</b>: {len(self.results)} runs</p>{html_table(self.summary)}"
+
+
+def study(
+    scenario: Scenario,
+    seeds: Iterable[int],
+    vary: Mapping[str, Iterable[Any]] | None = None,
+    n_jobs: int = -1,
+    out: Path | None = None,
+) -> Study:
+    """Run every combination of what is varied with each of these seeds; ``out`` is the folder of the study.
+
+    Raises ``ScenarioError`` if a run cannot be made, there are no seeds, or ``out`` has something else in it.
     """
-    runs = [checked(scenario, seed) for seed in seeds]
-    if not runs:
-        raise ScenarioError("there are none", key="seeds", expected="one or more, like range(100)")
-    if out is not None:
-        begin_folder(out, CHOSEN)
-    found: dict[int, StudyRun] = dict(unordered(study_run, runs, n_jobs, f"{scenario.name}, {len(runs)} runs"))
-    whole = Study(scenario, tuple(found[i] for i in range(len(runs))))
-    if out is not None:
-        _write(whole, out)
+    whole = design(scenario, seeds, vary)
+    if out is None:
+        return _unkept(whole, n_jobs)
+    folder = StudyFolder(out, whole)
+    folder.begin([])
+    fill(folder, n_jobs)
+    return finish(folder)
+
+
+def _unkept(whole: Design, n_jobs: int) -> Study:
+    """All runs, in memory."""
+    jobs = whole.jobs
+    found: dict[int, StudyRun] = dict(unordered(_run, _given(whole, jobs), n_jobs, _title(whole)))
+    runs = (found[i].of(whole.variants[place].values) for i, (place, _) in enumerate(jobs))
+    return Study(whole, tuple(runs))
+
+
+def fill(folder: StudyFolder, n_jobs: int = -1, *, lines: bool = False) -> None:
+    """Do the runs that are missing in the folder; those that are done stay there, whatever ends it."""
+    jobs = folder.missing()
+    given = _given(folder.design, jobs)
+    for number, run in unordered(_run, given, n_jobs, _title(folder.design), lines=lines):
+        run.save(folder.file(*jobs[number]))
+
+
+def finish(folder: StudyFolder, pareto: tuple[str, str] | None = None) -> Study:
+    """The study, whose runs are all there: with tables, pictures and a page in its folder."""
+    from launcher.study.page import write_page
+
+    runs = tuple(folder.load(place, seed) for place, seed in folder.design.jobs)
+    whole = Study(folder.design, runs, folder.path)
+    folder.write_tables(runs, whole.summary)
+    write_page(folder, runs, whole.summary, pareto)
+    if not whole.axes:
+        folder.write_median(whole.median)
     return whole
 
 
-def study_run(scenario: Scenario) -> StudyRun:
-    """One run in virtual time, in this process: the figures of ``trackfield run --virtual``, but no folder."""
-    begun, cpu_s = time.monotonic(), time.process_time()
-    try:
-        plan = planned(scenario)
-    except ScenarioError as error:
-        raise ScenarioError(f"with seed {scenario.seed}: {error}") from None
-    ledger, rows = simulate(plan)
-    bound = run_bound(plan, headline(plan, rows))
-    metrics = run_metrics(plan, ledger, rows, bound)
-    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
-    metrics["timing"]["speed"] = None
-    metrics["recorder"]["messages"] = metrics["frames"]["sent"]
-    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, bound, plan.origin_ns))
+def _given(whole: Design, jobs: Sequence[tuple[int, int]]) -> list[tuple[Scenario, int]]:
+    return [(whole.variants[place].scenario, seed) for place, seed in jobs]
 
 
-def unordered(
-    function: Callable[[Job], Answer], jobs: Sequence[Job], n_jobs: int = -1, title: str = ""
-) -> Iterator[tuple[int, Answer]]:
-    """(place in ``jobs``, answer) of each, as they come; with a progress bar on stderr where that is a terminal.
-
-    ``n_jobs`` and ``joblib.parallel_config`` say where they are computed, as for ``joblib.Parallel``.
-    """
-    from joblib import Parallel, delayed
-
-    calls = (delayed(_placed)(registered(), function, place, job) for place, job in enumerate(jobs))
-    with _progress(title, len(jobs)) as advance:
-        for answer in Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls):
-            advance()
-            yield answer
+def _run(given: tuple[Scenario, int]) -> StudyRun:
+    return study_run(checked(*given))
 
 
-def figures_table(runs: Iterable[RunFigures]) -> pa.Table:
-    """A row for each run and tracker, a column for each figure, named by its key in metrics.json."""
-    rows = [row for run in runs for row in run.rows()]
-    return pa.table({name: pa.array([row[name] for row in rows], _type(name)) for name in rows[0]})
-
-
-def _type(name: str) -> pa.DataType:
-    whole = name.startswith(("frames.", "bytes."))
-    return _TYPES.get(name, pa.int64() if whole else pa.float64())
-
-
-def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:
-    register(brought)  # what users registered they did so in the process that asked
-    return place, function(job)
-
-
-@contextmanager
-def _progress(title: str, total: int) -> Iterator[Callable[[], Any]]:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(title, total=total)
-        yield lambda: progress.advance(task)
-
-
-def _write(whole: Study, out: Path) -> None:
-    """study.parquet, tracks.parquet (with seeds), and the folder of the median run."""
-    pq.write_table(whole.table, out / "study.parquet")
-    tracks = [
-        run.tracks.add_column(0, "seed", pa.array([run.seed] * len(run.tracks), pa.int64())) for run in whole.results
-    ]
-    pq.write_table(pa.concat_tables(tracks), out / "tracks.parquet")
-    chosen = checked(whole.scenario, whole.median.seed)
-    folder = prepare_folder(out / CHOSEN, chosen.name, chosen.seed)
-    keep(chosen, folder)
-    run_virtual(planned(chosen), folder)
+def _title(whole: Design) -> str:
+    return f"{whole.scenario.name}, {len(whole.jobs)} runs"

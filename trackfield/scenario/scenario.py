@@ -77,7 +77,11 @@ class Scenario(Contents):
 
         Raises ``ScenarioError`` as ``load`` does.
         """
-        return self.load(self.model_dump(mode="json", by_alias=True, exclude_unset=True), {key: value})
+        return self.set_all({key: value})
+
+    def set_all(self, values: Mapping[str, Any]) -> Self:
+        """The scenario with several keys set to other values at once: those of a kind beside the kind."""
+        return self.load(self.model_dump(mode="json", by_alias=True, exclude_unset=True), values)
 
     def plain(self) -> dict[str, Any]:
         """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""

@@ -1,0 +1,69 @@
+"""``study``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from launcher.commands.arguments import End, LinkModel, Name, Nodes, Sensors, Set, Start, Target, Trackers
+
+
+def study(
+    scenario: Name,
+    seeds: Annotated[
+        str, typer.Option(metavar="N", help="How many runs of each combination: seeds 1 to N; or A-B, or A,B,C.")
+    ] = "10",
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY=A,B,C",
+            help="Vary a key over values, as field.spacing_m=50,75 or tracker=ukf,ekf; repeated: all combinations.",
+        ),
+    ] = None,
+    pareto: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y", help="The two figures of the Pareto front, by their keys; unset: energy and RMSE."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="On how many cores; unset: all.")] = None,
+    overrides: Set = None,
+    target: Target = None,
+    start: Start = None,
+    end: End = None,
+    sensors: Sensors = None,
+    nodes: Nodes = None,
+    link: LinkModel = None,
+    tracker: Trackers = None,
+    out: Annotated[
+        Path | None, typer.Option(help="The study's folder; what an earlier one left there is not run again.")
+    ] = None,
+) -> None:
+    """Run a scenario with many seeds, perhaps over values of some keys: a table, pictures, a page."""
+    from launcher.plan.prepare import changes
+    from launcher.study.command import conduct
+    from trackfield.filters.trackers import TRACKERS
+    from trackfield.scenario import Scenario
+
+    fixed = changes(
+        settings=overrides or (),
+        target=target,
+        start=start,
+        end=end,
+        sensors=sensors,
+        nodes=nodes,
+        link=link,
+        trackers=tracker or (),
+    )
+    conduct(
+        Scenario.load(scenario, fixed, known_trackers=TRACKERS),
+        seeds=seeds,
+        vary=vary or (),
+        fixed=fixed,
+        pareto=pareto,
+        n_jobs=jobs or -1,
+        out=out,
+        command=sys.argv,
+    )

@@ -1,0 +1,104 @@
+"""``trackfield study``: what a person gives on the line, and is told while the runs go on."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from launcher.show import console, note
+from launcher.study.axes import Design, design, label, overlap, parse_vary
+from launcher.study.figures import pair
+from launcher.study.folder import StudyFolder, default_folder, seeds_in_words
+from launcher.study.page import PAGE
+from launcher.study.studies import fill, finish
+from launcher.study.table import rich_table
+from trackfield.errors import ScenarioError
+from trackfield.scenario import Scenario
+
+INTERRUPTED: Final = 130
+_WIDTH: Final = 200
+"""Columns of a table that goes to no terminal."""
+
+
+def conduct(
+    scenario: Scenario,
+    *,
+    seeds: str,
+    vary: Sequence[str],
+    fixed: Mapping[str, Any],
+    pareto: str | None,
+    n_jobs: int,
+    out: Path | None,
+    command: Sequence[str],
+) -> None:
+    """Do a study, or what is missing of it, and print its table; ``fixed`` are the keys that other options set.
+
+    Raises ``ScenarioError`` for bad input before anything runs, ``typer.Exit`` with 130 when it is interrupted.
+    """
+    varied = parse_vary(vary)
+    figures = pair(pareto) if pareto is not None else None
+    whole = design(scenario, parse_seeds(seeds), varied)
+    _check_free(whole, fixed)
+    folder = StudyFolder(out or default_folder(whole), whole)
+    for remark in folder.begin(command):
+        note(remark)
+    missing, runs = len(folder.missing()), len(whole.jobs)
+    console.print(Text(_announced(whole)))
+    if missing < runs:
+        console.print(f"{runs - missing} of {runs} runs are there from before")
+    try:
+        fill(folder, n_jobs, lines=True)
+        found = finish(folder, figures)
+    except KeyboardInterrupt:
+        left = len(folder.missing())
+        said = f"interrupted: {runs - left} of {runs} runs are done and kept in {folder.path}; "
+        console.print(Text(said + "the same command goes on with the others"))
+        raise typer.Exit(INTERRUPTED) from None
+    _table_console().print(rich_table(found.summary))
+    console.print(Text(f"study: {folder.path} ({PAGE}, summary.csv, study.csv, plots)"))
+    console.print(Text(f"next: open {folder.path / PAGE}"))
+
+
+def parse_seeds(text: str) -> list[int]:
+    """``N`` as 1 to N, ``A-B`` as A to B, ``A,B,...`` one by one. Raises ``ScenarioError`` for any other text."""
+    expected = "how many, like 20 (seeds 1 to 20), or from-to, like 21-40, or some, like 3,7,9"
+    try:
+        if "," in text:
+            return [int(part) for part in text.split(",")]
+        first, dash, last = text.partition("-")
+        found = list(range(int(first), int(last) + 1) if dash else range(1, int(text) + 1))
+    except ValueError:
+        raise ScenarioError(f"is {text!r}", key="--seeds", expected=expected) from None
+    if not found:
+        raise ScenarioError(f"{text!r} are none", key="--seeds", expected=expected)
+    return found
+
+
+def _check_free(whole: Design, fixed: Collection[str]) -> None:
+    """Raise ``ScenarioError`` if another option sets what the study sets itself."""
+    if "seed" in fixed:
+        raise ScenarioError("has no effect: --seeds says which", file="--set", key="seed", expected="--seeds alone")
+    for axis in whole.axes:
+        for key in fixed:
+            if overlap(axis.sets, key):
+                what = f"is varied, and set by another option ({key})"
+                raise ScenarioError(what, file="--vary", key=axis.key, expected="one of both")
+
+
+def _announced(whole: Design) -> str:
+    axes = "; ".join(f"{axis.key} = {', '.join(map(label, axis.values))}" for axis in whole.axes)
+    combinations = f"{len(whole.variants)} combinations ({axes}), " if whole.axes else ""
+    return f"{whole.scenario.name}: {combinations}seeds {seeds_in_words(whole.seeds)}: {len(whole.jobs)} runs"
+
+
+def _table_console() -> Console:
+    """Stdout; where it is no terminal, wide enough for a table on lines of its own."""
+    wide = None if sys.stdout.isatty() or os.environ.get("COLUMNS") else _WIDTH
+    return Console(markup=False, emoji=False, highlight=False, width=wide)

@@ -1,0 +1,76 @@
+"""The figures of a run that studies are about: keys of metrics.json, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from trackfield.errors import ScenarioError
+from trackfield.scenario.nearest import suggestion
+
+Better = Literal["less", "more"]
+LOST: Final = "frames.lost"
+"""Frames lost for any cause: the sum of what metrics.json has below this key."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure: its key in metrics.json (of a tracker: below its name), what it is called, and which is better."""
+
+    key: str
+    name: str
+    unit: str
+    better: Better = "less"
+
+    @property
+    def title(self) -> str:
+        """Its name with its unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    def of(self, row: Mapping[str, Any]) -> float | None:
+        """Its value in a row of a study's table."""
+        if self.key == LOST:
+            return float(sum(value for key, value in row.items() if key.startswith(f"{LOST}.")))
+        value = row[self.key]
+        return None if value is None else float(value)
+
+
+FIGURES: Final = {
+    figure.key: figure
+    for figure in (
+        Figure("rmse.position", "RMSE", "m"),
+        Figure("rmse.velocity", "RMSE of the velocity", "m/s"),
+        Figure("median_error", "median error", "m"),
+        Figure("share_within", "steps with the track near enough, share", "", "more"),
+        Figure("longest_blackout_s", "longest blackout", "s"),
+        Figure("times_bound", "RMSE to its bound", ""),
+        Figure("latency_ms.link.p95", "latency on the link, 95 %", "ms"),
+        Figure("latency_ms.to_track.p95", "latency from step to track, 95 %", "ms"),
+        Figure("energy_j.total", "energy", "J"),
+        Figure("energy_j.max_node", "energy of the node that used most", "J"),
+        Figure("lifetime_s.first_death", "first battery empty", "s", "more"),
+        Figure("lifetime_s.half_dead", "half of the batteries empty", "s", "more"),
+        Figure("lifetime_s.coverage_lost", "coverage lost", "s", "more"),
+        Figure("frames.sent", "frames sent", ""),
+        Figure(LOST, "frames lost", ""),
+        Figure("bytes.payload", "payload", "bytes"),
+        Figure("bytes.on_air", "bytes on the air", "bytes"),
+    )
+}
+"""By their keys."""
+COST: Final = ("energy_j.total", "bytes.on_air", "frames.sent")
+"""What a field costs, the most telling first."""
+ERROR: Final = "rmse.position"
+
+
+def pair(text: str) -> tuple[str, str]:
+    """``X,Y`` as two keys of figures. Raises ``ScenarioError`` for any other text."""
+    keys = [part.strip() for part in text.split(",")]
+    for key in keys:
+        if key not in FIGURES:
+            what = f"there is no figure {key!r}{suggestion(key, FIGURES)}"
+            raise ScenarioError(what, key="--pareto", expected=f"X,Y, two of {', '.join(FIGURES)}")
+    if len(keys) != 2 or keys[0] == keys[1]:
+        raise ScenarioError(f"is {text!r}", key="--pareto", expected="two figures, like energy_j.total,rmse.position")
+    return keys[0], keys[1]

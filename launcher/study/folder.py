@@ -1,0 +1,158 @@
+"""The folder of a study: its runs, which are not run again, and what is made of them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
+
+from launcher.plan.prepare import checked, planned
+from launcher.record.folder import keep, manifest, prepare_folder
+from launcher.record.journal import write_json
+from launcher.run import run_virtual
+from launcher.study.axes import Design, label
+from launcher.study.results import StudyRun, study_table, write_tracks
+from launcher.study.store import RESULTS, Store, code_digest, scenario_digest, study_folder
+from launcher.study.summary import Summary
+from trackfield.errors import ScenarioError
+from trackfield.scenario import Scenario
+
+CHOSEN: Final = "median"
+"""The folder of the run that a study leaves if nothing is varied."""
+MANIFEST: Final = "manifest.json"
+SCENARIO: Final = "scenario.toml"
+MOST_CHANGES: Final = 3
+
+
+class StudyFolder:
+    """A study below ``path``. Raises ``ScenarioError`` for a folder that has something else in it."""
+
+    def __init__(self, path: Path, design: Design) -> None:
+        study_folder(path)
+        self.path, self.design = path, design
+        code = code_digest()
+        keys = {str(place): scenario_digest(one.scenario, code) for place, one in enumerate(design.variants)}
+        self._store = Store(path, keys, ".parquet")
+        self._study: dict[str, Any] = {
+            "scenario": scenario_digest(design.scenario),
+            "seeds": list(design.seeds),
+            "vary": {axis.key: list(axis.values) for axis in design.axes},
+            "code": code,
+        }
+
+    def missing(self) -> list[tuple[int, int]]:
+        """(place of the variant, seed) of the runs that are not there."""
+        return [(int(name), seed) for name, seed in self._store.missing(self.design.seeds)]
+
+    def file(self, place: int, seed: int) -> Path:
+        """Where a run is, or will be."""
+        return self._store.file(str(place), seed)
+
+    def load(self, place: int, seed: int) -> StudyRun:
+        """A run that is there, with the values of its variant."""
+        return StudyRun.load(self.file(place, seed)).of(self.design.variants[place].values)
+
+    def scenario_file(self, place: int) -> Path:
+        """The scenario file of a variant: what runs it again, anywhere."""
+        return self.path / RESULTS / self.file(place, 0).parent.name / SCENARIO
+
+    def begin(self, command: Sequence[str]) -> list[str]:
+        """Write what is to be run; in what it differs from the study that is there, for people."""
+        said = list(self._changes())
+        self.path.joinpath(SCENARIO).unlink(missing_ok=True)
+        keep(self.design.scenario, self.path)
+        for place, variant in enumerate(self.design.variants):
+            if not self.scenario_file(place).exists():
+                self.scenario_file(place).parent.mkdir(exist_ok=True)
+                keep(variant.scenario, self.scenario_file(place).parent)
+        write_json({**manifest(command), "study": self._study}, self.path / MANIFEST)
+        return said
+
+    # --- what changed -------------------------------------------------------------------------------------------------
+
+    def _changes(self) -> Iterator[str]:
+        try:
+            before = json.loads((self.path / MANIFEST).read_bytes())["study"]
+        except (OSError, ValueError, KeyError):
+            return
+        if before["code"] != self._study["code"]:
+            yield "the code of Trackfield is another than that of the runs in this folder"
+        if before["scenario"] != self._study["scenario"]:
+            yield f"the scenario is another than that of the study in this folder: {self._changed_keys()}"
+        if before["vary"] != self._study["vary"]:
+            yield f"varied were {_varied(before['vary'])}, and are {_varied(self._study['vary'])}"
+        if before["seeds"] != self._study["seeds"]:
+            yield f"the seeds were {seeds_in_words(before['seeds'])}, and are {seeds_in_words(self.design.seeds)}"
+
+    def _changed_keys(self) -> str:
+        """Which keys of the scenario are others than before, and what they were."""
+        try:
+            old = dict(_flat(Scenario.load(self.path / SCENARIO).plain()))
+        except ScenarioError:
+            return "its file cannot be read any more"
+        new = dict(_flat(self.design.scenario.plain()))
+        keys = [key for key in dict.fromkeys((*old, *new)) if old.get(key) != new.get(key) and key != "seed"]
+        keys = [key for key in keys if not key.endswith("file")] or keys
+        told = [f"{key} was {label(old.get(key, 'unset'))} and is {label(new.get(key, 'unset'))}" for key in keys]
+        more = f", and {len(told) - MOST_CHANGES} more keys" if len(told) > MOST_CHANGES else ""
+        return (", ".join(told[:MOST_CHANGES]) or "its files or trackers are others") + more
+
+    # --- what is made of the runs -------------------------------------------------------------------------------------
+
+    def write_tables(self, runs: Sequence[StudyRun], summary: Summary) -> None:
+        """study.parquet, study.csv, summary.csv and tracks.parquet."""
+        table = study_table(runs, self.design.axes)
+        pq.write_table(table, self.path / "study.parquet")
+        _write_csv(table, self.path / "study.csv")
+        _write_csv(summary.table, self.path / "summary.csv")
+        write_tracks(runs, self.design.axes, self.path / "tracks.parquet")
+
+    def write_median(self, run: StudyRun) -> None:
+        """The run folder of one run, with timeline and report."""
+        shutil.rmtree(self.path / CHOSEN, ignore_errors=True)
+        chosen = checked(self.design.scenario, run.seed)
+        folder = prepare_folder(self.path / CHOSEN, chosen.name, chosen.seed)
+        keep(chosen, folder)
+        if run_virtual(planned(chosen), folder).signal is not None:
+            raise KeyboardInterrupt
+
+
+def _write_csv(table: pa.Table, file: Path) -> None:
+    """Lists as text, which CSV has no other way to say."""
+    for place, name in enumerate(table.column_names):
+        if pa.types.is_list(table[name].type):
+            said = [None if value is None else label(value) for value in table[name].to_pylist()]
+            table = table.set_column(place, name, pa.array(said, pa.string()))
+    pa_csv.write_csv(table, file)
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{name}.")
+        else:
+            yield before + name, value
+
+
+def _varied(vary: Mapping[str, Sequence[Any]]) -> str:
+    return "; ".join(f"{key} = {', '.join(map(label, values))}" for key, values in vary.items()) or "nothing"
+
+
+def seeds_in_words(seeds: Sequence[int]) -> str:
+    """1 to 20, or the seeds one by one."""
+    if len(seeds) > 2 and list(seeds) == list(range(seeds[0], seeds[-1] + 1)):
+        return f"{seeds[0]} to {seeds[-1]}"
+    return ", ".join(map(str, seeds))
+
+
+def default_folder(design: Design) -> Path:
+    """Below ``runs/``: named after the scenario, with a digest of it and of the varied keys, so that more seeds or
+    values go on with what is there, and another scenario gets a folder of its own."""
+    digest = scenario_digest(design.scenario, ",".join(axis.key for axis in design.axes))
+    return Path("runs") / f"study-{design.scenario.name}-{digest[:6]}"

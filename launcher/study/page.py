@@ -1,0 +1,108 @@
+"""``study.html``: one file with all that a study has to show, which needs nothing else to be opened."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from launcher.report.templates import inline, templates
+from launcher.study.axes import TRACKER, in_words, label
+from launcher.study.figures import FIGURES
+from launcher.study.folder import CHOSEN, MANIFEST, SCENARIO, StudyFolder, seeds_in_words
+from launcher.study.pictures.drawing import PLOTS, draw, pictured
+from launcher.study.pictures.effects import lines
+from launcher.study.pictures.pareto import default_pair
+from launcher.study.results import StudyRun
+from launcher.study.store import RESULTS
+from launcher.study.summary import Summary
+from launcher.study.table import caption, grid
+
+PAGE: Final = "study.html"
+_FILES: Final = {
+    "summary.csv": "the table of this page: a row for each combination and tracker, with all figures and intervals",
+    "study.csv": "a row for each run and tracker",
+    "study.parquet": "the same",
+    "tracks.parquet": "the tracks of all runs, step by step",
+    CHOSEN: "the run with the median RMSE, to look at: trackfield view",
+    SCENARIO: "the scenario, before anything of it is varied",
+    MANIFEST: "command, versions, machine, seeds and what was varied",
+    PLOTS: "the pictures of this page",
+    RESULTS: "the runs and the scenario of each combination",
+}
+
+
+def write_page(
+    folder: StudyFolder, runs: Sequence[StudyRun], summary: Summary, pareto: tuple[str, str] | None = None
+) -> Path:
+    """Draw the pictures and write ``study.html`` into the folder, anew; the path of the page."""
+    pictures = draw(summary, folder.path, pareto)
+    manifest = json.loads((folder.path / MANIFEST).read_bytes())
+    x, y = pareto or default_pair(summary)
+    command = [Path(part).name if place == 0 else part for place, part in enumerate(manifest["command"])]
+    text = (
+        templates("launcher.study")
+        .get_template("study.html.j2")
+        .render(
+            name=summary.name,
+            facts=_facts(summary, len(runs)),
+            grid=grid(summary),
+            caption=caption(summary),
+            lifetimes=summary.told("lifetime_s.first_death"),
+            axes=list(_axes(summary)),
+            pictures={name: inline(file.read_bytes()) for name, file in pictures.items()},
+            pareto_title=f"{FIGURES[x].name} against {FIGURES[y].name}",
+            pareto_said=_front_said(x, y),
+            command=shlex.join(command),
+            looks=list(_looks(folder, runs)),
+            toml=(folder.path / SCENARIO).read_text(encoding="utf-8"),
+            files={name: what for name, what in _FILES.items() if name != CHOSEN or not summary.axes},
+            manifest=manifest,
+        )
+    )
+    page = folder.path / PAGE
+    page.write_text(text, encoding="utf-8")
+    return page
+
+
+def _facts(summary: Summary, runs: int) -> list[tuple[str, str]]:
+    return [
+        *((axis.key, ", ".join(map(label, axis.values))) for axis in summary.axes),
+        ("seeds", seeds_in_words(summary.seeds)),
+        ("runs", f"{runs:,}, in virtual time"),
+        *([("trackers", ", ".join(summary.trackers))] if TRACKER not in [axis.key for axis in summary.axes] else []),
+    ]
+
+
+def _axes(summary: Summary) -> Iterator[tuple[str, str, str]]:
+    """(key, heading, what is to be said) of each picture of an axis."""
+    bars = "Bars: 95 % confidence intervals." if summary.estimated else "Too few seeds for intervals."
+    for axis in pictured(summary):
+        _, held = lines(summary, axis)
+        also = f" Of what else is varied, {in_words(held)}; the table has the rest." if held else ""
+        yield axis.key, f"What {axis.key} does", f"Means over the seeds of each combination. {bars}{also}"
+
+
+def _front_said(x: str, y: str) -> str:
+    sides = " and ".join(f"{FIGURES[key].better} {FIGURES[key].name}" for key in (x, y))
+    return (
+        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). On the front are those that no other "
+        "is better than in both. A combination of which half of the runs or more were lost cannot be on it."
+    )
+
+
+def _looks(folder: StudyFolder, runs: Sequence[StudyRun]) -> Iterator[tuple[str, str]]:
+    """(combination, the command that makes its median run again, as a folder with timeline and report)."""
+    home = folder.path.absolute().parent
+    for place, variant in enumerate(folder.design.variants):
+        own = [run for run in runs if run.values == variant.values]
+        seed = sorted(own, key=_error)[(len(own) - 1) // 2].seed
+        file = shlex.quote(str(folder.scenario_file(place).absolute().relative_to(home)))
+        yield variant.name or "the scenario", f"trackfield run {file} --virtual --seed {seed}"
+
+
+def _error(run: StudyRun) -> float:
+    position = next(iter(run.metrics.trackers.values())).rmse.position
+    return float("inf") if position is None else position

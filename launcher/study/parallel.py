@@ -1,0 +1,99 @@
+"""Many jobs over all cores or a cluster, with their progress on a terminal."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any, Final, TypeVar
+
+from launcher.plan.extensions import Registered, register, registered
+from launcher.show import PLAIN_EVERY_S
+
+Job = TypeVar("Job")
+Answer = TypeVar("Answer")
+
+WORKERS_START_S: Final = 3.0
+"""Worker processes take about so long to start and to import what runs need; less work than that is done here."""
+
+FIRST: Final = 5
+"""So many jobs say little of how long the others take."""
+
+
+def unordered(
+    function: Callable[[Job], Answer], jobs: Sequence[Job], n_jobs: int = -1, title: str = "", *, lines: bool = False
+) -> Iterator[tuple[int, Answer]]:
+    """(place in ``jobs``, answer) of each, as they come; with a progress bar on stderr where that is a terminal.
+
+    ``n_jobs`` and ``joblib.parallel_config`` say where they are computed, as for ``joblib.Parallel``; the first is
+    computed in this process, and so are all others if that takes less time than to start others. With ``lines``,
+    progress is told in plain lines where there is no terminal.
+    """
+    from joblib import Parallel, delayed
+
+    with _progress(title, len(jobs), lines=lines) as advance:
+        begun = time.monotonic()
+        for place, job in enumerate(jobs[:1]):
+            yield place, function(job)
+            advance()
+        rest = list(enumerate(jobs))[1:]
+        if (time.monotonic() - begun) * len(rest) < WORKERS_START_S:
+            n_jobs = 1
+        calls = (delayed(_placed)(os.getpid(), registered(), function, place, job) for place, job in rest)
+        for answer in Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls):
+            yield answer
+            advance()
+
+
+def _placed(
+    asker: int, brought: Registered, function: Callable[[Job], Answer], place: int, job: Job
+) -> tuple[int, Answer]:
+    if os.getpid() != asker:
+        with suppress(ValueError):  # not the main thread of a worker, which gets no signals then
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever asked to answer
+        register(brought)  # what users registered they did so in the process that asked
+    return place, function(job)
+
+
+@contextmanager
+def _progress(title: str, total: int, *, lines: bool) -> Iterator[Callable[[], Any]]:
+    """Call what it yields after each job."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        yield _plain(console.print, total) if lines else lambda: None
+        return
+    columns = (
+        *(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()),
+        *(TimeElapsedColumn(), TextColumn("remaining:"), TimeRemainingColumn()),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task(title, total=total)
+        yield lambda: progress.advance(task)
+
+
+def _plain(say: Callable[[str], Any], total: int) -> Callable[[], None]:
+    """A line every few seconds."""
+    done, said, begun = 0, time.monotonic(), 0.0
+
+    def advance() -> None:
+        nonlocal done, said, begun
+        done, now = done + 1, time.monotonic()
+        begun = now if done == FIRST else begun  # the first of each process take longer
+        if now - said >= PLAIN_EVERY_S and done < total:
+            said = now
+            left = (now - begun) / (done - FIRST) * (total - done) if done > 2 * FIRST else 0.0
+            say(f"{done} of {total} runs{f', about {left:.0f} s remaining' if left else ''}")
+
+    return advance

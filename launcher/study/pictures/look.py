@@ -1,0 +1,69 @@
+"""How the pictures of a study look: colours, marks, units, scales."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from launcher.report.style import STYLE
+from launcher.study.intervals import Estimate
+
+COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
+"""Of combinations: Okabe and Ito; trackers have colours of their own where they alone differ."""
+MARKERS: Final = "osD^vP"
+WIDE: Final = 30.0
+"""Values whose largest is so many times the least are shown on a logarithmic scale."""
+_SCALES: Final = {
+    "s": ((172_800.0, 86_400.0, "days"), (7_200.0, 3_600.0, "h"), (0.0, 1.0, "s")),
+    "J": ((1e4, 1e3, "kJ"), (0.1, 1.0, "J"), (0.0, 1e-3, "mJ")),
+}
+"""From which largest value on a unit is shown as so much of another."""
+
+
+def colour_of(place: int, of: int) -> Any:
+    """Of a combination at this place among so many."""
+    return COLOURS[place] if of <= len(COLOURS) else mpl.colormaps["viridis"](place / (of - 1))
+
+
+class Picture(Figure):
+    """A figure that a notebook shows."""
+
+    def _repr_png_(self) -> bytes:
+        stream = io.BytesIO()
+        self.savefig(stream, format="png")
+        return stream.getvalue()
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """Figures made inside look like those of reports."""
+    with mpl.rc_context():
+        mpl.rcParams.update(STYLE)
+        yield
+
+
+def scale_of(unit: str, values: Sequence[float]) -> tuple[float, str]:
+    """How many of its unit such values are shown in, and what that is called."""
+    most = max(values, default=0.0)
+    return next(((by, to) for least, by, to in _SCALES.get(unit, ()) if most >= least), (1.0, unit))
+
+
+def columns(estimates: Sequence[Estimate | None], scale: float) -> tuple[Any, Any, Any]:
+    """Values and ends of their intervals, (n,) each; NaN where there is none."""
+
+    def floats(name: str) -> Any:
+        found = (getattr(one, name) if one else None for one in estimates)
+        return np.array([np.nan if value is None else value / scale for value in found])
+
+    return floats("value"), floats("low"), floats("high")
+
+
+def wide(values: Sequence[float]) -> bool:
+    """Whether a logarithmic scale shows them better."""
+    return len(values) > 0 and min(values) > 0 and max(values) >= WIDE * min(values)

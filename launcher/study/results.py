@@ -1,0 +1,144 @@
+"""Runs of a study: their figures and tracks, as computed and as stored."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from launcher.plan.prepare import planned
+from launcher.record.bounds import run_bound
+from launcher.record.measures import RunFigures
+from launcher.record.metrics import run_metrics
+from launcher.record.tables import tracks_table
+from launcher.record.views import headline
+from launcher.record.virtually import simulate
+from launcher.study.axes import TRACKER, Axis, label
+from launcher.study.store import whole
+from trackfield.errors import ScenarioError
+from trackfield.scenario import Scenario
+
+_METRICS: Final = b"trackfield.metrics"
+"""Under which a stored run has its figures, beside its tracks."""
+_TYPES: Final = {
+    "seed": pa.int64(),
+    "tracker": pa.string(),
+    "verdict": pa.string(),
+    "lost": pa.bool_(),
+    **dict.fromkeys(("steps", "steps_expected", "steps_tracked", "gap.steps"), pa.int64()),
+    "nees_band": pa.list_(pa.float64()),
+    "lifetime_s.extrapolated": pa.bool_(),
+}
+"""Of columns of a study's table; frames and bytes are whole numbers, all others not."""
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """One run of a study: its seed, its figures, and the ``values`` of what is varied."""
+
+    seed: int
+    metrics: RunFigures
+    held: pa.Table | Path = field(repr=False)
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def tracks(self) -> pa.Table:
+        """Its tracks, as in tracks.parquet; read anew each time if the run is stored."""
+        if isinstance(self.held, pa.Table):
+            return self.held
+        return pq.read_table(self.held).replace_schema_metadata(None)
+
+    def of(self, values: Mapping[str, Any]) -> StudyRun:
+        """The same as the run of these values."""
+        return replace(self, values=values)
+
+    def save(self, file: Path) -> StudyRun:
+        """Write it, whole or not at all; the same run, with its tracks in the file."""
+        said = json.dumps(self.metrics.model_dump(mode="json"))
+        with whole(file) as part:
+            pq.write_table(self.tracks.replace_schema_metadata({_METRICS: said.encode()}), part)
+        return replace(self, held=file)
+
+    @classmethod
+    def load(cls, file: Path) -> StudyRun:
+        """What ``save`` wrote. Raises ``ScenarioError`` if the file is damaged."""
+        try:
+            metrics = RunFigures.of(json.loads(pq.read_schema(file).metadata[_METRICS]), str(file))
+        except (OSError, ValueError, KeyError, TypeError):
+            expected = "the file gone: then its run is made again"
+            raise ScenarioError("is damaged", file=str(file), expected=expected) from None
+        return cls(metrics.seed, metrics, file)
+
+
+def study_run(scenario: Scenario) -> StudyRun:
+    """One run in virtual time, in this process: the figures of ``trackfield run --virtual``, but no folder."""
+    begun, cpu_s = time.monotonic(), time.process_time()
+    try:
+        plan = planned(scenario)
+    except ScenarioError as error:
+        raise ScenarioError(f"with seed {scenario.seed}: {error}") from None
+    ledger, rows = simulate(plan)
+    bound = run_bound(plan, headline(plan, rows))
+    metrics = run_metrics(plan, ledger, rows, bound)
+    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
+    metrics["timing"]["speed"] = None
+    metrics["recorder"]["messages"] = metrics["frames"]["sent"]
+    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, bound, plan.origin_ns))
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def figures_table(runs: Iterable[RunFigures]) -> pa.Table:
+    """A row for each run and tracker, a column for each figure, named by its key in metrics.json."""
+    rows = [row for run in runs for row in run.rows()]
+    return pa.table({name: pa.array([row[name] for row in rows], _type(name)) for name in rows[0]})
+
+
+def study_table(runs: Sequence[StudyRun], axes: Sequence[Axis]) -> pa.Table:
+    """That of all runs, after a column for each varied key."""
+    table = figures_table(run.metrics for run in runs)
+    for place, axis in enumerate(columns(axes)):
+        values = [run.values[axis.key] for run in runs for _ in run.metrics.trackers]
+        table = table.add_column(place, axis.key, column(axis, values))
+    return table
+
+
+def columns(axes: Sequence[Axis]) -> list[Axis]:
+    """Those that have a column of their own: all but that of the tracker, which tables have anyway."""
+    return [axis for axis in axes if axis.key != TRACKER]
+
+
+def column(axis: Axis, values: Sequence[Any]) -> pa.Array:
+    """Values of an axis: numbers if all of them are, else in words."""
+    return pa.array(values if axis.numeric else [label(value) for value in values])
+
+
+def write_tracks(runs: Sequence[StudyRun], axes: Sequence[Axis], file: Path) -> None:
+    """The tracks of all runs in one file, one after the other, with what is varied and the seed before them."""
+    types = {axis.key: column(axis, axis.values).type for axis in columns(axes)}
+    writer = None
+    try:
+        for run in runs:
+            told = {key: run.values[key] if pa.types.is_primitive(t) else label(run.values[key])
+                    for key, t in types.items()}  # fmt: skip
+            table = run.tracks
+            for place, (name, value) in enumerate((told | {"seed": run.seed}).items()):
+                kind = types.get(name, pa.int64())
+                table = table.add_column(place, name, pa.array([value] * len(table), kind))
+            writer = writer or pq.ParquetWriter(file, table.schema)
+            writer.write_table(table)
+    finally:
+        if writer:
+            writer.close()
+
+
+def _type(name: str) -> pa.DataType:
+    whole_number = name.startswith(("frames.", "bytes."))
+    return _TYPES.get(name, pa.int64() if whole_number else pa.float64())

@@ -1,0 +1,124 @@
+"""Runs of a study on disk: what is there is not run again, whatever ended the study.
+
+A run is a file of its own, in a folder that is named after a digest of all that decides its figures: the resolved
+scenario with the files that it names, the code that runs it, and numpy, whose random streams it draws from.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import os
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from hashlib import blake2b
+from importlib import import_module
+from importlib.metadata import entry_points, version
+from pathlib import Path
+from typing import Any, Final
+
+from launcher.plan.extensions import tracker_places
+from trackfield.errors import ScenarioError
+from trackfield.filters.trackers import TRACKERS
+from trackfield.scenario import Scenario
+from trackfield.scenario.sensors import OwnSensor
+from trackfield.world.sensors import SENSORS
+
+RESULTS: Final = "results"
+_PACKAGES: Final = ("trackfield", "launcher.plan", "launcher.record")
+"""That decide a run's figures, besides those of the roles; the other rooms only show them."""
+
+
+@cache
+def code_digest(*others: Path) -> str:
+    """Of every source file that has a say in a run's figures, of ``others``, and of numpy's version."""
+    roles = {entry.module.partition(".")[0] for entry in entry_points(group="trackfield.roles")}
+    digest = blake2b(version("numpy").encode(), digest_size=8)
+    for name in sorted({*_PACKAGES, *roles}):
+        folder = Path(str(import_module(name).__file__)).parent
+        for file in sorted(folder.rglob("*.py")):
+            digest.update(f"{name}/{file.relative_to(folder)}".encode())
+            digest.update(file.read_bytes())
+    for file in others:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def scenario_digest(scenario: Scenario, code: str = "") -> str:
+    """Of all that a scenario says but for its seed: its keys, what is in its files, a user's own classes; and ``code``.
+
+    Where a file lies does not matter.
+    """
+    said = _with_contents({key: value for key, value in scenario.plain().items() if key != "seed"})
+    return blake2b((json.dumps(said, sort_keys=True) + _own_code(scenario) + code).encode(), digest_size=6).hexdigest()
+
+
+def _with_contents(value: Any) -> Any:
+    """The same, with what is in each file instead of its name."""
+    if isinstance(value, Mapping):
+        return {key: _contents(item) if key == "file" else _with_contents(item) for key, item in value.items()}
+    return [_with_contents(item) for item in value] if isinstance(value, list) else value
+
+
+def _contents(file: object) -> str:
+    try:
+        return blake2b(Path(str(file)).read_bytes()).hexdigest()
+    except OSError:
+        return str(file)
+
+
+def _own_code(scenario: Scenario) -> str:
+    """The source of trackers and sensors that are a user's own."""
+    makers: list[object] = [TRACKERS[name] for name in tracker_places(scenario.fusion)]
+    if isinstance(scenario.sensor, OwnSensor):
+        makers.append(SENSORS[scenario.sensor.kind])
+    return "".join(map(_source, makers))
+
+
+def _source(maker: Any) -> str:
+    """Of the file that defines it; where there is none, nothing that was stored before is the same."""
+    try:
+        return Path(str(inspect.getsourcefile(maker))).read_text(encoding="utf-8")
+    except (OSError, TypeError):
+        return uuid.uuid4().hex
+
+
+class Store:
+    """The runs of some named scenarios below ``folder``; those of each in a folder of its own, which ``keys`` name."""
+
+    def __init__(self, folder: Path, keys: Mapping[str, str], suffix: str) -> None:
+        self.folder, self.suffix = folder, suffix
+        home = folder.absolute() / RESULTS  # workers may have been started elsewhere
+        self._folders = {name: home / key for name, key in keys.items()}
+
+    def file(self, name: str, seed: int) -> Path:
+        """Where the run is, or will be."""
+        return self._folders[name] / f"{seed:05}{self.suffix}"
+
+    def missing(self, seeds: Sequence[int]) -> list[tuple[str, int]]:
+        """The runs that are not there, seed by seed: an early end leaves all scenarios about as far."""
+        return [(name, seed) for seed in seeds for name in self._folders if not self.file(name, seed).exists()]
+
+
+@contextmanager
+def whole(file: Path) -> Iterator[Path]:
+    """A file to write to, which becomes ``file`` at the end: that is there whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(f".{os.getpid()}.part")
+    yield part
+    part.replace(file)
+
+
+def study_folder(folder: Path) -> None:
+    """Make a folder for a study: new, empty, or one of an earlier study. Raises ``ScenarioError`` if it is none."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()) and not (folder / RESULTS).is_dir():
+            expected = "an empty or new one, or that of an earlier study"
+            raise ScenarioError("the folder has something in it", file=str(folder), key="--out", expected=expected)
+        (folder / RESULTS).mkdir(exist_ok=True)
+    except OSError as error:
+        what = f"cannot write there ({error.strerror})"
+        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None

@@ -1,0 +1,149 @@
+"""The summary of a study as a table: for a terminal, a page and a notebook."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from rich import box
+from rich.table import Table
+
+from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
+from launcher.record.words import span
+from launcher.report.cells import NOTHING
+from launcher.study.axes import label
+from launcher.study.figures import FIGURES
+from launcher.study.intervals import FEWEST, Estimate
+from launcher.study.summary import Row, Summary
+
+COLUMNS: Final = {
+    "rmse.position": "RMSE",
+    "median_error": "median",
+    "longest_blackout_s": "blackout",
+    "latency_ms.to_track.p95": "latency, 95 %",
+    "energy_j.total": "energy",
+    "lifetime_s.first_death": "battery empty",
+    "frames.lost": "frames lost",
+}
+"""Figures that a table has, where any row does."""
+_IN_TERMINAL: Final = ("rmse.position",)
+"""Figures whose intervals a terminal has room for."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A figure in words, and its interval if there is one."""
+
+    text: str
+    interval: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.text} ({self.interval})" if self.interval else self.text
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table: its head, and a row for each combination and tracker; the first ``names`` columns say which."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    names: int
+
+
+def grid(summary: Summary) -> Grid:
+    """What people compare, with intervals."""
+    shown = [key for key in COLUMNS if summary.told(key)]
+    axes = summary.own_axes
+    head = (
+        *(axis.key for axis in axes),
+        *("tracker", "tracked", "with gaps", "lost"),
+        *(f"{COLUMNS[key]}{_unit(key)}" for key in shown),
+    )
+    rows = tuple(
+        (
+            *(Cell(label(row.values[axis.key])) for axis in axes),
+            Cell(row.tracker),
+            *(_share(row, verdict) for verdict in (TRACKED, WITH_GAPS, LOST)),
+            *(_cell(row, key) for key in shown),
+        )
+        for row in summary.rows
+    )
+    return Grid(head, rows, len(axes) + 1)
+
+
+def _unit(key: str) -> str:
+    unit = FIGURES[key].unit
+    return f" [{unit}]" if unit and key != "lifetime_s.first_death" else ""
+
+
+def _share(row: Row, verdict: str) -> Cell:
+    share = row.share(verdict)
+    if share is None:
+        return Cell(NOTHING)
+    ends = "" if share.low is None or share.high is None else f"{100 * share.low:.0f}–{100 * share.high:.0f}"
+    return Cell(f"{100 * share.value:.0f} %", ends)
+
+
+def _cell(row: Row, key: str) -> Cell:
+    estimate = row.figures[key]
+    if estimate is None:
+        return Cell(NOTHING)
+    if key == "lifetime_s.first_death":
+        cell = _ranged(estimate, span, " to ")
+    else:
+        digits = _digits(estimate.value)
+        cell = _ranged(estimate, lambda value: f"{value:,.{digits}f}", "–")
+    short = f" of {estimate.runs}" if estimate.runs < row.runs else ""
+    return Cell(cell.text + short, cell.interval)
+
+
+def _ranged(estimate: Estimate, said: Callable[[float], str], between: str) -> Cell:
+    low, high = estimate.low, estimate.high
+    ends = "" if low is None or high is None else f"{said(low)}{between}{said(high)}"
+    return Cell(said(estimate.value), ends)
+
+
+def _digits(value: float) -> int:
+    """Decimals with which a figure has three digits or so."""
+    return int(np.clip(2 - np.floor(np.log10(value)), 0, 4)) if value > 0 else 0
+
+
+def caption(summary: Summary) -> str:
+    """How the intervals came about, or why there are none."""
+    runs = len(summary.seeds)
+    if not summary.estimated:
+        return f"Means over {runs} run{'s' * (runs != 1)}: too few for intervals, which need {FEWEST}."
+    return (
+        f"Means over {runs} runs (RMSE: of the runs' own RMSE), with 95 % confidence intervals: Student's t for means, "
+        "Wilson's for shares of runs."
+    )
+
+
+def rich_table(summary: Summary) -> Table:
+    """For a terminal: intervals of the share of tracked runs and of the RMSE."""
+    whole, shown = grid(summary), [key for key in COLUMNS if summary.told(key)]
+    table = Table(caption=caption(summary), caption_justify="left", box=box.SIMPLE_HEAD)
+    with_interval = {whole.head.index("tracked")}
+    with_interval |= {len(whole.head) - len(shown) + shown.index(key) for key in _IN_TERMINAL if key in shown}
+    for place, name in enumerate(whole.head):
+        table.add_column(name, justify="left" if place < whole.names else "right")
+    for row in whole.rows:
+        table.add_row(*(str(cell) if place in with_interval else cell.text for place, cell in enumerate(row)))
+    return table
+
+
+def html_table(summary: Summary) -> str:
+    """For a notebook, with all intervals."""
+    whole = grid(summary)
+    head = "".join(f"<th>{html.escape(name)}</th>" for name in whole.head)
+    rows = "".join(f"<tr>{''.join(_html(cell) for cell in row)}</tr>" for row in whole.rows)
+    said = html.escape(caption(summary))
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table><p><small>{said}</small></p>"
+
+
+def _html(cell: Cell) -> str:
+    ends = f"<br><small>{html.escape(cell.interval)}</small>" if cell.interval else ""
+    return f"<td>{html.escape(cell.text)}{ends}</td>"
