@@ -57,8 +57,8 @@ def test_the_page_says_what_differs_and_what_came_of_it(trackfield: Call, tmp_pa
     assert "a, out – Trackfield comparison" in read.text
     assert "faults – [{\"kind\": \"restart\", \"nodes\": [\"fusion\"], \"at_s\": 4.0, \"until_s\": 9.0}]" in read.text
     assert re.search(r"fix-imm-ukf a tracked RMSE [\d.]+ m, .* over all 12 steps", read.text)
-    assert re.search(r"out (lost|tracked with gaps) RMSE [\d.]+ m, .* over 7 of 12 steps", read.text)
-    assert "5 s without a track: fusion was restarted at 4 s and came back at 9 s" in read.text
+    assert re.search(r"out (lost|tracked with gaps) RMSE [\d.]+ m, .* over 8 of 12 steps", read.text)
+    assert "4 s without a track: fusion was restarted at 4 s and came back at 9 s" in read.text
     assert "a lower figure may be chance" in read.text
     headings = ["Runs", "Tracks", "Error over time", "Error distribution", "Step by step", "Figures", "Messages", "Energy"]
     at = [read.text.index(f" {heading} ") for heading in headings]
@@ -137,10 +137,10 @@ def test_a_line_breaks_in_an_outage_and_its_steps_count(home: Path) -> None:
         (line,) = [one for one in axes.get_lines() if one.get_label() == name]
         x, y = (np.asarray(values, float) for values in line.get_data())
         if axes in over_time.axes:
-            assert np.isnan(y[(x >= 4) & (x < 9)]).all()
+            assert np.isnan(y[(x >= 4) & (x < 8)]).all()
             assert np.isfinite(y[x < 4]).all()
         else:
-            assert y.max() == pytest.approx(100 * 7 / 12)
+            assert y.max() == pytest.approx(100 * 8 / 12)
 
 
 def test_many_lines_have_a_plot_for_each_tracker(home: Path) -> None:
@@ -168,7 +168,7 @@ def test_step_by_step_the_runs_are_paired(home: Path) -> None:
     row = dict(zip(table.head, table.rows[0], strict=True))
     a, out = (one.tracks[0].error_m for one in runs)
     both = np.isfinite(a - out)
-    assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("fix-imm-ukf", "out", "a", "7")
+    assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("fix-imm-ukf", "out", "a", "8")
     assert float(row["mean difference [m]"]) == pytest.approx(float((out - a)[both].mean()), rel=5e-3)
     assert row["lower in parts of the run"] == "–"  # too few steps
 
