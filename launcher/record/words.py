@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
+
+_LONGER: Final = (("years", 365.25 * 86_400), ("days", 86_400), ("h", 3_600), ("min", 60))
+_JOULES: Final = (("GJ", 1e9), ("MJ", 1e6), ("kJ", 1e3), ("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9))
 
 
 def span(seconds: float) -> str:
-    """A time that may be a minute or a year."""
-    for unit, length in (("days", 86_400), ("h", 3_600), ("min", 60)):
+    """A duration in the unit that suits it, from parts of a second to years: ``40 s``, ``1.5 h``, ``23 days``."""
+    for unit, length in _LONGER:
         if seconds >= 2 * length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.1f} s"
+            return f"{_digits(seconds / length)} {unit}"
+    return f"{_digits(seconds)} s"
+
+
+def joules(energy_j: float) -> str:
+    """An energy in the unit that suits it: ``8.58 kJ``, ``456 mJ``."""
+    for unit, size in _JOULES:
+        if abs(energy_j) >= size:
+            return f"{_digits(energy_j / size)} {unit}"
+    return f"{energy_j:.3g} J"
+
+
+def _digits(value: float) -> str:
+    """Three digits, and all before the point."""
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
 def alarms(metrics: dict[str, Any]) -> list[str]:

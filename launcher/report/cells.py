@@ -43,6 +43,11 @@ def number(value: float | None, unit: str = "") -> str:
     return f"{text} {unit}".rstrip()
 
 
+def percent(share: float) -> str:
+    """A share (0 to 1) to a tenth of a percent; what is too small for that and not nothing is said to be."""
+    return "< 0.1 %" if 0 < share < 0.0005 else f"{100 * share:.1f} %"
+
+
 def ids(names: Iterable[str]) -> str:
     """The first few, and how many there are."""
     known = list(names)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,17 +17,21 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from launcher.plan.architectures import architecture_of
-from launcher.plan.faults import Mark
+from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import end_of, planned_faults
 from launcher.records import ARRIVED, SENSES, Place
 from launcher.report import tracks
-from launcher.report.tracks import Array, Track
+from launcher.report.tracks import Array, Course, Track
 from trackfield.errors import ScenarioError
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
 
 REPORTS: Final = ("doa", "measurement")
 """The kind of message that carries what a sensor heard."""
+LONG: Final = 400
+"""Steps, of which a line with all of them can still be read."""
+WINDOWS: Final = 60
+"""How many windows a longer run has, over which errors are averaged."""
 _COLUMNS: Final = ("kind", "src", "dst", "outcome", "sent_ns", "due_ns", "bytes", "copy", "incarnation", "step")
 _TEXT: Final = ("kind", "src", "dst", "outcome")
 
@@ -59,18 +64,40 @@ class Frames:
         arrived = self.where("outcome", *ARRIVED)
         return np.where(arrived, self._floats("due_ns") - self._floats("sent_ns"), np.nan) / NS
 
+    @cached_property
+    def steps(self) -> Array:
+        """(n,) of a report the step that it is about; else NaN."""
+        return self._floats("step")
+
+    @cached_property
+    def reports(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether it carries what a sensor heard."""
+        return self.where("kind", *REPORTS)
+
     def senders(self, *outcomes: str) -> set[str]:
         """Who sent a report that had one of these outcomes, or any."""
-        chosen = self.where("kind", *REPORTS)
-        if outcomes:
-            chosen &= self.where("outcome", *outcomes)
+        chosen = self.reports & self.where("outcome", *outcomes) if outcomes else self.reports
         return set(self.table["src"].filter(pa.array(chosen)).unique().to_pylist())
 
-    def by_kind(self) -> dict[str, tuple[int, int]]:
-        """(at how many hearers they were expected, at how many they arrived) of each kind, by its name."""
-        arrived = self.where("outcome", *ARRIVED)
+    def fates(self, chosen: npt.NDArray[np.bool_]) -> dict[str, int]:
+        """What became of these, the most frequent first."""
+        counted = Counter(self.table["outcome"].filter(pa.array(chosen)).to_pylist())
+        return dict(counted.most_common())
+
+    def late_s(self, step_ns: int, deadline_s: float) -> Array:
+        """(n,) how long after the deadline of its step each late report came, s; NaN for all others."""
+        late = self.reports & self.where("outcome", "late")
+        after = (self._floats("due_ns") - self.origin_ns - self.steps * step_ns) / NS
+        return np.where(late, after - deadline_s, np.nan)
+
+    def by_kind(self) -> dict[str, tuple[int, int, int]]:
+        """At how many hearers they were expected, at how many they arrived, and how many of those late, by kind."""
+        arrived, late = self.where("outcome", *ARRIVED), self.where("outcome", "late")
         of = {kind: self.where("kind", kind) for kind in sorted(self.table["kind"].unique().to_pylist())}
-        return {kind: (int(chosen.sum()), int((chosen & arrived).sum())) for kind, chosen in of.items()}
+        return {
+            kind: (int(chosen.sum()), int((chosen & arrived).sum()), int((chosen & late).sum()))
+            for kind, chosen in of.items()
+        }
 
     def _floats(self, column: str) -> Array:
         return np.asarray(self.table[column].to_numpy(), float)
@@ -80,8 +107,9 @@ class Frames:
 class Run:
     """A run folder, read; all times in s count from the first step.
 
-    ``site`` is its scenario worked out, ``places`` who was there, ``marks`` the faults that were planned. ``points`` is
-    what all sources told, the columns of tracks.parquet that a report needs; ``tracks`` are those of the headline view.
+    ``site`` is its scenario worked out, ``places`` who was there, ``faults`` what was planned. ``points`` is
+    what all sources told, the columns of tracks.parquet that a report needs; ``tracks`` are those of the headline view,
+    and ``course`` says of which instants one is expected.
     """
 
     folder: Path
@@ -90,8 +118,9 @@ class Run:
     toml: str
     site: Site
     places: tuple[Place, ...]
-    marks: tuple[Mark, ...]
+    faults: Faults
     points: pa.Table
+    course: Course
     tracks: tuple[Track, ...]
     frames: Frames
 
@@ -106,6 +135,11 @@ class Run:
         return tuple(dict.fromkeys((*self.scenario.fusion.trackers, *self.metrics["trackers"])))
 
     @property
+    def marks(self) -> tuple[Mark, ...]:
+        """When the planned faults begin and end, and whom they befall."""
+        return self.faults.marks
+
+    @property
     def end_s(self) -> float:
         """When the run was to end."""
         return (end_of(self.site) - self.site.origin_ns) / NS
@@ -116,21 +150,35 @@ class Run:
         return self.site.origin_ns / NS
 
     @property
+    def last_step(self) -> int:
+        """The number of the last step whose track was to be told before the run ended."""
+        return _last_step(self.site, self.metrics)
+
+    @property
     def several(self) -> bool:
         """Whether there is more than one target."""
         return len(self.site.paths) > 1
 
-    @cached_property
-    def steps(self) -> int:
-        """The last step of which a tracker said something."""
-        last_s = pc.max(self.points["t_s"]).as_py() or 0.0
-        return round(last_s * NS / self.site.step_ns)
+    @property
+    def step_s(self) -> float:
+        """From one step to the next."""
+        return self.site.step_ns / NS
 
     @property
-    def bound_m(self) -> float | None:
-        """What errors are measured by, m: the bound for the reports that the trackers were given."""
-        found: float | None = self.metrics["bound"].get("trajectory")
-        return found
+    def long(self) -> bool:
+        """Whether there are too many steps to draw each of them."""
+        return len(self.course.at_ns) > LONG
+
+    @property
+    def window(self) -> int:
+        """Over how many steps figures are averaged to be read: 1 unless the run is long."""
+        return max(len(self.course.at_ns) // WINDOWS, 2) if self.long else 1
+
+    @cached_property
+    def gaps(self) -> tuple[tuple[float, float], ...]:
+        """(from s, to s) of each gap in the data of some target, in which a straight line stands in for it."""
+        found = [gap for path in self.site.paths.values() for gap in path.gaps]
+        return tuple((begin - self.origin_s, end - self.origin_s) for begin, end in found)
 
     @property
     def bounded(self) -> bool:
@@ -156,7 +204,8 @@ def read_run(folder: Path) -> Run:
     scenario = Scenario.load(folder / "scenario.toml")
     site = survey(scenario)
     architecture = architecture_of(site)
-    told = tracks.read(points, architecture.views()[0], scenario.fusion.trackers)
+    course = Course.of(site.paths, _last_step(site, metrics), site.step_ns, site.origin_ns)
+    told = tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course)
     return Run(
         folder,
         metrics,
@@ -164,11 +213,18 @@ def read_run(folder: Path) -> Run:
         toml,
         site,
         architecture.places(),
-        planned_faults(site, architecture).marks,
+        planned_faults(site, architecture),
         points,
+        course,
         told,
         Frames(frames, site.origin_ns),
     )
+
+
+def _last_step(site: Site, metrics: Mapping[str, Any]) -> int:
+    """The number of the last step whose track was to be told before the end."""
+    end_ns = round(float(metrics["end_s"]) * NS)
+    return max(min(end_ns // site.step_ns - 1, site.steps), 0)
 
 
 def _json(folder: Path, name: str) -> dict[str, Any]:

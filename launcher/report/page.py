@@ -7,19 +7,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.record.words import alarms
+from launcher.record.words import alarms, span
 from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
+from launcher.report.outages import few_reports
 from launcher.report.parts import PARTS
 from launcher.report.templates import inline, templates
 
 PAGE: Final = "report.html"
-_HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}
+_SECTIONS: Final = {
+    "result": "Result",
+    "track": "Track",
+    "error": "Error",
+    "consistency": "Consistency",
+    "messages": "Messages",
+    "latency": "Latency",
+    "energy": "Energy",
+    "faults": "Faults and failures",
+    "machine": "The machine",
+    "again": "Run it again",
+}
 _FILES: Final = {
     "scenario.toml": "the scenario as it ran, every default written out",
     "metrics.json": "all figures of this page, and more",
-    "tracks.parquet": "what each tracker said at each step, beside the truth",
+    "tracks.parquet": "what each tracker said at each step, beside the truth; pandas, DuckDB and others read it",
     "messages.parquet": "every frame and what became of it",
     "run.rrd": "the timeline, for trackfield view",
     "manifest.json": "command, versions, machine",
@@ -49,38 +61,31 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
     """What the template is filled with: each part's contents by its name, and what is of no part."""
     return {
         "run": run,
-        "facts": _facts(run),
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
         **{name: part.contents(run) for name, part in PARTS.items()},
+        "sections": [
+            (id, name)
+            for id, name in _SECTIONS.items()
+            if (id != "consistency" or "nees" in pictures) and (id != "energy" or run.metrics["energy_j"]["total"])
+        ],
         "number": number,
+        "span": span,
         "pictures": {name: inline(file.read_bytes()) for name, file in pictures.items()},
         "commands": commands(run),
         "files": {name: what for name, what in _FILES.items() if _has(run.folder / name)},
     }
 
 
-def _facts(run: Run) -> list[tuple[str, str]]:
-    """What the run was, at a glance."""
-    metrics, scenario = run.metrics, run.scenario
-    how = _HOW[metrics["driver"]]
-    speed = metrics["timing"]["speed"]
-    setup = f", after {run.origin_s:g} s of setup" if run.origin_s else ""
-    return [
-        ("driver", how if speed in (None, 1) else f"{how}, {speed:g} times as fast"),
-        ("seed", str(metrics["seed"])),
-        ("started", run.manifest["started"].replace("T", " ").replace("+00:00", " UTC")),
-        ("sensors", f"{len(run.site.sensors):,}, {scenario.field.layout}"),
-        *([("targets", ids(run.site.paths))] if run.several else []),
-        ("steps", f"{run.steps:,} of {run.site.step_ns / 1e9:g} s{setup}"),
-        ("link", scenario.link.model),
-    ]
-
-
 def _shortfalls(run: Run) -> list[str]:
     """What a reader must know before all figures."""
     found = []
-    if run.steps < run.site.steps:
-        found.append(f"the run ended early: {run.steps} of {run.site.steps} steps")
+    if run.metrics["end_s"] < run.end_s:
+        planned, last = run.site.steps, run.last_step
+        found.append(
+            f"the run ended early, {run.metrics['end_s']:.1f} s after its first step: {last} of {planned} steps"
+        )
+    if reason := few_reports(run):
+        found.append(reason)
     if lost := run.metrics["frames"]["host_lost"]:
         found.append(f"{lost} frames were lost by the machine itself (frames.host_lost)")
     if dropped := run.metrics["recorder"]["dropped"]:

@@ -12,11 +12,12 @@ from matplotlib.ticker import MaxNLocator
 
 from launcher.colours import tracker_colours
 from launcher.report.folder import Run
+from launcher.report.outages import broken_at
 from launcher.report.tracks import Array, Track
 
 Figures = Mapping[str, Callable[[Run], Figure | None]]
 """How each figure is drawn, by the name of its file; None where there is nothing to show."""
-WIDTH: Final = 8.6
+WIDTH: Final = 8.0
 """Of every figure, in inches; its height is its own."""
 INK: Final = "#1f2733"
 SOFT: Final = "#6b7585"
@@ -24,6 +25,10 @@ TRUTH: Final = "#7c8796"
 DEAD: Final = "#c8102e"
 GAP: Final = "#c04f9b"
 BAND: Final = "#e4eef7"
+PALE: Final = 0.35
+"""How much of its colour is left of what does not count."""
+POINTS: Final = 400
+"""Of a curve: more cannot be seen."""
 _DASHES: Final = ("-", "--", "-.", ":")
 """Of several targets."""
 OUTCOMES: Final[Mapping[str, str]] = {
@@ -43,7 +48,7 @@ STYLE: Final[Mapping[Any, Any]] = {
     "figure.dpi": 170,
     "figure.facecolor": "white",
     "font.family": "DejaVu Sans",
-    "font.size": 8.5,
+    "font.size": 9,
     "axes.edgecolor": "#9aa4b2",
     "axes.labelcolor": INK,
     "axes.spines.right": False,
@@ -52,7 +57,7 @@ STYLE: Final[Mapping[Any, Any]] = {
     "axes.axisbelow": True,
     "grid.color": "#edf0f4",
     "grid.linewidth": 0.8,
-    "legend.fontsize": 8,
+    "legend.fontsize": 8.5,
     "legend.frameon": False,
     "lines.solid_capstyle": "round",
     "text.color": INK,
@@ -77,18 +82,57 @@ def blank(height: float, rows: int = 1, *, ratios: Sequence[float] = ()) -> tupl
     return figure, list(grid[:, 0])
 
 
-def over_time(axes: Axes, run: Run) -> None:
-    """The time of the run as x axis, with what planned faults and deaths happened when."""
+def over_time(axes: Axes, run: Run, *, named: bool = True) -> None:
+    """The time of the run as x axis, with the gaps in the data and what broke when; ``named`` in the legend, or not."""
+    for index, gap in enumerate(run.gaps):
+        label = "truth interpolated" if named and not index else None
+        axes.axvspan(*gap, color=GAP, alpha=0.12, lw=0, label=label, zorder=0)
+    for index, t_s in enumerate(broken_at(run)):
+        label = "fault or death" if named and not index else None
+        axes.axvline(t_s, color=DEAD, lw=0.9, ls=":", label=label)
     axes.set_xlim(0.0, run.end_s)
     axes.set_xlabel("emulated time [s]")
 
 
-def line(axes: Axes, run: Run, track: Track, values: Array) -> None:
-    """What a track has at each of its steps, in the colour of its tracker and the dashes of its target."""
+def look(run: Run, track: Track) -> dict[str, Any]:
+    """Of a line: the colour of its tracker, the dashes of its target, and its name."""
     targets = list(dict.fromkeys(other.target for other in run.tracks))
     label = track.tracker if len(targets) == 1 else f"{track.tracker}, {track.target}"
     dash = _DASHES[targets.index(track.target) % len(_DASHES)]
-    axes.plot(track.t_s, values, dash, color=colour(run, track.tracker), lw=width(len(values)), label=label)
+    return {"color": colour(run, track.tracker), "ls": dash, "label": label}
+
+
+def line(axes: Axes, run: Run, track: Track, values: Array, *, pale: bool = False) -> None:
+    """What a track has at each of its steps; where there is nothing the line breaks, and single steps are dots."""
+    drawn = look(run, track) | ({"label": None, "alpha": PALE} if pale else {})
+    axes.plot(track.t_s, values, lw=1.4 if run.long else width(len(values)), **drawn)
+    if run.long:
+        return
+    there = np.concatenate([[False], np.isfinite(values), [False]])
+    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    if alone.any():
+        axes.plot(track.t_s[alone], values[alone], ".", ms=3.5, **drawn | {"ls": "", "label": None})
+
+
+def rolling(values: Array, window: int) -> Array:
+    """(T,) the mean of those of ``window`` around each that are there; NaN where there is none at the place itself."""
+    if window <= 1:
+        return values
+    there = np.isfinite(values)
+    kernel = np.ones(min(window, len(values)))
+    sums, counts = (np.convolve(one, kernel, "same") for one in (np.where(there, values, 0.0), there.astype(float)))
+    return np.where(there, sums / np.maximum(counts, 1.0), np.nan)
+
+
+def rolling_rms(values: Array, window: int) -> Array:
+    """(T,) the same of squares, and its root."""
+    return np.abs(values) if window <= 1 else np.sqrt(rolling(np.square(values), window))
+
+
+def thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """As many points of a curve as can be seen."""
+    chosen = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).round().astype(int))
+    return x[chosen], y[chosen]
 
 
 def counts(axes: Axes) -> None:
@@ -101,7 +145,7 @@ def width(points: int) -> float:
     return float(np.clip(1.8 - points / 1200, 0.5, 1.8))
 
 
-ROW: Final = 130
+ROW: Final = 105
 """Characters of a legend that fit into one row, with the lines before them."""
 
 

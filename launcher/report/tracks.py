@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,25 +15,58 @@ import pyarrow.compute as pc
 from launcher.record.tables import STATE
 from launcher.records import View
 from trackfield.filters import metrics as score
+from trackfield.role import NS
+from trackfield.world.path import Path, State
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 COLUMNS: Final = (
     *("source", "tracker", "target", "at_ns", "told_ns", "term", "lag", "step", "sensors"),
     *("t_s", "told_s", "reports", "status", "covariance", "bound_m"),
     *STATE,
     *(f"true_{name}" for name in STATE),
+    "true_interpolated",
 )
 """Of tracks.parquet, that a report needs."""
 
 
 @dataclass(frozen=True)
+class Course:
+    """Of which instants a track is expected: those ``at_ns`` (in order) at which some target of ``paths`` is there."""
+
+    at_ns: tuple[int, ...] = ()
+    origin_ns: int = 0
+    paths: Mapping[str, Path] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, paths: Mapping[str, Path], steps: int, step_ns: int, origin_ns: int) -> Course:
+        """That of a run of so many steps; the first to be tracked is 1."""
+        times = (origin_ns + step * step_ns for step in range(1, steps + 1))
+        whole = cls(tuple(times), origin_ns, paths)
+        return replace(whole, at_ns=tuple(t for t in whole.at_ns if whole._present(t / NS)))
+
+    def truth(self, at_ns: int) -> State | None:
+        """Where the only target is; None if there are several, as nobody says which one a missing track is of."""
+        return next(iter(self.paths.values())).at(at_ns / NS) if len(self.paths) == 1 else None
+
+    @cached_property
+    def interpolated(self) -> frozenset[int]:
+        """The instants at which the place of no target was recorded: all that are there lie in gaps of their data."""
+        return frozenset(t for t in self.at_ns if all(path.interpolated(t / NS) for path in self._present(t / NS)))
+
+    def _present(self, t_s: float) -> list[Path]:
+        return [path for path in self.paths.values() if path.at(t_s) is not None]
+
+
+@dataclass(frozen=True)
 class Track:
-    """What one tracker said of one target: an entry per instant, in the order of time.
+    """What one tracker said of one target: an entry for each step of the run, and any other instant that it told of.
 
     ``t_s`` and ``told_s`` (T,) in s since the first step; ``reports`` (T,) fused; ``coasting`` (T,) where there was a
     track and no report; ``mean`` and ``truth`` (T, 4) as (x, y, vx, vy) in m and m/s, with several targets that of the
     nearest; ``covariance`` (T, 4, 4); ``bound`` (T,) in m, the least sd of the position. Where there was
-    no track, target or bound, they are NaN.
+    no track, target or bound, they are NaN. ``expected`` (T,) where a target was there; ``interpolated`` (T,) where
+    its truth is a straight line over a gap of the recording. ``lag`` is by how many steps a smoothed track comes later.
     """
 
     tracker: str
@@ -41,11 +74,24 @@ class Track:
     t_s: Array
     told_s: Array
     reports: Array
-    coasting: npt.NDArray[np.bool_]
+    coasting: Mask
     mean: Array
     covariance: Array
     truth: Array
     bound: Array
+    expected: Mask
+    interpolated: Mask
+    lag: int = 0
+
+    @cached_property
+    def known(self) -> Mask:
+        """(T,) where there is a track."""
+        return np.asarray(np.isfinite(self.mean).all(axis=1))
+
+    @cached_property
+    def scored(self) -> Mask:
+        """(T,) the steps of the headline figures: those with a track and a truth that is not interpolated."""
+        return np.asarray(np.isfinite(self.error_m) & ~self.interpolated)
 
     @cached_property
     def error_m(self) -> Array:
@@ -62,7 +108,7 @@ class Track:
         return found
 
 
-def read(points: pa.Table, view: View, order: Sequence[str]) -> tuple[Track, ...]:
+def read(points: pa.Table, view: View, order: Sequence[str], course: Course = Course()) -> tuple[Track, ...]:
     """The tracks of a view, by their trackers in this order; what it does not name comes last.
 
     Of what several sources told of one instant the point of the highest term holds, of equal ones the first told.
@@ -75,23 +121,40 @@ def read(points: pa.Table, view: View, order: Sequence[str]) -> tuple[Track, ...
         rows.setdefault((tracker, target), {}).setdefault(at_ns, index)
     names = [*order, *(tracker for tracker, _ in rows)]
     ordered = sorted(rows.items(), key=lambda item: names.index(item[0][0]))
-    return tuple(_track(*key, table.take(pa.array(held.values()))) for key, held in ordered)
+    return tuple(_track(*key, table.take(pa.array(held.values())), course) for key, held in ordered)
 
 
-def _track(tracker: str, target: str, table: pa.Table) -> Track:
-    def floats(name: str) -> Array:
-        return np.asarray(table[name].to_numpy(), float)
+def _track(tracker: str, target: str, table: pa.Table, course: Course) -> Track:
+    told = np.asarray(table["at_ns"].to_numpy(), np.int64)
+    at_ns = np.union1d(told, np.array(course.at_ns, np.int64))
+    where = np.searchsorted(at_ns, told)
 
-    covariances = [row or [np.nan] * 16 for row in table["covariance"].to_pylist()]
+    def placed(values: Any, empty: float = np.nan) -> Array:
+        """With what is told at its instants, and nothing at all others."""
+        found = np.full((len(at_ns), *np.shape(values)[1:]), empty)
+        found[where] = values
+        return found
+
+    def floats(name: str, empty: float = np.nan) -> Array:
+        return placed(np.asarray(table[name].to_numpy(), float), empty)
+
+    truth = np.column_stack([floats(f"true_{name}") for name in STATE])
+    interpolated = placed(np.asarray(table["true_interpolated"], float), 0.0) > 0
+    for index in np.flatnonzero(~np.isin(at_ns, told)):
+        truth[index] = course.truth(int(at_ns[index])) or np.nan
+        interpolated[index] = int(at_ns[index]) in course.interpolated
     return Track(
         tracker,
         target,
-        floats("t_s"),
+        (at_ns - course.origin_ns) / NS if course.at_ns else floats("t_s"),
         floats("told_s"),
-        floats("reports"),
-        np.array([status == "coasting" for status in table["status"].to_pylist()], bool),
+        floats("reports", 0.0),
+        placed([status == "coasting" for status in table["status"].to_pylist()], 0.0) > 0,
         np.column_stack([floats(name) for name in STATE]),
-        np.array(covariances, float).reshape(-1, 4, 4),
-        np.column_stack([floats(f"true_{name}") for name in STATE]),
+        placed(np.array([row or [np.nan] * 16 for row in table["covariance"].to_pylist()], float).reshape(-1, 4, 4)),
+        truth,
         floats("bound_m"),
+        np.isin(at_ns, course.at_ns),
+        interpolated,
+        int(pc.max(table["lag"]).as_py() or 0),
     )

@@ -6,7 +6,18 @@ from collections.abc import Mapping
 from typing import Any, Final, Protocol
 
 from launcher.report.folder import Run
-from launcher.report.parts import consistency, energy, errors, field, latency, machine, messages, troubles
+from launcher.report.parts import (
+    consistency,
+    energy,
+    errors,
+    field,
+    latency,
+    machine,
+    messages,
+    setting,
+    troubles,
+    verdicts,
+)
 from launcher.report.style import Figures
 
 
@@ -22,6 +33,8 @@ class Part(Protocol):
 
 
 PARTS: Final[Mapping[str, Part]] = {
+    "setting": setting,
+    "verdicts": verdicts,
     "field": field,
     "errors": errors,
     "consistency": consistency,

@@ -23,7 +23,9 @@ NEES_SHOWN: Final = (1e-2, 1e4)
 
 def contents(run: Run) -> dict[str, Any]:
     """See ``Part``."""
-    return {"table": consistency(run)}
+    values = np.concatenate([track.nees[np.isfinite(track.nees)] for track in run.tracks] or [np.empty(0)])
+    cut = bool(len(values)) and bool((values.max() > NEES_SHOWN[1]) | (values.min() < NEES_SHOWN[0]))
+    return {"table": consistency(run), "cut": cut}
 
 
 def consistency(run: Run) -> Table:
@@ -43,7 +45,7 @@ def in_words(m: Mapping[str, Any]) -> str:
     if not band:
         return f"NEES {number(mean)} ({DIMENSIONS} if its covariances are right)."
     low, high = band
-    fit = "too sure of itself" if mean > high else "more cautious than it need be" if mean < low else "consistent"
+    fit = "overconfident" if mean > high else "underconfident" if mean < low else "consistent"
     return f"NEES {number(mean)}, 95 % band {number(low)} to {number(high)}: {fit}."
 
 
@@ -53,14 +55,20 @@ def nees(run: Run) -> Figure | None:
     if not known:
         return None
     figure, (axes,) = style.blank(2.9)
-    axes.axhspan(*BAND, color=style.BAND, lw=0, label="95 % of steps lie here if covariances are right", zorder=0)
+    window = run.window
+    if window == 1:
+        axes.axhspan(*BAND, color=style.BAND, lw=0, label="95 % of steps, if covariances are right", zorder=0)
     axes.axhline(DIMENSIONS, color=style.SOFT, lw=0.9, ls="--", zorder=1)
     for track in known:
-        style.line(axes, run, track, np.where(track.nees > 0, track.nees, np.nan))
+        values = np.where(track.nees > 0, track.nees, np.nan)
+        for pale in (False, True):
+            chosen = np.where(track.interpolated == pale, values, np.nan)
+            style.line(axes, run, track, style.rolling(chosen, window), pale=pale)
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     axes.set_ylim(max(low, NEES_SHOWN[0]), min(high, NEES_SHOWN[1]))
-    axes.set_ylabel("NEES of (x, y, vx, vy)")
+    what = "NEES of (x, y, vx, vy)"
+    axes.set_ylabel(what if window == 1 else f"{what},\nmean over {window * run.step_s:g} s")
     style.over_time(axes, run)
     style.legend(axes)
     return figure

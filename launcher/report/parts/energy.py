@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from launcher.record.words import span
-from launcher.report.cells import Bar, Table, number
+from launcher.record.words import joules, span
+from launcher.report.cells import Bar, Table, percent
 from launcher.report.folder import Run
 from launcher.report.style import Figures
 from trackfield.link.energy import CAUSES
@@ -17,31 +17,45 @@ _COLOURS: Final = dict(zip(CAUSES, ("#d55e00", "#0072b2", "#e69f00", "#a9b4c2", 
 
 def contents(run: Run) -> dict[str, Any]:
     """See ``Part``."""
-    return {"spent": spent(run), "accountings": accountings(run), "lifetimes": lifetimes(run)}
+    return {
+        "total": total(run),
+        "spent": spent(run),
+        "accountings": accountings(run),
+        "lifetimes": lifetimes(run),
+    }
+
+
+def total(run: Run) -> str:
+    """Who used how much, in a sentence; nothing if that was nothing."""
+    used, most = (run.metrics["energy_j"][key] for key in ("total", "max_node"))
+    if not used:
+        return ""
+    who = "sensor nodes" if run.scenario.energy.centre_battery_j is None else "sensor nodes and the centre"
+    return f"The {who} used {joules(used)} in all; the one that used most, {joules(most)}."
 
 
 def spent(run: Run) -> list[Bar]:
     """What they spent, by cause."""
-    by = {cause: joules for cause, joules in run.metrics["energy_j"]["by"].items() if joules}
-    total = sum(by.values())
+    by = {cause: used for cause, used in run.metrics["energy_j"]["by"].items() if used}
+    whole = sum(by.values())
     return [
-        Bar(_SPENT[cause], f"{number(joules, 'J')} ({joules / total:.1%})", joules / total, _COLOURS[cause])
-        for cause, joules in by.items()
+        Bar(_SPENT[cause], f"{joules(used)} ({percent(used / whole)})", used / whole, _COLOURS[cause])
+        for cause, used in by.items()
     ]
 
 
 def accountings(run: Run) -> Table:
     """The total, counted in other ways and on other devices."""
     by = run.metrics["energy_j"]["by_accounting"]
-    rows = [[name.replace("_", " "), number(joules)] for name, joules in by.items() if joules is not None]
-    return Table(["accounting, or device", "energy [J]"], rows)
+    rows = [[name.replace("_", " "), joules(used)] for name, used in by.items() if used is not None]
+    return Table(["accounting, or device", "energy"], rows)
 
 
 def lifetimes(run: Run) -> list[tuple[str, str]]:
     """How long batteries and coverage last, from the start of the run."""
     lifetime = run.metrics["lifetime_s"]
     names = {"first_death": "first battery empty", "half_dead": "half of them empty", "coverage_lost": "coverage lost"}
-    beyond = " (at the rate of this run)"
+    beyond = " (if it went on like this run)"
     return [
         (text, f"after {span(t_s)}{beyond if t_s > run.origin_s + run.end_s else ''}")
         for key, text in names.items()

@@ -8,17 +8,30 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter
 
-from launcher.records import ARRIVED, TRACKS
+from launcher.records import TRACKS
 from launcher.report import style
 from launcher.report.folder import Run
+from launcher.report.parts.closeup import closeup, ellipses, largest
 from launcher.report.tracks import Array, Track
 from trackfield.world.path import Path
 
 MUCH_LARGER: Final = 2.0
 """A field so much larger than what happened in it is shown in a small map of its own."""
+IN_KM: Final = 3000.0
+"""A picture so wide or high (m) has its axes in km."""
 REPORTED: Final = "#3d9a62"
+SENSORS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "no report sent": {"color": "#c3cad4", "mew": 0.0},
+    "report in time": {"color": REPORTED, "mew": 0.0},
+    "reports too late": {"color": style.OUTCOMES["late"], "mew": 0.0},
+    "reports ignored": {"color": style.OUTCOMES["ignored"], "mew": 0.0},
+    "reports lost": {"color": "white", "markeredgecolor": style.OUTCOMES["radio"], "mew": 1.0},
+}
+"""How a sensor looks, by the best that became of its reports."""
 WORDS: Final = {"fusion": "fusion centre"}
 """For roles that track; others go by their own name."""
 IN_A_STEP: Final = 4
@@ -27,40 +40,52 @@ IN_A_GAP: Final = 20
 """and in a gap of its data."""
 HALO: Final = withStroke(linewidth=2.0, foreground="white")
 """Makes a name legible on whatever lies below it."""
+ROOM_IN: Final = (0.36, 0.16)
+"""What the name of a sensor takes of a picture, across and up, in inches."""
+MAP_IN: Final = 5.3
+"""Width of the map on the page, in inches,"""
+BESIDE_IN: Final = 2.2
+"""and of what stands beside it."""
+FLAT: Final = 0.55
+"""A map whose height is less than this part of its width has that below it."""
+ELLIPSES: Final = 12
+"""Along a track,"""
+LARGEST: Final = 0.3
+"""unless they are larger than this part of the map."""
 
 
 def contents(run: Run) -> dict[str, Any]:
-    """See ``Part``: the figure says it all."""
-    return {}
+    """See ``Part``: whether there is a track, and something to be seen close by."""
+    return {"near": largest(run) is not None, "tracked": any(track.known.any() for track in run.tracks)}
 
 
 def field(run: Run) -> Figure:
-    """The track over the field; what is near the paths, if the field is much larger."""
+    """The track over the field; what is near the paths, if the field is much larger; the largest error close by."""
     sensors = np.array(list(run.sensors.values()))
-    heard, tried = run.frames.senders(*ARRIVED), run.frames.senders()
     points = IN_A_STEP * run.site.steps + 1
     ways = {target: _along(path, path.start_s, path.end_s, points) for target, path in run.site.paths.items()}
     passed = np.vstack(list(ways.values()))
-    box, whole = _box(np.vstack([passed, _at(run, tried)])), _box(np.vstack([passed, sensors]))
+    box = _box(np.vstack([passed, _at(run, run.frames.senders())]))
+    whole = _box(np.vstack([passed, sensors]))
     aside = bool((np.ptp(whole, axis=0) > MUCH_LARGER * np.ptp(box, axis=0)).any())
     if not aside:
         box = whole
-    figure = Figure(figsize=(style.WIDTH, _height(box)), layout="constrained")
-    axes = figure.subplots()
-    _sensors(axes, run, sensors, heard, tried, box)
+    figure, axes, beside = _sheet(box, aside=aside)
+    _sensors(axes, run, sensors, box)
     _truths(axes, run, ways)
+    _hearing(axes, run, next(iter(ways.values())), box)
     for track in run.tracks:
-        _track(axes, run, track)
+        _track(axes, run, track, box)
     _centres(axes, run)
-    axes.set(xlim=box[:, 0], ylim=box[:, 1], xlabel="east [m]", ylabel="north [m]", aspect="equal")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, labelspacing=0.7)
+    _scale(axes, box)
+    _legend(beside[0], axes)
     if aside:
-        _map(axes, sensors, whole, box)
+        _map(beside[1], sensors, whole, box)
+    closeup(beside[-1], axes, run, ways)
     return figure
 
 
-def _at(run: Run, ids: Collection[str]) -> Array:
-    return np.array([run.sensors[id] for id in sorted(ids) if id in run.sensors], float).reshape(-1, 2)
+# --- the sheet --------------------------------------------------------------------------------------------------------
 
 
 def _box(points: Array) -> Array:
@@ -70,25 +95,108 @@ def _box(points: Array) -> Array:
     return np.array([low - margin, high + margin])
 
 
-def _height(box: Array) -> float:
+def _sheet(box: Array, *, aside: bool) -> tuple[Figure, Axes, list[Axes]]:
+    """A map, and blank places for a legend, a map of the whole if it is ``aside``, and what is close by.
+
+    They are beside the map, or below one that is much wider than high.
+    """
     wide, high = np.ptp(box, axis=0)
-    return float(np.clip(0.74 * style.WIDTH * high / wide + 0.6, 3.2, 7.4))
+    heights = [2.3, 1.3, 2.3] if aside else [2.3, 2.3]
+    if high < FLAT * wide:
+        across = style.WIDTH * high / wide + 0.4
+        figure = Figure(figsize=(style.WIDTH, across + 2.6), layout="constrained")
+        grid = figure.add_gridspec(2, len(heights), height_ratios=[across, 2.3])
+        places = [grid[1, column] for column in range(len(heights))]
+        axes = figure.add_subplot(grid[0, :])
+    else:
+        height = float(np.clip(MAP_IN * high / wide + 0.5, sum(heights) + 0.2, 7.0))
+        figure = Figure(figsize=(style.WIDTH, height), layout="constrained")
+        grid = figure.add_gridspec(len(heights), 2, width_ratios=[MAP_IN, BESIDE_IN], height_ratios=heights)
+        places = [grid[row, 1] for row in range(len(heights))]
+        axes = figure.add_subplot(grid[:, 0], anchor="N")
+    beside = [figure.add_subplot(place) for place in places]
+    for one in beside:
+        one.set_axis_off()
+    return figure, axes, beside
 
 
-def _sensors(axes: Axes, run: Run, sensors: Array, heard: Collection[str], tried: Collection[str], box: Array) -> None:
+def _scale(axes: Axes, box: Array) -> None:
+    """What the map shows, in metres or kilometres."""
+    axes.set(xlim=box[:, 0], ylim=box[:, 1], xlabel="east [m]", ylabel="north [m]", aspect="equal")
+    if np.ptp(box, axis=0).max() > IN_KM:
+        axes.set(xlabel="east [km]", ylabel="north [km]")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter(FuncFormatter(lambda metres, _: f"{metres / 1000:g}"))
+
+
+def _legend(axes: Axes, chart: Axes) -> None:
+    """Of what is on the map."""
+    drawn = axes.legend(
+        *chart.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(-0.1, 1.0), borderaxespad=0
+    )
+    for line in drawn.get_lines():
+        if line.get_linestyle() == "-":
+            line.set_linewidth(max(line.get_linewidth(), 1.8))  # whatever the map needs
+
+
+def _map(axes: Axes, sensors: Array, whole: Array, box: Array) -> None:
+    """The whole field, with what the large picture shows of it."""
+    axes.set_axis_on()
+    axes.plot(*sensors.T, ",", color="#8d97a5")
+    axes.plot(box[[0, 1, 1, 0, 0], 0], box[[0, 0, 1, 1, 0], 1], color=style.DEAD, lw=1.2)
+    axes.set(xlim=whole[:, 0], ylim=whole[:, 1], aspect="equal", anchor="NW", xticks=[], yticks=[])
+    axes.grid(visible=False)
+    sides = np.ptp(whole, axis=0)
+    unit, metres = ("km", 1000.0) if sides.max() > IN_KM else ("m", 1.0)
+    east, north = (f"{side / metres:,.3g}" if metres > 1 else f"{side:,.0f}" for side in sides)
+    axes.set_title(f"whole field: {east} x {north} {unit}", fontsize=7.5, loc="left")
+
+
+# --- what stands there ------------------------------------------------------------------------------------------------
+
+
+def _at(run: Run, ids: Collection[str]) -> Array:
+    return np.array([run.sensors[id] for id in sorted(ids) if id in run.sensors], float).reshape(-1, 2)
+
+
+def fates(run: Run) -> dict[str, set[str]]:
+    """The sensors by the best that became of their reports, as ``SENSORS`` names it."""
+    best = (("report in time", "delivered"), ("reports too late", "late"), ("reports ignored", "ignored"))
+    found: dict[str, set[str]] = {}
+    told: set[str] = set()
+    for label, outcome in best:
+        found[label] = run.frames.senders(outcome) - told
+        told |= found[label]
+    return found | {"reports lost": run.frames.senders() - told}
+
+
+def _sensors(axes: Axes, run: Run, sensors: Array, box: Array) -> None:
     shown = sensors[((sensors >= box[0]) & (sensors <= box[1])).all(axis=1)]
     size = float(np.clip(70 / max(len(shown), 1) ** 0.5, 1.0, 5.0))
-    points: dict[str, tuple[Array, dict[str, Any]]] = {
-        "sensor": (sensors, {"color": "#c3cad4"}),
-        "report arrived": (_at(run, heard), {"color": REPORTED}),
-        "reported in vain": (_at(run, set(tried) - set(heard)), {"markeredgecolor": REPORTED, "color": "white"}),
-    }
-    for label, (places, look) in points.items():
+    for label, places in {
+        "no report sent": sensors,
+        **{name: _at(run, ids) for name, ids in fates(run).items()},
+    }.items():
         if len(places):
-            axes.plot(*places.T, "o", ms=size, mew=1.0 if label.endswith("vain") else 0.0, label=label, **look)
+            axes.plot(*places.T, "o", ms=size, label=label, **SENSORS[label])
     dead = _at(run, dead_sensors(run))
     if len(dead):
         axes.plot(*dead.T, "x", color=style.DEAD, ms=size + 3, mew=1.6, label="died", zorder=6)
+    _names(axes, run, box)
+
+
+def _names(axes: Axes, run: Run, box: Array) -> None:
+    """Of the sensors that reported, as many as there is room for."""
+    room = np.array(ROOM_IN) * float(np.ptp(box[:, 0])) / MAP_IN
+    taken: list[Array] = []
+    for id in sorted(run.frames.senders() & run.sensors.keys()):
+        place = np.array(run.sensors[id])
+        if not any((np.abs(place - other) < room).all() for other in taken):
+            taken.append(place)
+            axes.annotate(
+                id, (place[0], place[1]), (2.5, 2.5), textcoords="offset points", fontsize=6, color=style.SOFT,
+                zorder=5, annotation_clip=True, path_effects=[HALO],
+            )  # fmt: skip
 
 
 def dead_sensors(run: Run) -> set[str]:
@@ -98,6 +206,20 @@ def dead_sensors(run: Run) -> set[str]:
     return planned | empty | {one["id"].partition("~")[0] for one in run.metrics["processes"]["died"] or []}
 
 
+def _hearing(axes: Axes, run: Run, way: Array, box: Array) -> None:
+    """The hearing radius, around a sensor that reported near the middle of a path, if it fits into the picture."""
+    radius, places = run.scenario.sensor.reach_m()[1], _at(run, run.frames.senders())
+    if not len(places) or 2 * radius > float(np.ptp(box, axis=0).max()):
+        return
+    middle = way[len(way) // 2]
+    place = min(places, key=lambda one: float(np.hypot(*(one - middle))))
+    look = {"fill": False, "ec": REPORTED, "lw": 1.0, "ls": (0, (4, 3)), "zorder": 1.8}
+    axes.add_patch(Circle((place[0], place[1]), radius, label=f"hearing radius, {radius:,.0f} m", **look))
+
+
+# --- what moves -------------------------------------------------------------------------------------------------------
+
+
 def _truths(axes: Axes, run: Run, ways: Mapping[str, Array]) -> None:
     """Where the targets were; several have their names where they began."""
     for number, (target, way) in enumerate(ways.items()):
@@ -105,10 +227,10 @@ def _truths(axes: Axes, run: Run, ways: Mapping[str, Array]) -> None:
         label = None if number else "start"
         axes.plot(*way[0], "o", color="white", mec=style.INK, mew=1.2, ms=6, label=label, zorder=7)
         if run.several:
-            axes.annotate(target, way[0], (7, 4), textcoords="offset points", path_effects=[HALO], zorder=8)
+            axes.annotate(target, way[0], (7, -9), textcoords="offset points", path_effects=[HALO], zorder=8)
     gaps = [(path, gap) for path in run.site.paths.values() for gap in path.gaps]
     for number, (path, gap) in enumerate(gaps):
-        label = None if number else "no data (interpolated)"
+        label = None if number else "truth interpolated"
         axes.plot(*_along(path, *gap, IN_A_GAP).T, ":", color=style.GAP, lw=2.0, label=label, zorder=3)
 
 
@@ -117,13 +239,17 @@ def _along(path: Path, from_s: float, to_s: float, points: int) -> Array:
     return np.array([state[:2] for t in np.linspace(from_s, to_s, points) if (state := path.at(t))])
 
 
-def _track(axes: Axes, run: Run, track: Track) -> None:
-    """A line, thin where there were no reports."""
+def _track(axes: Axes, run: Run, track: Track, box: Array) -> None:
+    """A line, thin where there were no reports, with an ellipse now and then."""
     colour, line = style.colour(run, track.tracker), style.width(len(track.t_s))
     first = next(one for one in run.tracks if one.tracker == track.tracker) is track
     axes.plot(*track.mean[:, :2].T, "-", color=colour, lw=max(line / 2, 0.5), zorder=4)
     informed = np.where(track.coasting[:, None], np.nan, track.mean[:, :2])
     axes.plot(*informed.T, "-", color=colour, lw=line, label=track.tracker if first else None, zorder=4)
+    there = np.flatnonzero(track.known)
+    some = np.unique(there[np.linspace(0, len(there) - 1, ELLIPSES).astype(int)]) if len(there) else there
+    most = LARGEST * float(np.ptp(box, axis=0).max())
+    ellipses(axes, track, some, colour, largest_m=most, label="95 % ellipses" if track is run.tracks[0] else None)
 
 
 def _centres(axes: Axes, run: Run) -> None:
@@ -135,17 +261,6 @@ def _centres(axes: Axes, run: Run) -> None:
         axes.plot(*np.array(points).T, "^", color=style.INK, ms=9, label=WORDS.get(role, role), zorder=1.9)
     if run.site.route:
         axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.INK, lw=1.0, label="its way", zorder=2)
-
-
-def _map(axes: Axes, sensors: Array, whole: Array, box: Array) -> None:
-    """The whole field below the legend, with what the large picture shows of it."""
-    small = axes.inset_axes((1.03, 0.0, 0.25, 0.25))
-    small.plot(*sensors.T, ",", color="#8d97a5")
-    small.plot(box[[0, 1, 1, 0, 0], 0], box[[0, 0, 1, 1, 0], 1], color=style.DEAD, lw=1.2)
-    small.set(xlim=whole[:, 0], ylim=whole[:, 1], aspect="equal", anchor="SW", xticks=[], yticks=[])
-    small.grid(visible=False)
-    east, north = np.ptp(whole, axis=0)
-    small.set_title(f"whole field\n{east:,.0f} x {north:,.0f} m", fontsize=7.5, loc="left")
 
 
 FIGURES: Final[style.Figures] = {"field": field}

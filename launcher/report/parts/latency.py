@@ -9,21 +9,30 @@ import pyarrow.compute as pc
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from launcher.record.words import span
 from launcher.report import style
 from launcher.report.cells import Table, number
 from launcher.report.folder import Run
 from launcher.report.tracks import Array
 from trackfield.role import NS
 
-POINTS: Final = 400
-"""Of a curve: more cannot be seen."""
 _USES: Final = ("sensors", "step", "told_ns")
 """Who was used when, in tracks.parquet."""
 
 
 def contents(run: Run) -> dict[str, Any]:
     """See ``Part``."""
-    return {"table": table(run)}
+    return {"table": table(run), "late": late(run)}
+
+
+def late(run: Run) -> str:
+    """How many reports came after their deadline, and by how much, in a sentence; nothing if none did."""
+    after = run.frames.late_s(run.site.step_ns, run.scenario.fusion.deadline_s)
+    after, of = after[np.isfinite(after)], int(run.frames.reports.sum())
+    if not len(after):
+        return ""
+    by = f"by {span(float(np.median(after)))} in the median, {span(float(after.max()))} at most"
+    return f"{len(after):,} of {of:,} reports came after the deadline of their step, {by}."
 
 
 def table(run: Run) -> Table:
@@ -42,10 +51,13 @@ def latency(run: Run) -> Figure | None:
     if not curves:
         return None
     figure, (axes,) = style.blank(2.7)
-    shares = np.linspace(0.0, 1.0, POINTS)
     looks = (("-", style.INK), ("-", "#0072b2"), ("--", "#d55e00"))
     for (name, values), (dash, colour) in zip(curves.items(), looks, strict=False):
-        axes.plot(np.quantile(values, shares), 100 * shares, dash, color=colour, lw=1.8, label=name)
+        ordered, shares = np.sort(values), np.linspace(0.0, 100.0, len(values) + 1)
+        curve = style.thinned(np.concatenate([ordered[:1], ordered]), shares)
+        axes.step(*curve, dash, where="post", color=colour, lw=1.8, label=name)
+    deadline_ms = 1e3 * run.scenario.fusion.deadline_s
+    axes.axvline(deadline_ms, color=style.DEAD, lw=1.2, ls=":", label=f"deadline, {deadline_ms:g} ms after the step")
     axes.set(xscale="log", ylim=(0, 102), xlabel="emulated time [ms]", ylabel="share that took no longer [%]")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

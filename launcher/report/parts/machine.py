@@ -26,7 +26,7 @@ def lines(run: Run) -> list[Line]:
     found = [
         ("wall time", number(m["wall_s"], "s"), False),
         ("processor time", number(m["cpu_s"], "s"), False),
-        ("host late: events out of order for good", number(late), bool(late)),
+        ("events too late to be put in order (host late)", number(late), bool(late)),
         ("frames lost by the machine", number(lost), bool(lost)),
         ("frames the recorder missed", number(dropped), bool(dropped)),
     ]
@@ -45,7 +45,11 @@ def _processes(m: Mapping[str, Any]) -> list[Line]:
         ("processes", number(m["processes"]["started"]), False),
         ("all ready after", number(m["processes"]["ready_s"], "s"), False),
         ("memory of a node", number(m["processes"]["pss_mb_per_node"], "MB"), False),
-        ("put to callback, median / 99 %", f"{number(host['p50'])} / {number(host['p99'], 'ms')}", False),
-        ("slip, median / 99 %", f"{number(slip['p50'])} / {number(slip['p99'], 'ms')}", False),
-        ("inversions put right", number(m["timing"]["inversions"]), False),
+        (
+            "time of a frame in this machine, median / 99 %",
+            f"{number(host['p50'])} / {number(host['p99'], 'ms')}",
+            False,
+        ),
+        ("events handled late by, median / 99 %", f"{number(slip['p50'])} / {number(slip['p99'], 'ms')}", False),
+        ("events put back in order", number(m["timing"]["inversions"]), False),
     ]

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from launcher.report import style
-from launcher.report.cells import NOTHING, Bar, Table, number
+from launcher.report.cells import NOTHING, Bar, Table, number, percent
 from launcher.report.folder import Run
 
 MOST_BARS: Final = 80
@@ -47,7 +47,7 @@ def fates(run: Run) -> list[Bar]:
     return [
         Bar(
             name.replace("_", " "),
-            f"{n:,} ({n / total:.1%})",
+            f"{n:,} ({percent(n / total)})",
             n / total,
             style.OUTCOMES.get(name, style.DEAD),
             FATES.get(name, ""),
@@ -62,10 +62,10 @@ def kinds(run: Run) -> Table:
     counted = run.frames.by_kind()
     rows = []
     for kind, m in run.metrics["frames"]["by_kind"].items():
-        expected, arrived = counted.get(kind, (0, 0))
-        share = f"{arrived:,} ({arrived / expected:.1%})" if expected else NOTHING
-        rows.append([kind, number(m["sent"]), number(expected), share, number(m["payload_bytes_max"])])
-    return Table(["kind", "sent", "expected at hearers", "arrived", "longest payload [bytes]"], rows)
+        expected, arrived, late = counted.get(kind, (0, 0, 0))
+        share = f"{arrived:,} ({percent(arrived / expected)})" if expected else NOTHING
+        rows.append([kind, number(m["sent"]), number(expected), share, number(late), number(m["payload_bytes_max"])])
+    return Table(["kind", "sent", "expected at hearers", "arrived", "of them late", "longest payload [bytes]"], rows)
 
 
 def losses(run: Run) -> Figure | None:

@@ -29,12 +29,12 @@ def troubles(run: Run) -> Table:
     for t_s, sort, text, id in sorted(events, key=lambda event: (event[0] or 0.0, *event[1:])):
         together.setdefault((t_s, sort, text), []).append(id)
     rows = [
-        ["before the start" if t_s is None else f"{t_s:.1f} s", text, ids(who), sort]
+        ["before the start" if t_s is None else f"{round(t_s, 3):g} s", text, ids(who), sort]
         for (t_s, sort, text), who in together.items()
     ]
     if len(rows) > MOST_EVENTS:
         rows = [*rows[:MOST_EVENTS], [NOTHING, f"and {len(rows) - MOST_EVENTS} more", "", ""]]
-    return Table(["when", "what", "whom", ""], [*rows, *_batteries(run)])
+    return Table(["when", "what", "process", "cause"], [*rows, *_batteries(run)])
 
 
 def _batteries(run: Run) -> list[list[str]]:
@@ -44,4 +44,4 @@ def _batteries(run: Run) -> list[list[str]]:
         return []
     first, last = empty[0][0], empty[-1][0]
     when = f"{first:.1f} s" if len(empty) == 1 else f"{first:.1f} to {last:.1f} s"
-    return [[when, "battery empty", ids(id for _, id in empty), "drained"]]
+    return [[when, "battery empty", ids(id for _, id in empty), "used up"]]

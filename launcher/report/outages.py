@@ -1,0 +1,184 @@
+"""Stretches of a run without a track, and why there was none; reports that did not come in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
+from typing import Final
+
+import numpy as np
+
+from launcher.record.words import span
+from launcher.records import TRACKS
+from launcher.report.folder import Run
+from launcher.report.tracks import Array, Track
+from trackfield.role import NS
+
+SETTLING: Final = 3
+"""Steps that a centre may take, once it is back, before its track needs an explanation of its own."""
+FEW: Final = 0.5
+"""Of the reports: if a smaller share came in time, a reader has to know."""
+FATES: Final[Mapping[str, str]] = {
+    "late": "after the deadline",
+    "ignored": "ignored",
+    "radio": "lost on the link",
+    "partition": "cut off by a partition",
+    "in_flight": "still on the way at the end of the run",
+    "asleep": "to a receiver that was off",
+    "frozen": "to a frozen receiver",
+    "dead": "to a dead receiver",
+    "overflow": "never sent, as the queue was full",
+}
+"""What became of a report that did not come in time."""
+
+
+@dataclass(frozen=True)
+class Outage:
+    """Steps in a row, at ``t_s`` (n,), of which a track was expected and there was none; each lasts ``step_s``."""
+
+    t_s: Array
+    step_s: float
+
+    @property
+    def seconds(self) -> float:
+        """How long it was."""
+        return len(self.t_s) * self.step_s
+
+
+@dataclass(frozen=True)
+class Down:
+    """Who tracks was out of order from ``from_s`` until ``until_s``, and what happened, in words."""
+
+    from_s: float
+    until_s: float
+    text: str
+
+
+def outages(run: Run, track: Track) -> list[Outage]:
+    """Those of a track, in the order of time; the last steps of a smoothed one are not expected."""
+    at = track.t_s[track.expected]
+    missing = ~track.known[track.expected]
+    missing[len(missing) - track.lag :] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.view(np.int8), [0]])))
+    return [Outage(at[begin:end], run.step_s) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def in_words(run: Run, track: Track) -> str:
+    """How long there was no track, and why, in a sentence; nothing if there was one all the time."""
+    found = outages(run, track)
+    if not found:
+        return ""
+    longest = max(found, key=lambda one: one.seconds)
+    cause = why(run, longest)
+    if len(found) == 1:
+        return f"{span(longest.seconds)} without a track{cause}."
+    total = sum(one.seconds for one in found)
+    return f"{span(total)} without a track, in {len(found)} stretches; the longest, {span(longest.seconds)}{cause}."
+
+
+def never(run: Run) -> str:
+    """That there was no track at all, and why, in a sentence."""
+    times = (np.array(run.course.at_ns, float) - run.site.origin_ns) / NS
+    if not len(times):
+        return "The run ended before any step was to have a track."
+    cause = why(run, Outage(times, run.step_s))
+    return f"No track of {'a' if run.several else 'the'} target at any of the {len(times):,} steps{cause}."
+
+
+def why(run: Run, outage: Outage) -> str:
+    """What explains it: who was down, then what became of the reports of steps that this does not explain."""
+    deadline_s = run.scenario.fusion.deadline_s
+    end_s = outage.t_s[-1] + outage.step_s
+    causes = [one for one in downs(run) if one.from_s < end_s and one.until_s > outage.t_s[0]]
+    rest = outage.t_s[[not any(c.from_s <= t + deadline_s and t < c.until_s for c in causes) for t in outage.t_s]]
+    said = [one.text for one in causes]
+    if not causes or len(rest) > SETTLING:
+        said.append(f"{'then ' if causes else ''}{_reports(run, rest)}")
+    return f": {'; '.join(said)}"
+
+
+def downs(run: Run) -> Iterator[Down]:
+    """When those who track were dead or frozen, as planned and not."""
+    ids = {place.id for place in run.tagged(TRACKS)}
+    for id in sorted(ids):
+        lives = run.faults.of(id).lives
+        for life, after in pairwise([*lives, None]):
+            for begin, end in life.freezes if life else ():
+                a, b = _since(run, begin), _since(run, end)
+                yield Down(a, b, f"{id} was frozen from {a:g} s to {b:g} s")
+            if life and life.kill_ns is not None:
+                a, b = _since(run, life.kill_ns), _since(run, after.start_ns) if after else inf
+                fate = f"restarted at {a:g} s and came back at {b:g} s" if after else f"killed at {a:g} s"
+                yield Down(a, b, f"{id} was {fate}")
+    processes = run.metrics["processes"]
+    for one in processes["died"] or []:
+        if one["id"].partition("~")[0] in ids and one["t"] is not None:
+            back = min((t for track in run.tracks for t in track.t_s[track.known] if t > one["t"]), default=inf)
+            yield Down(one["t"], back, f"{one['id']} died at {one['t']:.1f} s, which was not planned ({one['why']})")
+    for one in processes["stopped"] or []:
+        if one["id"].partition("~")[0] in ids and one["t"] is not None:
+            on = inf if one["s"] is None else one["t"] + one["s"]
+            yield Down(one["t"], on, f"{one['id']} was stopped from outside at {one['t']:.1f} s")
+    for one in run.metrics["lifetime_s"].get("empty") or []:
+        if one["id"] in ids:
+            yield Down(one["t"], inf, f"the battery of {one['id']} was empty at {one['t']:.1f} s")
+
+
+def _since(run: Run, t_ns: int) -> float:
+    return (t_ns - run.site.origin_ns) / NS
+
+
+def _reports(run: Run, t_s: Array) -> str:
+    """What became of the reports of these steps."""
+    steps = np.rint(t_s / run.step_s)
+    fates = run.frames.fates(run.frames.reports & np.isin(run.frames.steps, steps))
+    total, in_time = sum(fates.values()), fates.get("delivered", 0)
+    if not total:
+        return "no sensor sent a report"
+    if in_time:
+        return f"{in_time} of {total} reports arrived in time, and the tracker made no track of them"
+    return f"none of {total} reports arrived in time ({losses(fates)})"
+
+
+def losses(fates: Mapping[str, int]) -> str:
+    """What became of reports that did not come in time, in words."""
+    return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if name != "delivered")
+
+
+def few_reports(run: Run) -> str:
+    """That most reports did not come in time, and what became of them, in a sentence; nothing if most did."""
+    fates, frames = run.frames.fates(run.frames.reports), run.metrics["frames"]
+    in_time, total = fates.get("delivered", 0), sum(fates.values())
+    if not frames["delivered"]:
+        return ""  # of any kind: that is said elsewhere
+    if not total:
+        return "no sensor sent a report: no tracker had anything to go by"
+    if in_time >= FEW * total:
+        return ""
+    some = f"only {in_time:,}" if in_time else "none"
+    said = f"{some} of {total:,} reports arrived in time ({losses(fates)})"
+    if not in_time:
+        alone = " but its prior" if run.scenario.fusion.prior == "paper" else ""
+        said += f": no tracker had anything to go by{alone}"
+    return " ".join(filter(None, [f"{said}.", _lateness(run)])).removesuffix(".")
+
+
+def _lateness(run: Run) -> str:
+    """By how much those were late that came late, in a sentence."""
+    deadline_s = run.scenario.fusion.deadline_s
+    late = run.frames.late_s(run.site.step_ns, deadline_s)
+    late = late[np.isfinite(late)]
+    if not len(late):
+        return ""
+    typical, least = span(float(np.median(late))), span(float(late.min()))
+    when = f"{typical} (median; at least {least}) after their deadline"
+    return f"Those that were late came {when}, which is {span(deadline_s)} after the step."
+
+
+def broken_at(run: Run) -> list[float]:
+    """When a fault began or ended, or somebody died or stood still, s; each instant once."""
+    unplanned = [one["t"] for name in ("died", "stopped") for one in run.metrics["processes"][name] or []]
+    empty = [one["t"] for one in run.metrics["lifetime_s"].get("empty") or []]
+    return sorted({t_s for t_s, *_ in run.marks} | {t for t in (*unplanned, *empty) if t is not None})

@@ -1,0 +1,134 @@
+"""What was run: the scenario in a line, what was changed in it, and what matters most of its keys."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from launcher.record.words import span
+from launcher.report.folder import Run
+from launcher.report.style import Figures
+from trackfield.errors import ScenarioError
+from trackfield.scenario import Scenario, names, summary
+from trackfield.scenario.sensors import Acoustic
+from trackfield.world.path import Path as Way
+
+FIGURES: Final[Figures] = {}
+HOW: Final = {"processes": "processes", "virtual": "virtual time", "replay": "replay of recorded reports"}
+_MOST_CHANGES: Final = 8
+_LONGEST: Final = 60
+"""Characters of a changed value that are shown."""
+
+
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``."""
+    packaged = run.scenario.name in names()
+    return {
+        "summary": summary(run.scenario.name) if packaged else "",
+        "changed": changed(run) if packaged else [],
+        "facts": facts(run),
+    }
+
+
+# --- the scenario -----------------------------------------------------------------------------------------------------
+
+
+def changed(run: Run) -> list[str]:
+    """What this run has otherwise than the packaged scenario of its name, as ``key = value``; its seed is a fact."""
+    try:
+        packaged = dict(_flat(Scenario.load(run.scenario.name).plain()))
+    except ScenarioError:  # of another version of the program
+        return []
+    own = dict(_flat(run.scenario.plain()))
+    keys = [key for key in dict.fromkeys((*own, *packaged)) if not _same(run, key, own.get(key), packaged.get(key))]
+    own |= {key: Path(str(value)).name for key, value in own.items() if key.endswith(".file")}
+    said = [f"{key} = {_short(own[key])}" if key in own else f"{key} unset" for key in keys if key != "seed"]
+    return said[:_MOST_CHANGES] + ([f"{len(said) - _MOST_CHANGES} more"] if len(said) > _MOST_CHANGES else [])
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _same(run: Run, key: str, own: Any, packaged: Any) -> bool:
+    """Whether two values are one; files are by what is in them, as the run has a copy of its own."""
+    if key.endswith(".file") and own and packaged:
+        files = run.folder / Path(str(own)).name, Path(str(packaged))
+        return all(file.is_file() for file in files) and files[0].read_bytes() == files[1].read_bytes()
+    return bool(own == packaged)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, list) and value and all(isinstance(one, Mapping) for one in value):
+        text = ", ".join(str(one.get("kind", one.get("id", "one"))) for one in value)  # faults, targets
+    else:
+        text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]} ..."
+
+
+# --- its most important keys ------------------------------------------------------------------------------------------
+
+
+def facts(run: Run) -> list[tuple[str, str]]:
+    """(name, value) of what a reader has to know to understand the figures."""
+    metrics, fusion = run.metrics, run.scenario.fusion
+    setup = f", after {span(run.origin_s)} of setup" if run.origin_s else ""
+    return [
+        ("sensors", _sensors(run)),
+        ("sensing", _sensing(run)),
+        *((f"target{f' {id}' if run.several else ''}", _target(path)) for id, path in run.site.paths.items()),
+        ("steps", f"{run.site.steps:,} of {run.step_s:g} s each{setup}"),
+        ("link", _link(run)),
+        ("deadline", f"{span(fusion.deadline_s)} after each step"),
+        ("track starts", "around the true state (prior)" if fusion.prior == "paper" else "from the first reports"),
+        ("run as", _driver(run)),
+        ("seed", str(metrics["seed"])),
+        ("started", run.manifest["started"].replace("T", " ").replace("+00:00", " UTC")),
+    ]
+
+
+def _sensors(run: Run) -> str:
+    layout = run.scenario.field
+    spacing = getattr(layout, "spacing_m", None)
+    apart = f", {spacing:g} m apart" if spacing and len(run.site.sensors) > 1 else ""
+    return f"{len(run.site.sensors):,}, layout {layout.layout}{apart}"
+
+
+def _sensing(run: Run) -> str:
+    sensor = run.scenario.sensor
+    reach_m = sensor.reach_m()[1]
+    far = f"within {reach_m:,.0f} m" if reach_m < 1e6 else "any distance"
+    if not isinstance(sensor, Acoustic):
+        return f"{sensor.kind}, {far}"
+    adaptive = ", adaptive threshold" if sensor.adaptive else ""
+    return f"bearing (sd {sensor.doa_sd_deg:g}°) and level, {'up to ' * sensor.adaptive}{far}{adaptive}"
+
+
+def _target(path: Way) -> str:
+    """How far and how fast it went, as far as that is known."""
+    moved = np.hypot(*np.diff([path.x, path.y], axis=1))
+    there_s, way_m = path.end_s - path.start_s, float(moved.sum())
+    far = f"{way_m / 1000:.1f} km" if way_m >= 3000 else f"{way_m:,.0f} m"
+    return f"{far} in {span(there_s)}, {way_m / there_s:.1f} m/s on average" if there_s else "at one place"
+
+
+def _link(run: Run) -> str:
+    link = run.scenario.link
+    radio = getattr(link, "radio", None)
+    parts = [link.model, *([f"radio {radio}"] if radio else [])]
+    if spreading := getattr(link, "sf", None):
+        parts.append(f"sf {spreading}")
+    return ", ".join(parts)
+
+
+def _driver(run: Run) -> str:
+    speed = run.metrics["timing"]["speed"]
+    return HOW[run.metrics["driver"]] + ("" if speed in (None, 1) else f", {speed:g} times as fast")

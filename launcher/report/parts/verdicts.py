@@ -1,0 +1,116 @@
+"""What became of each tracker, in a sentence or two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
+from launcher.report import outages, style
+from launcher.report.cells import number, percent
+from launcher.report.folder import Run
+from launcher.report.parts.consistency import in_words
+from launcher.report.tracks import Track
+
+FIGURES: Final[style.Figures] = {}
+NEAREST: Final = "With several targets, each step is scored against the nearest one."
+LOOKS: Final = {TRACKED: "good", WITH_GAPS: "fair", LOST: "bad"}
+"""How a verdict looks on the page."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of one tracker: its ``state`` in metrics.json, how that looks, and sentences."""
+
+    tracker: str
+    colour: str
+    state: str
+    look: str
+    text: str
+
+
+def contents(run: Run) -> dict[str, Any]:
+    """See ``Part``."""
+    return {"each": verdicts(run), "gaps": gaps(run)}
+
+
+def verdicts(run: Run) -> list[Verdict]:
+    """One for each tracker."""
+    return [_verdict(run, name, m) for name, m in run.metrics["trackers"].items()]
+
+
+def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
+    own = [track for track in run.tracks if track.tracker == name]
+    there = any(track.known.any() for track in own)
+    sentences = [
+        _error(own, m) if m["steps"] else "",
+        _within(run, m) if m["steps"] else "",
+        *(outages.in_words(run, track) for track in own if there),
+        "" if there else outages.never(run),
+        _rule(run) if m["lost"] and there else "",
+        _in_gaps(m),
+        NEAREST if m["association"] and there else "",
+        in_words(m),
+    ]
+    look = LOOKS.get(m["verdict"], "fair")
+    return Verdict(name, style.colour(run, name), told(m), look, " ".join(filter(None, sentences)))
+
+
+def _error(own: list[Track], m: dict[str, Any]) -> str:
+    """How far off it was, over which steps, and against which bound."""
+    expected = m["steps_expected"]
+    steps = f"all {expected:,} steps" if m["steps"] >= expected else f"{m['steps']:,} of {expected:,} steps"
+    blind = sum(int((track.coasting & track.scored).sum()) for track in own)
+    if blind:
+        steps += f" ({'all' if blind == m['steps'] else f'{blind:,}'} of them without a report)"
+    text = f"RMSE {number(m['rmse']['position'], 'm')}, median error {number(m['median_error'], 'm')} over {steps}"
+    if m["times_bound"] is not None:
+        bounded = sum(int((track.scored & np.isfinite(track.bound)).sum()) for track in own)
+        over = "the same steps" if bounded == m["steps"] else f"the {bounded:,} of them that have one"
+        text += f"; {number(m['times_bound'])} times the bound of {number(m['bound_m'], 'm')} over {over}"
+    return f"{text}."
+
+
+def _within(run: Run, m: dict[str, Any]) -> str:
+    """At how many steps it was near enough, unless that were all."""
+    share = m["share_within"]
+    if share is None or share >= 1.0:
+        return ""
+    return f"Within {run.scenario.lost_beyond_m:g} m of the truth at {percent(share)} of the steps."
+
+
+def _rule(run: Run) -> str:
+    """Why a track counts as lost, by the rule of the scenario."""
+    rule = run.scenario.score.lost
+    beyond = f"more than {run.scenario.lost_beyond_m:g} m off, or not there,"
+    if (rule.steps, rule.within) == (1, 1):
+        when = "at the last step"
+    else:
+        last = "" if rule.within is None else f" within the last {rule.within}"
+        when = f"for {rule.steps} step{'s' * (rule.steps != 1)} in a row{last}"
+    return f"Lost by the rule of the scenario: {beyond} {when}."
+
+
+def _in_gaps(m: dict[str, Any]) -> str:
+    """How far off it was from a line that stands in for the truth."""
+    gap = m["gap"]
+    if not gap["steps"]:
+        return ""
+    rmse = number(gap["rmse"], "m")
+    return (
+        f"In gaps of the recorded path, not counted above: RMSE {rmse} against a straight line, {gap['steps']:,} steps."
+    )
+
+
+def gaps(run: Run) -> str:
+    """How much of the truth is interpolated, in a sentence; nothing if none is."""
+    times, guessed, count = run.course.at_ns, len(run.course.interpolated), len(run.gaps)
+    if not guessed:
+        return ""
+    return (
+        f"{guessed:,} of {len(times):,} steps ({percent(guessed / len(times))}) lie in {count} gap{'s' * (count != 1)} "
+        "of the recorded path, where a straight line stands in for the truth. Errors, NEES and bounds leave them out, "
+        "unless they say otherwise."
+    )
