@@ -233,7 +233,13 @@ def test_only_what_says_something_has_a_row(tmp_path: Path) -> None:
     assert table["frames"]["lost: radio"] == ["0", str(lost)]
     assert lost > 0
     said = {row for group in table.values() for row in group}
-    nothing = {"lost: partition", "lost: overflow", "lost by the machine", "on the air [bytes]", "clock error, rms [ms]"}
+    nothing = {
+        "lost: partition",
+        "lost: overflow",
+        "lost by the machine",
+        "on the air [bytes]",
+        "clock error, rms [ms]",
+    }
     assert not said & {*nothing, "driver", "RMSE in gaps of the truth [m]"}
     for group, row in (
         ("spcpf", "mean NEES"),
@@ -338,7 +344,10 @@ def test_runs_are_named_by_their_folders_and_as_many_parents_as_it_takes(tmp_pat
 def test_a_run_is_not_compared_with_itself(tmp_path: Path) -> None:
     a = finished(tmp_path / "a")
     (tmp_path / "other").symlink_to(a)
-    for again, what in ((a, f"{a} is named twice"), (tmp_path / "other", f"{tmp_path / 'other'} is the same run as {a}")):
+    for again, what in (
+        (a, f"{a} is named twice"),
+        (tmp_path / "other", f"{tmp_path / 'other'} is the same run as {a}"),
+    ):
         with pytest.raises(ScenarioError) as failure:
             read_runs([a, again])
         assert (failure.value.what, failure.value.expected) == (what, "different runs")

@@ -41,7 +41,9 @@ def _add(table: Table, group: Group) -> None:
     table.add_row(Text(group.title, style="bold"))
     for row in group.rows:
         cells = zip(row.said, row.best, strict=True)
-        table.add_row(Text(f"  {row.name}"), *(Text(_short(text), style="bold" if best else "") for text, best in cells))
+        table.add_row(
+            Text(f"  {row.name}"), *(Text(_short(text), style="bold" if best else "") for text, best in cells)
+        )
     table.add_section()
 
 

@@ -122,7 +122,7 @@ def _ways(ways: Sequence[Way]) -> Moving:
 
 def _tracks(tracks: Sequence[Overlaid]) -> Moving:
     for track in tracks:
-        there = np.isfinite(track.mean).all(axis=1)
+        there = [bool(np.isfinite(point).all()) for point in track.mean]
         points = [point[None][: int(known)] for point, known in zip(track.mean, there, strict=True)]
         ellipses = [
             rings(point, tuple(covariance.ravel().tolist()))
@@ -131,7 +131,11 @@ def _tracks(tracks: Sequence[Overlaid]) -> Moving:
         yield track.path("position"), track.t_s, rows.points(points)
         yield track.path("ellipse"), track.t_s, rows.strips(ellipses)
         yield track.path("track"), track.t_s[1:], rows.strips(_legs(track.mean))
-        yield entity("plots", "error", track.tracker, track.run), track.t_s, rows.scalars(track.error_m[:, None].tolist())
+        yield (
+            entity("plots", "error", track.tracker, track.run),
+            track.t_s,
+            rows.scalars(track.error_m[:, None].tolist()),
+        )
 
 
 def _legs(at: Points) -> list[Points]:

@@ -23,9 +23,7 @@ def as_json(compared: Compared, exact: Exactness | None) -> str:
     runs = zip(compared.names, compared.folders, compared.metrics, strict=True)
     whole = {
         "runs": [{"run": name, "path": str(folder), "metrics": metrics} for name, folder, metrics in runs],
-        "settings": {
-            key: dict(zip(compared.names, values, strict=True)) for key, values in compared.settings.items()
-        },
+        "settings": {key: dict(zip(compared.names, values, strict=True)) for key, values in compared.settings.items()},
         "remarks": remarks(compared),
         "exact": None if exact is None else exact.plain(),
     }
@@ -51,7 +49,7 @@ def as_csv(compared: Compared) -> str:
 
 def _flat(row: dict[str, Any]) -> dict[str, Any]:
     """The figures with a column for each number."""
-    found = {}
+    found: dict[str, Any] = {}
     for key, value in row.items():
         if ends := _PAIRS.get(key):
             found |= {f"{key}.{end}": one for end, one in zip(ends, value or (None,) * len(ends), strict=True)}

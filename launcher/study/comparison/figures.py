@@ -15,6 +15,7 @@ from launcher.report import style
 from launcher.report.folder import Run
 from launcher.report.parts import energy
 from launcher.report.parts.errors import WIDE
+from launcher.report.tracks import Array
 from launcher.study.comparison.lines import Line, colours, panels
 
 _PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
@@ -40,7 +41,7 @@ def errors(found: Sequence[Line]) -> Figure | None:
     return figure
 
 
-def _over_time(line: Line, window_s: float) -> style.Array:
+def _over_time(line: Line, window_s: float) -> Array:
     """(T,) the error, or its rms over so many seconds; NaN where it does not count."""
     track = line.track
     window = round(window_s / line.run.step_s) if line.run.long else 1
@@ -67,7 +68,7 @@ def distribution(found: Sequence[Line]) -> Figure | None:
     return figure
 
 
-def _distribution(line: Line) -> tuple[style.Array, style.Array]:
+def _distribution(line: Line) -> tuple[Array, Array]:
     """Errors in order, and the share of steps up to each; a step without a track counts as one that never is near."""
     track = line.track
     reached = np.sort(track.error_m[track.scored])
@@ -75,7 +76,7 @@ def _distribution(line: Line) -> tuple[style.Array, style.Array]:
     return np.maximum(reached, 1e-3), 100.0 * np.arange(1, len(reached) + 1) / judged
 
 
-def _draw(axes: Axes, plot: Sequence[Line], curves: Sequence[tuple[style.Array, style.Array]]) -> None:
+def _draw(axes: Axes, plot: Sequence[Line], curves: Sequence[tuple[Array, Array]]) -> None:
     looks, named = colours(plot), set[str]()
     for line, curve in zip(plot, curves, strict=True):
         axes.plot(*curve, label=None if line.label in named else line.label, **line.look(looks))
@@ -88,11 +89,17 @@ def legend(axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     columns = max(min(len(labels), 110 // (max(map(len, labels)) + 8)), 1)
     axes.legend(
-        handles, labels, loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=columns, borderaxespad=0.2, handlelength=3.2
+        handles,
+        labels,
+        loc="lower left",
+        bbox_to_anchor=(-0.01, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=3.2,
     )
 
 
-def _scale(axes: Axes, errors_m: style.Array) -> None:
+def _scale(axes: Axes, errors_m: Array) -> None:
     known = errors_m[np.isfinite(errors_m)]
     if known.max() > WIDE * max(float(np.median(known)), 1e-9):
         axes.set_yscale("log")
@@ -114,7 +121,9 @@ def fates(runs: Sequence[Run], names: Sequence[str]) -> Figure | None:
     shown = {name: style.OUTCOMES.get(name, style.DEAD) for name in outcomes if any(one[name] for one in counts)}
     ends = [f"{sum(one.values()):,} frames" for one in counts]
     words = {name: _fate(name) for name in shown}
-    figure = _bars(names, [{words[n]: one[n] for n in shown} for one in shares], {words[n]: c for n, c in shown.items()}, ends)
+    figure = _bars(
+        names, [{words[n]: one[n] for n in shown} for one in shares], {words[n]: c for n, c in shown.items()}, ends
+    )
     figure.axes[0].set(xlabel="share of the frames expected at their hearers [%]", xlim=(0.0, 100.0))
     return figure
 
@@ -128,7 +137,7 @@ def spent(runs: Sequence[Run], names: Sequence[str]) -> Figure | None:
     parts = [{bar.label: bar.share * total for bar in some} for some, total in zip(bars, totals, strict=True)]
     looks = {bar.label: bar.colour for some in bars for bar in some}
     figure = _bars(names, parts, looks, [joules(total) for total in totals])
-    figure.axes[0].set(xlabel="energy from batteries [J]", xlim=(0.0, 1.0 * max(totals)))
+    figure.axes[0].set(xlabel="energy from batteries [J]", xlim=(0.0, max(totals)))
     return figure
 
 

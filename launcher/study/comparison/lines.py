@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from launcher.colours import tracker_colours
 from launcher.report.folder import Run
-from launcher.report.tracks import Array, Track
+from launcher.report.tracks import Track
 
+Places = npt.NDArray[np.intp]
 MOST_RUNS: Final = 6
 """Runs that can be told apart in a figure."""
 MOST_LINES: Final = 6
@@ -78,8 +80,8 @@ def tint(colour: str, shade: float) -> str:
     return "#" + "".join(f"{round(c + (end - c) * abs(shade)):02x}" for c in channels)
 
 
-def common(a: Track, b: Track) -> tuple[Array, Array]:
+def common(a: Track, b: Track) -> tuple[Places, Places]:
     """Where in each of two tracks the instants are that both have, (n,) and (n,)."""
-    at = [np.round(track.t_s * 1e6).astype(np.int64) for track in (a, b)]
-    _, first, second = np.intersect1d(*at, return_indices=True)
+    one, other = (np.round(track.t_s * 1e6).astype(np.int64) for track in (a, b))
+    _, first, second = np.intersect1d(one, other, return_indices=True)
     return first, second

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from launcher.report import style
-from launcher.report.parts.field import IN_A_STEP, _along, _box
+from launcher.report.parts.field import IN_A_STEP, along, framed, scaled
 from launcher.report.tracks import Array
 from launcher.study.comparison.lines import Line, colours, common, panels
 
@@ -69,17 +69,17 @@ def _apart(one: Line, other: Line) -> Apart | None:
 
 def _map(plot: Sequence[Line]) -> Figure:
     run = plot[0].run
-    ways = [_along(path, path.start_s, path.end_s, IN_A_STEP * run.site.steps + 1) for path in run.site.paths.values()]
+    ways = [along(path, path.start_s, path.end_s, IN_A_STEP * run.site.steps + 1) for path in run.site.paths.values()]
     heard = [run.sensors[id] for id in run.frames.senders() if id in run.sensors]
-    box = _box(np.vstack([*ways, np.reshape(heard, (-1, 2))]))
+    box = framed(np.vstack([*ways, np.reshape(heard, (-1, 2))]))
     apart = furthest(plot)
     figure = Figure(figsize=(style.WIDTH, 4.6), layout="constrained")
-    whole, *close = np.atleast_1d(figure.subplots(1, 2 if apart else 1, width_ratios=[1.25, 1.0] if apart else None))
-    for axes in (whole, *close):
-        _draw(axes, plot, ways)
-        axes.set(xlabel="east [m]", aspect="equal")
-    whole.set(xlim=box[:, 0], ylim=box[:, 1], ylabel="north [m]")
+    ratios = [1.25, 1.0] if apart else [1.0]
+    whole, *close = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
+    _draw(whole, plot, ways)
+    scaled(whole, box)
     if apart:
+        _draw(close[0], plot, ways)
         _close_up(whole, close[0], apart)
     handles, labels = whole.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=3.2)
@@ -110,7 +110,7 @@ def _close_up(whole: Axes, axes: Axes, apart: Apart) -> None:
         axes.plot(*point, "o", color=line.look(looks)["color"], mec=style.INK, mew=1.0, ms=8, zorder=5)
     if np.isfinite(truth).all():
         axes.plot(*truth, "s", color="white", mec=style.INK, mew=1.2, ms=7, zorder=5)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    scaled(axes, np.array([low, high]))
     axes.set_title(apart.text, fontsize=8.5, loc="left")
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
     whole.plot(*corners.T, color=style.DEAD, lw=1.2, zorder=6)

@@ -16,7 +16,15 @@ PARTS: Final = 10
 
 def paired(found: Sequence[Line]) -> Table:
     """Of each tracker that several runs of one target have: each further run against the first, over common steps."""
-    head = ["tracker", "run", "against", "steps in both", "mean difference [m]", "lower at", "lower in parts of the run"]
+    head = [
+        "tracker",
+        "run",
+        "against",
+        "steps in both",
+        "mean difference [m]",
+        "lower at",
+        "lower in parts of the run",
+    ]
     by_tracker: dict[tuple[str, str], list[Line]] = {}
     for line in found:
         by_tracker.setdefault((line.track.tracker, line.track.target), []).append(line)

@@ -21,13 +21,22 @@ def write_recording(compared: Compared, file: Path) -> None:
     sensors = {place for run in runs for place in run.sensors.values()}
     ways = [way for group in compared.groups for way in _ways(compared, runs, group[0])]
     name = " and ".join(compared.names)
-    write_overlay(file, name, np.array(sorted(sensors)).reshape(-1, 2), ways, [_overlaid(line, found) for line in found])
+    write_overlay(
+        file, name, np.array(sorted(sensors)).reshape(-1, 2), ways, [_overlaid(line, found) for line in found]
+    )
 
 
 def _overlaid(line: Line, found: Sequence[Line]) -> Overlaid:
     track, look = line.track, line.look(colours(found), dark=True)
     return Overlaid(
-        track.tracker, line.name, track.t_s, track.mean[:, :2], track.covariance, track.error_m, look["color"], look["lw"]
+        track.tracker,
+        line.name,
+        track.t_s,
+        track.mean[:, :2],
+        track.covariance,
+        track.error_m,
+        look["color"],
+        look["lw"],
     )
 
 

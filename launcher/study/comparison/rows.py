@@ -32,12 +32,15 @@ class Row:
     def best(self) -> tuple[bool, ...]:
         """(runs,) whether a cell is better than another and reads so; of equal ones each."""
         judged = self.judged or (True,) * len(self.cells)
-        figures = {text: cell for text, cell, fair in zip(self.said, self.cells, judged, strict=True) if fair}
-        figures = {text: cell for text, cell in figures.items() if isinstance(cell, int | float)}
-        if not self.better or len(figures) < 2:
+        fair = [
+            (float(cell), text)
+            for cell, text, ok in zip(self.cells, self.said, judged, strict=True)
+            if ok and isinstance(cell, int | float)
+        ]
+        if not self.better or len({text for _, text in fair}) < 2:
             return (False,) * len(self.cells)
-        best = (min if self.better == "lower" else max)(figures, key=lambda text: figures[text])
-        return tuple(fair and text == best for text, fair in zip(self.said, judged, strict=True))
+        _, best = min(fair) if self.better == "lower" else max(fair)
+        return tuple(ok and text == best for text, ok in zip(self.said, judged, strict=True))
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -103,7 +106,9 @@ def _tracker(name: str, compared: Compared) -> Iterator[Row]:
     yield Row("steps within lost_m", tuple(_at(t, ("share_within",)) for t in found), "higher", percent)
     yield Row("longest time without a track [s]", tuple(_at(t, ("longest_blackout_s",)) for t in found), "lower")
     yield from _telling(row("RMSE in gaps of the truth [m]", "gap", "rmse"))
-    yield from _telling(row("mean NEES", "nees"), pair("NEES, 95 % band", [_at(t, ("nees_band",)) for t in found], "{} to {}"))
+    yield from _telling(
+        row("mean NEES", "nees"), pair("NEES, 95 % band", [_at(t, ("nees_band",)) for t in found], "{} to {}")
+    )
 
 
 def _bounds(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:
@@ -113,12 +118,16 @@ def _bounds(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:
 
 def _frames(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     lost = [sum(m["frames"]["lost"].values()) + (m["frames"]["host_lost"] or 0) for m in metrics]
-    shares = (n / m["frames"]["expected"] if m["frames"]["expected"] else None for n, m in zip(lost, metrics, strict=True))
+    shares = (
+        n / m["frames"]["expected"] if m["frames"]["expected"] else None for n, m in zip(lost, metrics, strict=True)
+    )
     yield from (_row(metrics, key, "frames", key) for key in OF_ALL)
     yield Row("lost", tuple(lost))
     yield Row("share lost", tuple(shares), "lower", percent)
     causes = dict.fromkeys(cause for m in metrics for cause in m["frames"]["lost"])
-    yield from _telling(*(_row(metrics, f"lost: {cause.replace('_', ' ')}", "frames", "lost", cause) for cause in causes))
+    yield from _telling(
+        *(_row(metrics, f"lost: {cause.replace('_', ' ')}", "frames", "lost", cause) for cause in causes)
+    )
     yield from _telling(_row(metrics, "lost by the machine", "frames", "host_lost"))
 
 
