@@ -14,6 +14,7 @@ import rerun.blueprint as rrb
 import rerun_bindings
 
 from launcher.timeline import look, rows
+from launcher.timeline.curves import BINS, axis_of
 from launcher.timeline.layers.closeup import WIDE, scale_bar, zoomed
 from launcher.timeline.look import path as entity
 from launcher.timeline.scene import Points, rings
@@ -21,6 +22,8 @@ from launcher.timeline.views import bounds, so_far, space
 from trackfield.role import NS
 
 Array = npt.NDArray[np.float64]
+PLOT: Final = (760.0, 390.0)
+"""Width and height of a plot on a screen of 1600 x 900."""
 NEAR: Final = 0.9
 """The close-up holds this share of the errors."""
 
@@ -154,9 +157,11 @@ def _layout(sensors: Points, ways: Sequence[Way], tracks: Sequence[Overlaid]) ->
     points = [tuple(point) for point in np.vstack([sensors, *(way.at for way in ways)]).tolist()]
     closeups = [_closeup(way.target, shown) for way in ways]
     end_s = max((float(track.t_s[-1]) for track in tracks if len(track.t_s)), default=1.0)
-    errors = {tracker: [entity("plots", "error", tracker) + "/**"] for tracker in _trackers(tracks)}
-    plots = [_plot("Error [m]", ["/plots/error/**"], end_s)]
-    plots += [_plot(f"{tracker} [m]", contents, end_s) for tracker, contents in errors.items() if len(errors) > 1]
+    by_tracker = {tracker: [t for t in tracks if t.tracker == tracker] for tracker in _trackers(tracks)}
+    plots = [_plot("Error [m]", "/plots/error/**", tracks, end_s)]
+    if len(by_tracker) > 1:
+        paths = {tracker: entity("plots", "error", tracker) + "/**" for tracker in by_tracker}
+        plots += [_plot(f"{name} [m]", paths[name], own, end_s) for name, own in by_tracker.items()]
     return rrb.Blueprint(
         rrb.Horizontal(
             space("/", ["/field/**"], "Field (E right, N up)", bounds(points), shown),
@@ -179,14 +184,21 @@ def _closeup(target: str, shown: Mapping[Any, rrb.VisibleTimeRanges]) -> rrb.Spa
     return space(look.closeup_path(target, "zoom"), contents, f"Close-up of {target}", around, shown)
 
 
-def _plot(name: str, contents: list[str], end_s: float) -> rrb.TimeSeriesView:
+def _plot(name: str, contents: str, tracks: Sequence[Overlaid], end_s: float) -> rrb.TimeSeriesView:
+    """Errors over time, with a legend that hides none of them."""
+    highest = np.zeros(BINS)
+    for track in tracks:
+        at = np.clip(track.t_s / max(end_s, 1e-9) * BINS, 0, BINS - 1).astype(int)
+        np.maximum.at(highest, at, np.nan_to_num(track.error_m))
+    axis = axis_of(highest, [track.name for track in tracks] or [""], PLOT)
     whole = rr.TimeRange(
         start=rrb.TimeRangeBoundary.absolute(seconds=0.0), end=rrb.TimeRangeBoundary.absolute(seconds=end_s)
     )
     return rrb.TimeSeriesView(
         origin="/",
-        contents=contents,
+        contents=[contents],
         name=name,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop if axis.left else rrb.Corner2D.RightTop),
         axis_x=rrb.TimeAxis(view_range=whole),
+        axis_y=rrb.ScalarAxis(range=(-0.03 * axis.top, axis.top)),
     )

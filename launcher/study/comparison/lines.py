@@ -23,10 +23,10 @@ _DOTTED: Final = (0, (1.0, 1.4))
 _LOOKS: Final[tuple[tuple[float, float, Any, float], ...]] = (
     (0.0, 0.0, "-", 2.2),
     (-0.5, 0.6, _DASHED, 1.3),
-    (0.5, -0.35, "-", 1.3),
-    (-0.5, 0.8, _DOTTED, 1.5),
-    (0.0, 0.3, (0, (6.0, 1.4, 1.0, 1.4)), 1.3),
-    (0.45, -0.15, _DASHED, 1.3),
+    (0.5, -0.2, "-", 1.3),
+    (-0.5, 0.85, _DOTTED, 1.5),
+    (0.0, 0.35, (0, (6.0, 1.4, 1.0, 1.4)), 1.3),
+    (0.45, -0.1, _DASHED, 1.3),
 )
 """Of each run: how much its lines are lighter than the tracker's colour, or darker (below 0), on white and on black;
 their dashes and width."""

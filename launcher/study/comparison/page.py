@@ -79,6 +79,7 @@ def _pictures(compared: Compared, runs: Sequence[Run], groups: Sequence[Sequence
         return {
             "pictures": {name: inline(_png(figure)) for name, figure in drawn.items() if figure is not None},
             "maps": [inline(_png(figure)) for figure in fields],
+            "close_ups": any(len(figure.axes) > 1 for figure in fields),
         }
 
 

@@ -22,8 +22,8 @@ def paired(found: Sequence[Line]) -> Table:
         "against",
         "steps in both",
         "mean difference [m]",
-        "lower at",
-        "lower in parts of the run",
+        "steps lower",
+        "parts lower",
     ]
     by_tracker: dict[tuple[str, str], list[Line]] = {}
     for line in found:
@@ -50,6 +50,6 @@ def _row(first: Line, other: Line) -> Iterator[list[str]]:
         first.name,
         number(steps),
         f"{difference:+.3g}" if difference else "0",
-        f"{percent(float((after < before).mean()))} of the steps",
+        percent(float((after < before).mean())),
         parts,
     ]
