@@ -18,6 +18,7 @@ from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.journal import METRICS
+from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
@@ -181,9 +182,13 @@ def study(
 
 
 def open(folder: Folder) -> Result:
-    """The result in a run folder. Raises ``ScenarioError`` if it is not that of a finished run."""
-    check_runs([Path(folder)])
-    return Result(Path(folder))
+    """The result in a run folder; ``latest`` and ``latest~1`` are the last runs below runs/.
+
+    Raises ``ScenarioError`` if it is not that of a finished run.
+    """
+    path = run_folder(folder)
+    check_runs([path])
+    return Result(path)
 
 
 def replay(
@@ -195,7 +200,7 @@ def replay(
     """
     from launcher.study.replay import replay as fuse
 
-    folder = run.path if isinstance(run, Result) else Path(run)
+    folder = run.path if isinstance(run, Result) else run_folder(run)
     flags = [*(part for name in trackers for part in ("--tracker", name)), *(["--drop-late"] if drop_late else [])]
     again = ["trackfield", "replay", str(folder), *flags]
     with _arguments():

@@ -3,31 +3,50 @@
 from __future__ import annotations
 
 import sys
-from typing import NoReturn
+from functools import partial
+from typing import Annotated, NoReturn
 
 import typer
 
-from launcher.commands import compare, listing, replay, reproduce, router, run, study, validate, view
+from launcher.commands import choices, compare, listing, new, replay, reproduce, router, run, study, validate, view
 from launcher.processes.garbage import look_seldom
 from trackfield.errors import ScenarioError, TrackfieldError
 
 app = typer.Typer(
     name="trackfield",
-    help="Emulates field deployments that track moving targets with networks of small sensors.",
+    cls=choices.Commands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
-    add_completion=False,
 )
-app.command("run")(run.run)
-app.command("replay")(replay.replay)
-app.command("router")(router.router)
-app.command("list")(listing.list_scenarios)
-app.command("validate")(validate.validate)
-app.command("view")(view.view)
-app.command("report")(view.report)
-app.command("compare")(compare.compare)
-app.command("study")(study.study)
-app.command("reproduce")(reproduce.reproduce)
+command = partial(app.command, cls=choices.Choosing)
+command("run")(run.run)
+command("new")(new.new)
+command("validate")(validate.validate)
+command("list")(listing.list_kinds)
+command("view")(view.view)
+command("report")(view.report)
+command("compare")(compare.compare)
+command("replay")(replay.replay)
+command("study")(study.study)
+command("reproduce")(reproduce.reproduce)
+command("router")(router.router)
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"trackfield {version('trackfield')}")
+        raise typer.Exit
+
+
+@app.callback()
+def program(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Emulates field deployments that track moving targets with networks of small sensors."""
 
 
 def main() -> NoReturn:

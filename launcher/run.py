@@ -62,9 +62,9 @@ class Outcome:
 
 
 def run_virtual(
-    plan: Plan, folder: Path, command: Sequence[str] = (), report: Callable[[Path], None] = write_here
+    plan: Plan, folder: Path, command: Sequence[str] = (), *, write: Callable[[Path], None] | None = None
 ) -> Outcome:
-    """Run in virtual time; ``report`` writes the report of the finished folder."""
+    """Run in virtual time; ``write`` writes the report of the finished folder (None: this process does)."""
     write_manifest(folder, plan, command, None)
     begun, cpu_s = time.monotonic(), time.process_time()
     ledger = Ledger(plan.run, plan.processes)
@@ -76,7 +76,7 @@ def run_virtual(
     metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
-    return close_folder(folder, metrics, [], ended, report)
+    return close_folder(folder, metrics, [], ended, write)
 
 
 def run_processes(
@@ -152,7 +152,7 @@ def close_folder(
     metrics: Metrics,
     complaints: list[str],
     ended: list[int],
-    report: Callable[[Path], None] = write_here,
+    write: Callable[[Path], None] | None = None,
 ) -> Outcome:
     """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early."""
     frames = metrics["frames"]
@@ -163,13 +163,19 @@ def close_folder(
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, _unreported(report, folder))
+    return Outcome(
+        folder,
+        metrics,
+        tuple(complaints),
+        ended[0] if ended else None,
+        _report(folder) if write is None else _report(folder, write),
+    )
 
 
-def _unreported(report: Callable[[Path], None], folder: Path) -> str:
+def _report(folder: Path, write: Callable[[Path], None] = write_here) -> str:
     """Write the report; why that failed, if it did."""
     try:
-        report(folder)
+        write(folder)
     except Exception as error:  # noqa: BLE001  whatever it is, the run is over and all its tables are there
         return f"{type(error).__name__}: {error}"
     return ""

@@ -183,8 +183,11 @@ def conclude(outcome: Outcome) -> None:
         console.print("[yellow]no report:[/]", Text(outcome.unreported), soft_wrap=True)
     if outcome.signal is not None:
         console.print("[yellow]ended early; everything up to then is in the run folder[/]")
-    folder = str(outcome.folder)
-    console.print(Text(f"run folder: {folder}\nnext: {_program()} view {shlex.quote(folder)}"), soft_wrap=True)
+    folder, page = str(outcome.folder), outcome.folder / "report.html"
+    console.print(Text(f"run folder: {folder}"), soft_wrap=True)
+    if not outcome.unreported:
+        console.print(Text(f"report: {page}"), soft_wrap=True)
+    console.print(Text(f"next: {program()} view {shlex.quote(folder)}"), soft_wrap=True)
 
 
 def _missing(missing: Collection[str], of: int) -> str:
@@ -241,7 +244,7 @@ def _metres(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f} m"
 
 
-def _program() -> str:
+def program() -> str:
     """How to call this program again, as short as it goes."""
     if shutil.which("trackfield"):
         return "trackfield"

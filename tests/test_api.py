@@ -20,9 +20,11 @@ from pydantic import BaseModel
 
 import trackfield as tf
 from launcher import api
+from launcher.plan.prepare import checked
 from launcher.record.measures import RunFigures
 from launcher.report.cells import number
 from launcher.run import Outcome
+from launcher.study.results import study_run
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at
 from tests.test_metrics import KEYS, expanded, paths
@@ -36,7 +38,7 @@ SMALL = tf.Scenario.load("spcpf").set("field.nodes", 9).set("target.steps", 10)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports have tests of their own, and take longer than all else here."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("launcher.run._unreported", lambda report, folder: "")
+    monkeypatch.setattr("launcher.run._report", lambda folder: "")
 
 
 def file_of(result: tf.Result) -> dict[str, Any]:
@@ -227,7 +229,9 @@ def test_a_study_runs_where_joblib_is_told_to() -> None:
 def test_a_run_of_a_study_that_cannot_be_made_names_its_seed() -> None:
     nowhere = SMALL.set("target", {"path": "waypoints", "waypoints": [[0, 9000, 9000], [9, 9000, 9100]]})
     with pytest.raises(tf.ScenarioError, match=r"with seed 8: .*never comes in range"):
-        tf.study(nowhere, [8], n_jobs=1)
+        study_run(checked(nowhere, 8))
+    with pytest.raises(tf.ScenarioError, match=r"^sensor.threshold: the target never comes in range"):
+        tf.study(nowhere, [8], n_jobs=1)  # before any run
 
 
 # --- comparisons ------------------------------------------------------------------------------------------------------
@@ -258,8 +262,13 @@ def some_folder() -> str:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: tf.run("spcpf"), "scenario: is 'spcpf'; expected a scenario, like"),
-        (lambda: tf.study("spcpf", range(2)), "scenario: is 'spcpf'; expected a scenario, like"),
+        (lambda: tf.run(5), 'scenario: is 5; expected a scenario, or the name or file of one, like "zhai-spcpf"'),
+        (lambda: tf.run("spfcp"), "unknown scenario 'spfcp'; .*expected one of bus"),
+        (lambda: tf.study("spfcp", range(2)), "unknown scenario 'spfcp'; .*expected one of bus"),
+        (lambda: tf.study(SMALL, [-1]), "seed: is -1; expected"),
+        (lambda: tf.study(SMALL, [1, 1]), "seeds: some are there twice; expected each seed once"),
+        (lambda: tf.study(SMALL, [1], {"link.loss": [0.1]}), "link.loss: has one value, 0.1; expected two values or"),
+        (lambda: tf.study(SMALL, [1], {"link.modle": ["a", "b"]}), "link.modle: unknown; did you mean model"),
         (lambda: tf.run(SMALL, driver="virtaul"), "driver: is 'virtaul'; did you mean virtual.; expected virtual or"),
         (lambda: tf.run(SMALL, seed=-1), "seed: is -1; expected"),
         (lambda: tf.run(SMALL, speed=0), "^speed: is 0; expected more than 0"),

@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from importlib.metadata import version
 from pathlib import Path
+from typing import get_args
 
 import pyarrow.parquet as pq
 import pymap3d
 import pytest
 
 from tests.command_line import Call, trackfield
-from trackfield.scenario import Scenario, survey
+from trackfield.filters.single_model import Ekf
+from trackfield.filters.trackers import TRACKERS
+from trackfield.scenario import Scenario, names, survey
+from trackfield.scenario.links import LINKS
 from trackfield.world.tracks import track_origin
 
 __all__ = ["trackfield"]
@@ -24,9 +29,10 @@ SHORT = ("--virtual", "--set", "target.steps=8")
 def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, tmp_path: Path) -> None:
     said = trackfield("run", "spcpf", *SHORT, "--out", "mine")
     assert (said.code, said.out) == (0, "")
-    first, *_, folder, following = said.err.splitlines()
+    first, *_, folder, page, following = said.err.splitlines()
     assert first == "zhai-spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
-    assert (folder, following) == ("run folder: mine", "next: trackfield view mine")
+    assert (folder, page) == ("run folder: mine", "report: mine/report.html")
+    assert following == "next: trackfield view mine"
     for tracker in ("fix-imm-ukf", "spcpf"):
         assert re.search(rf"{tracker} +│ +\d\.\d\d m ", said.err)
     files = {file.name for file in (tmp_path / "mine").iterdir()}
@@ -77,15 +83,6 @@ def test_a_link_that_loses_all_says_so(trackfield: Call, tmp_path: Path) -> None
     assert f"the link delivered none of {frames['sent']} frames" in said.err
     assert [tracker["lost"] for tracker in metrics["trackers"].values()] == [True, True]
     assert len(re.findall(r"│ lost +│", said.err)) == 2
-
-
-def test_list_names_scenarios_trackers_and_sensors(trackfield: Call) -> None:
-    said = trackfield("list")
-    assert (said.code, said.err) == (0, "")
-    *scenarios, trackers, sensors = said.out.splitlines()
-    assert [line.split()[0] for line in scenarios] == ["bus", "radar", "zhai-spcpf"]
-    assert trackers == "trackers: fix-imm-ukf, spcpf, bootstrap, fix-doa, ekf, ukf, predict-only"
-    assert sensors == "sensors: acoustic"
 
 
 def test_the_schema_knows_every_section(trackfield: Call) -> None:
@@ -141,6 +138,27 @@ def test_validate_names_the_gaps_of_a_track(trackfield: Call, tmp_path: Path) ->
     said = trackfield("validate", "bus", "--set", "target.file=ride.csv")
     note = "note: the track has no fixes from 19.0 s to 50.0 s (31 s): a straight line stands in"
     assert note in " ".join(said.err.split())
+
+
+def test_the_version_is_that_of_the_package(trackfield: Call) -> None:
+    said = trackfield("--version")
+    assert (said.code, said.out, said.err) == (0, f"trackfield {version('trackfield')}\n", "")
+
+
+def test_help_names_what_can_be_chosen(trackfield: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setitem(TRACKERS.registered, "mine", Ekf)
+    run, again, anew = (trackfield(name, "--help") for name in ("run", "reproduce", "new"))
+    assert (run.code, run.err) == (0, "")
+    assert f"({', '.join(names())})" in run.out
+    for choices in (
+        TRACKERS,
+        (link for (link, *_) in (get_args(one.model_fields["model"].annotation) for one in LINKS)),
+    ):
+        assert ", ".join(choices) in " ".join(run.out.replace("│", " ").split())
+    assert ": zhai" in again.out
+    assert ", ".join(names()) in anew.out
+    assert "<bool>" not in run.out + trackfield("--help").out  # a flag takes no value
 
 
 def test_help_is_there_for_who_asks_for_nothing(trackfield: Call) -> None:

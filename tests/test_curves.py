@@ -9,7 +9,7 @@ import pytest
 
 from launcher.records import FieldInfo, Place
 from launcher.timeline import rows
-from launcher.timeline.curves import PLOT, Curves
+from launcher.timeline.curves import PLOT, Axis, Curves
 from tests.reporting import run
 from tests.rrd import Values, read, views
 from trackfield.role import NS
@@ -43,6 +43,11 @@ def test_a_curve_breaks_one_and_a_half_intervals_after_its_last_value() -> None:
     _, kept = drawn({1: 1.0, 2: 1.0, 3.4: 1.0, 9: 2.0, 10: 2.0})
     assert [t for t, (value,) in kept if math.isnan(value)] == [4.9]
     assert [t for t, (value,) in kept if not math.isnan(value)] == [1, 2, 3.4, 9, 10]
+
+
+def test_of_many_curves_the_legend_is_left_out() -> None:
+    curves, _ = drawn(dict.fromkeys(range(100), 10.0))
+    assert curves.axis("error", ["a", "b", "c", "d", "e", "f"]) == Axis(10.5, legend=False)
 
 
 @pytest.mark.parametrize("peak", [5, 50, 95])
@@ -93,16 +98,16 @@ def test_curves_break_in_an_outage(outage: Path) -> None:
 
 def test_lines_break_and_nothing_is_current_in_an_outage(outage: Path) -> None:
     for tracker in ("fix-imm-ukf", "spcpf"):
-        for part in ("position:Points2D:positions", "ellipse:LineStrips2D:strips"):
-            name, component = part.split(":", 1)
-            shown = {t: value for t, value in read(outage, f"/field/{tracker}/{name}", component) if t is not None}
-            inside = [t for t in shown if 5 < t < 10.9]
-            assert inside and not any(shown[t] for t in inside), (tracker, part)
+        for name, component in (("position", "Points2D:positions"), ("ellipse", "LineStrips2D:strips")):
+            rows = [(t, value) for t, value in read(outage, f"/field/{tracker}/{name}", component) if t is not None]
+            assert [t for t, value in rows if 4 < t < 12.5 and not value] == [5.0], tracker
+            assert not [t for t, value in rows if 5 <= t < 12 and value], tracker
+            assert [t for t, value in rows if value][-1] > 15
         track = [value for t, value in read(outage, f"/field/{tracker}/track", "LineStrips2D:strips") if t is not None]
         assert len(track) > 5
         assert max(math.dist(*strip) for value in track for strip in value) < 60  # of a target at 10 m/s
     clouds = read(outage, "/field/spcpf/particles", "Points2D:positions")
-    assert {len(value) for t, value in clouds if t is not None and 5 < t < 10.9} == {0}
+    assert {len(value) for t, value in clouds if t is not None and 5 <= t < 12} == {0}
 
 
 def test_a_fault_that_lasts_is_a_span_and_a_jump_an_instant(outage: Path) -> None:

@@ -49,5 +49,6 @@ def test_a_run_without_report_says_why_and_is_none_the_worse(
     said = trackfield(*SHORT)
     assert said.code == 0
     assert "no report: OSError: no room left" in said.err
+    assert "report.html" not in said.err
     assert (tmp_path / "mine" / "metrics.json").is_file()
     assert not (tmp_path / "mine" / "report.html").exists()

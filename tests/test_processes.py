@@ -91,9 +91,10 @@ def test_a_bystander_counts_the_same_frames(seen: Seen) -> None:
 
 
 def test_a_finished_run_names_its_folder_and_the_next_command(seen: Seen) -> None:
-    last = seen.said.strip().splitlines()[-2:]
-    assert last[0] == f"run folder: {seen.folder}"
-    assert last[1].endswith(f"view {seen.folder}")
+    folder, page, following = seen.said.strip().splitlines()[-3:]
+    assert folder == f"run folder: {seen.folder}"
+    assert page == f"report: {seen.folder}/report.html"
+    assert following.endswith(f"view {seen.folder}")
     assert verify(seen.folder / "run.rrd").returncode == 0
     assert seen.metrics["processes"]["died"] == []
 

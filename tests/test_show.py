@@ -169,17 +169,23 @@ def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monk
     assert table["spcpf"] == ["1.23 m", "1.00 m", "5.68 m/s", "5 of 5", "lost"]
     assert table["fix-imm-ukf"][-2:] == ["5 of 5", "tracked"]
     assert "frames: sent 20, delivered 15 (late 2); lost: radio 4, dead 1" in said()
-    assert said().splitlines()[-2:] == ["run folder: runs/a", "next: trackfield view runs/a"]
+    folder, page, following = said().splitlines()[-3:]
+    assert (folder, page) == ("run folder: runs/a", "report: runs/a/report.html")
+    assert following == "next: trackfield view runs/a"
     assert "failed" not in said()
 
 
 def test_a_folders_name_stays_whole_whatever_the_width(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both lines are there to be copied, or read by a script."""
+    """The lines are there to be copied, or read by a script."""
     show.console.width = 60
     monkeypatch.setattr(show.shutil, "which", lambda name: f"/bin/{name}")
     folder = f"runs/{'long-' * 30}/[red] a b"
     show.conclude(replace(outcome(metrics_of(plan)), folder=Path(folder)))
-    assert said().splitlines()[-2:] == [f"run folder: {folder}", f"next: trackfield view '{folder}'"]
+    assert said().splitlines()[-3:] == [
+        f"run folder: {folder}",
+        f"report: {folder}/report.html",
+        f"next: trackfield view '{folder}'",
+    ]
 
 
 def test_a_tracker_without_a_track_has_no_figures(said: Said) -> None:
@@ -225,7 +231,7 @@ def test_a_run_that_nobody_recorded_still_has_its_complaint(plan: Plan, said: Sa
     metrics["frames"] = dict.fromkeys(metrics["frames"])
     metrics["timing"] = dict.fromkeys(metrics["timing"])
     show.conclude(outcome(metrics, "recorder died at 2.0 s: signal 9"))
-    first, *_, folder, _ = said().splitlines()
+    first, *_, folder, _, _ = said().splitlines()
     assert first == "failed: recorder died at 2.0 s: signal 9"
     assert folder == "run folder: runs/a"
     assert "no frame was sent" not in said()

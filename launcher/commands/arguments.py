@@ -3,16 +3,73 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 
-Name = Annotated[str, typer.Argument(metavar="SCENARIO", help="A packaged scenario's name, or a TOML file.")]
-Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key, as link.loss=0.1.")]
+from launcher.commands import choices
+
+
+def _run_folder(text: str) -> Path:
+    """What ``RUN`` means: a folder, or the latest run, or one of those before it."""
+    from launcher.record.latest import run_folder
+
+    return run_folder(text)
+
+
+RUN_HELP: Final = "The folder of a finished run; latest: the newest below runs/, latest~1: the one before it."
+one_run: Final = typer.Argument(
+    metavar="RUN", parser=_run_folder, autocompletion=choices.completed(choices.runs), help=RUN_HELP
+)
+two_runs: Final = typer.Argument(
+    metavar="RUN RUN...",
+    parser=_run_folder,
+    autocompletion=choices.completed(choices.runs),
+    help="Two or more folders of finished runs; latest: the newest below runs/, latest~1: the one before it.",
+)
+
+Run = Annotated[Path, one_run]
+Runs = Annotated[list[Path], two_runs]
+Name = Annotated[
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        autocompletion=choices.completed(choices.scenarios),
+        help="A packaged scenario ({scenarios}), or a TOML file.",
+    ),
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        autocompletion=choices.completed(choices.settings),
+        help="Set a key of the scenario, as link.loss=0.1; may be repeated.",
+    ),
+]
 Target = Annotated[Path | None, typer.Option("--target", help="The target's track: a GPX or CSV file.")]
-Start = Annotated[str | None, typer.Option("--from", help="Start of the window in the track, in the file's zone.")]
-End = Annotated[str | None, typer.Option("--to", help="End of the window.")]
+Start = Annotated[
+    str | None,
+    typer.Option("--from", metavar="TIME", help="Start of the window in the track, in the time zone of its file."),
+]
+End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the window.")]
 Sensors = Annotated[Path | None, typer.Option("--sensors", help="Where the sensors stand: a CSV file.")]
 Nodes = Annotated[int | None, typer.Option(help="About how many sensors, at the scenario's own spacing.")]
-LinkModel = Annotated[str | None, typer.Option("--link", help="The link model, with its default parameters.")]
-Trackers = Annotated[list[str] | None, typer.Option("--tracker", help="A tracker to run; may be repeated.")]
+LinkModel = Annotated[
+    str | None,
+    typer.Option(
+        "--link",
+        metavar="MODEL",
+        autocompletion=choices.completed(choices.links),
+        help="The link model, with its default parameters: {links}.",
+    ),
+]
+Trackers = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--tracker",
+        metavar="TRACKER",
+        autocompletion=choices.completed(choices.trackers),
+        help="A tracker to run: {trackers}; may be repeated.",
+    ),
+]

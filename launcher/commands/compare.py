@@ -8,11 +8,13 @@ from typing import Annotated
 
 import typer
 
+from launcher.commands.arguments import Runs
+
 File = Path | None
 
 
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders, two or more.")],
+    runs: Runs,
     exact: Annotated[
         float | None,
         typer.Option(

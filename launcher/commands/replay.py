@@ -9,17 +9,19 @@ from typing import Annotated
 
 import typer
 
-from launcher.commands.arguments import Trackers
+from launcher.commands.arguments import Run, Trackers
 
 
 def replay(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a finished run.")],
+    run: Run,
     tracker: Trackers = None,
-    drop_late: Annotated[bool, typer.Option("--drop-late", help="Without the reports that came late.")] = False,
-    out: Annotated[Path | None, typer.Option(help="The replay's own folder; new or empty.")] = None,
+    drop_late: Annotated[
+        bool, typer.Option("--drop-late", help="Leave out the reports that came after their deadline.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="The folder of the replay; new or empty.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print metrics.json, and nothing else, to stdout.")] = False,
 ) -> None:
-    """Fuse the reports of a run again, by other trackers (or its own), into a folder of their own."""
+    """Fuse the recorded reports of a run again, with other trackers or its own, into a new run folder."""
     from launcher.show import conclude, note
     from launcher.study.replay import caveats
     from launcher.study.replay import replay as fuse

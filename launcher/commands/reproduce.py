@@ -7,16 +7,25 @@ from typing import Annotated
 
 import typer
 
+from launcher.commands import choices
+
 
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="zhai: Zhai et al. 2009, SP-CPF.")],
-    runs: Annotated[int, typer.Option(help="Of each case, with seeds from 1 on.")] = 100,
+    paper: Annotated[
+        str,
+        typer.Argument(
+            metavar="PAPER",
+            autocompletion=choices.completed(choices.papers),
+            help="The paper, as docs/papers.md names it: {papers}.",
+        ),
+    ],
+    runs: Annotated[int, typer.Option(help="How many runs of each case, with the seeds 1, 2, ...")] = 100,
     out: Annotated[
-        Path | None, typer.Option(help="The study's folder; what an earlier one left there is not run again.")
+        Path | None, typer.Option(help="The folder of the study; runs that are there already are not made again.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json, and nothing else, to stdout.")] = False,
 ) -> None:
-    """Do a paper's experiments again, and say which of its claims hold."""
+    """Repeat the experiments of a paper and say which of its claims hold."""
     from launcher.reproduce.command import reproduce
 
     print(reproduce(paper, runs, out).shown(as_json=as_json), end="")

@@ -9,10 +9,10 @@ import typer
 
 def router(
     listen: Annotated[
-        list[str], typer.Option(metavar="ENDPOINT", help="Where, like tcp/0.0.0.0:7447; may be repeated.")
+        list[str], typer.Option(metavar="ENDPOINT", help="Where to listen, like tcp/0.0.0.0:7447; may be repeated.")
     ],
 ) -> None:
-    """Be a router for runs whose processes start elsewhere, until Ctrl-C."""
+    """Run a Zenoh router for runs whose processes start elsewhere, until Ctrl-C."""
     from launcher.options import check_endpoint
     from launcher.processes.router import serve
 

@@ -64,10 +64,10 @@ def run(
     if not quiet:
         announce(plan)
     if virtual:
-        with written_beside() as report:
+        with written_beside() as write:
             from launcher.run import run_virtual  # loads Rerun, while the report's process loads matplotlib
 
-            outcome = run_virtual(plan, folder, sys.argv, report)
+            outcome = run_virtual(plan, folder, sys.argv, write=write)
     else:
         from launcher.run import run_processes
 

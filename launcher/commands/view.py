@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+from launcher.commands.arguments import Run
+
 
 def view(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    run: Run,
     web: Annotated[bool, typer.Option("--web", help="In the browser.")] = False,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")] = None,
     at: Annotated[
@@ -31,8 +33,8 @@ def view(
         picture(run, png, at)
 
 
-def report(run: Annotated[Path, typer.Argument(metavar="RUN", help="The folder of a finished run.")]) -> None:
-    """Draw a run's figures and write its report.html, anew."""
+def report(run: Run) -> None:
+    """Draw the figures of a run and write its report.html again."""
     from launcher.report import write_report
 
     print(write_report(run))

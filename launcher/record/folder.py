@@ -13,6 +13,7 @@ from typing import Any
 import psutil
 
 from launcher.record.journal import write_json
+from launcher.record.latest import RUNS
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
@@ -21,7 +22,7 @@ from trackfield.scenario.links import Trace
 from trackfield.scenario.paths import FromFile
 
 
-def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = Path("runs")) -> Path:
+def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUNS) -> Path:
     """An empty folder for the run: ``out``, or one ``below``. Raises ``ScenarioError`` as ``begin_folder`` does."""
     stamp = datetime.now().strftime("%Y%m%dT%H%M%S.%f")[:-3]
     folder = out or below / f"{scenario}-{seed}-{stamp}"
@@ -72,12 +73,18 @@ def manifest(command: Sequence[str]) -> dict[str, Any]:
 
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
+    (folder / "scenario.toml").write_text(with_files(scenario, folder).to_toml(), encoding="utf-8")
+
+
+def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
+    """The scenario with copies in the folder of the files that it names, called by what they are."""
     for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
-        scenario = scenario.model_copy(update={section: _kept(getattr(scenario, section), folder, name)})
-    names = [f"target-{one.id}" if one is not scenario.every_target[0] else "target" for one in scenario.targets]
+        copied = _kept(getattr(scenario, section), folder, prefix + name)
+        scenario = scenario.model_copy(update={section: copied})
+    first = scenario.every_target[0]
+    names = [f"{prefix}target{'' if one is first else f'-{one.id}'}" for one in scenario.targets]
     targets = tuple(_kept(one, folder, name) for one, name in zip(scenario.targets, names, strict=True))
-    scenario = scenario.model_copy(update={"targets": targets})
-    (folder / "scenario.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    return scenario.model_copy(update={"targets": targets})
 
 
 def _kept(part: Any, folder: Path, name: str) -> Any:

@@ -10,8 +10,7 @@ from itertools import product
 from operator import index
 from typing import Any, Final
 
-from launcher.plan.plan import make_plan
-from launcher.plan.prepare import checked
+from launcher.plan.prepare import checked, planned
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
@@ -47,10 +46,11 @@ class Axis:
 
 @dataclass(frozen=True)
 class Variant:
-    """One combination: the value of each axis, and the scenario that has them."""
+    """One combination: the value of each axis, the scenario that has them, and what is likely to go wrong with it."""
 
     values: Mapping[str, Any]
     scenario: Scenario
+    warnings: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -123,12 +123,12 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
         try:
             settings = dict(axis.setting(value) for axis, value in zip(axes, values, strict=True))
             varied = scenario.set_all(settings) if settings else scenario
-            make_plan(checked(varied, seed), run="check")
+            plan = planned(checked(varied, seed))
         except ScenarioError as error:
             if not named or error.key in settings:
                 raise
             raise ScenarioError(f"with {in_words(named)}: {error}") from None
-        yield Variant(named, varied)
+        yield Variant(named, varied, plan.warnings)
 
 
 # --- as text ----------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,6 +23,7 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
 INTERRUPTED: Final = 130
+MOST_WARNED: Final = 3
 _WIDTH: Final = 200
 """Columns of a table that goes to no terminal."""
 
@@ -51,6 +52,8 @@ def conduct(
         note(remark)
     missing, runs = len(folder.missing()), len(whole.jobs)
     console.print(Text(_announced(whole)))
+    for warning in _warnings(whole):
+        console.print(Text.assemble(("warning: ", "yellow"), warning))
     if missing < runs:
         console.print(f"{runs - missing} of {runs} runs are there from before")
     try:
@@ -96,6 +99,20 @@ def _announced(whole: Design) -> str:
     axes = "; ".join(f"{axis.key} = {', '.join(map(label, axis.values))}" for axis in whole.axes)
     combinations = f"{len(whole.variants)} combinations ({axes}), " if whole.axes else ""
     return f"{whole.scenario.name}: {combinations}seeds {seeds_in_words(whole.seeds)}: {len(whole.jobs)} runs"
+
+
+def _warnings(whole: Design) -> Iterator[str]:
+    """What is likely to go wrong: the first few warnings, and with which combinations."""
+    found: dict[str, list[str]] = {}
+    for variant in whole.variants:
+        for warning in variant.warnings:
+            found.setdefault(warning, []).append(variant.name)
+    for warning, (first, *others) in list(found.items())[:MOST_WARNED]:
+        more = f" and {len(others)} more" if others else ""
+        yield f"with {first}{more}: {warning}" if first else warning
+    if len(found) > MOST_WARNED:
+        doubtful = sum(bool(variant.warnings) for variant in whole.variants)
+        yield f"there are warnings of {doubtful} of the {len(whole.variants)} combinations"
 
 
 def _table_console() -> Console:

@@ -82,7 +82,7 @@ class StudyFolder:
         except (OSError, ValueError, KeyError):
             return
         if before["code"] != self._study["code"]:
-            yield "the code of Trackfield is another than that of the runs in this folder"
+            yield "the code of Trackfield is another than that of the runs in this folder, which are made anew"
         if before["scenario"] != self._study["scenario"]:
             yield f"the scenario is another than that of the study in this folder: {self._changed_keys()}"
         if before["vary"] != self._study["vary"]:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.plan.prepare import planned
+from launcher.plan.plan import make_plan
 from launcher.record.bounds import run_bound
 from launcher.record.measures import RunFigures
 from launcher.record.metrics import run_metrics
@@ -80,7 +80,7 @@ def study_run(scenario: Scenario) -> StudyRun:
     """One run in virtual time, in this process: the figures of ``trackfield run --virtual``, but no folder."""
     begun, cpu_s = time.monotonic(), time.process_time()
     try:
-        plan = planned(scenario)
+        plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}")
     except ScenarioError as error:
         raise ScenarioError(f"with seed {scenario.seed}: {error}") from None
     ledger, rows = simulate(plan)

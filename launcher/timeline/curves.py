@@ -21,16 +21,19 @@ GAP: Final = 1.5
 BINS: Final = 100
 PLOT: Final = (360.0, 160.0)
 """Width and height of a plot on a screen of 1600 x 900."""
+HIGHEST: Final = 0.65
+"""The share of a plot that a legend may take."""
 _ENTRY: Final = (45.0, 5.5, 14.0, 22.0)
 """Of a legend: width, and more for each letter; height, and more for each entry."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """The y axis of a plot, from 0 to ``top``, and in which corner its legend is."""
+    """The y axis of a plot, from 0 to ``top``, and where its legend is; one of many entries is not shown."""
 
     top: float
-    left: bool
+    left: bool = False
+    legend: bool = True
 
 
 def axis_of(highest: npt.NDArray[np.float64], labels: Sequence[str], size: tuple[float, float] = PLOT) -> Axis:
@@ -39,6 +42,8 @@ def axis_of(highest: npt.NDArray[np.float64], labels: Sequence[str], size: tuple
     height = (_ENTRY[2] + _ENTRY[3] * len(labels)) / size[1]
     some = math.ceil(width * len(highest))
     whole = 1.05 * float(np.max(highest)) or 1.0
+    if height > HIGHEST:
+        return Axis(whole, legend=False)
     tops = [max(whole, float(np.max(beside)) / (1 - height)) for beside in (highest[-some:], highest[:some])]
     return Axis(min(tops), left=tops[1] < tops[0])
 

@@ -166,14 +166,20 @@ def beside_links(info: FieldInfo) -> list[tuple[float, float]]:
     """Where the legend of the links stands: in a column east of the places."""
     at = [(place.x, place.y) for place in info.places]
     (west, south), (east, north) = np.min(at, axis=0).tolist(), np.max(at, axis=0).tolist()
-    high = max(north - south, (east - west) / 2, 1.0)
+    high = max(north - south, (east - west) / 2, 10.0)
     return [(east + 0.3 * high, (south + north) / 2 + high * row) for row in (0.35, 0.0, -0.35)]
 
 
 def legend(
-    at: str, places: Sequence[tuple[float, float]], names: Sequence[str], colours: Sequence[Colour], dot: float = 5.0
+    at: str,
+    places: Sequence[tuple[float, float]],
+    names: Sequence[str],
+    colours: Sequence[Colour],
+    drop: float,
+    dot: float = 5.0,
 ) -> list[tuple[str, rr.Points2D]]:
-    """Entities of a legend: a dot of its colour for each name, and the names below them, in a colour that is read."""
+    """Entities of a legend: a dot of its colour for each name, and the names, ``drop`` further up the y axis."""
     dots = rr.Points2D(places, colors=np.array(colours, np.uint32), radii=rr.Radius.ui_points(dot), draw_order=70)
-    words = rr.Points2D(places, colors=INFO, radii=rr.Radius.ui_points(0), labels=names, show_labels=True)
+    below = [(x, y + drop) for x, y in places]
+    words = rr.Points2D(below, colors=INFO, radii=rr.Radius.ui_points(0), labels=names, show_labels=True)
     return [(at + "/dots", dots), (at + "/names", words)]

@@ -191,6 +191,7 @@ def _plot(name: str, contents: str, tracks: Sequence[Overlaid], end_s: float) ->
         at = np.clip(track.t_s / max(end_s, 1e-9) * BINS, 0, BINS - 1).astype(int)
         np.maximum.at(highest, at, np.nan_to_num(track.error_m))
     axis = axis_of(highest, [track.name for track in tracks] or [""], PLOT)
+    corner = rrb.Corner2D.LeftTop if axis.left else rrb.Corner2D.RightTop
     whole = rr.TimeRange(
         start=rrb.TimeRangeBoundary.absolute(seconds=0.0), end=rrb.TimeRangeBoundary.absolute(seconds=end_s)
     )
@@ -198,7 +199,7 @@ def _plot(name: str, contents: str, tracks: Sequence[Overlaid], end_s: float) ->
         origin="/",
         contents=[contents],
         name=name,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop if axis.left else rrb.Corner2D.RightTop),
+        plot_legend=rrb.PlotLegend(corner=corner, visible=axis.legend),
         axis_x=rrb.TimeAxis(view_range=whole),
         axis_y=rrb.ScalarAxis(range=(-0.03 * axis.top, axis.top)),
     )

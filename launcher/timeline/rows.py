@@ -20,7 +20,7 @@ Dots = tuple[Points, list[int]]
 Nodes = tuple[list[str], list[int]]
 """Ids and colours of the nodes of a network."""
 
-BAR_AT: Final = (1.8, 0.85)
+BAR_AT: Final = (1.8, 0.8)
 """How far left of the middle of a close-up its scale bar begins, and how far below."""
 TIMES: Final = ("frame (from → to, kind)", "local clock", "received at", "sent at [s]")
 """Columns of the table of messages; the viewer shows them in the order of the alphabet, as wide as their names."""

@@ -53,7 +53,7 @@ def _legend(info: FieldInfo) -> Iterator[Part]:
         entries.append(("battery low", look.state_colour(look.REST)))
     at = look.row_below(look.field_points(info), len(entries))
     names, colours = zip(*entries, strict=True)
-    yield from look.legend("/field/legend", at, names, colours, 4.5)
+    yield from look.legend("/field/legend", at, names, colours, -0.08 * (at[1][0] - at[0][0]), 4.5)
     size = 0.09 * (at[1][0] - at[0][0])
     cross = crosses(np.array(at[len(states) : len(states) + 1]), size)
     yield (
@@ -96,7 +96,9 @@ def _links(info: FieldInfo) -> Iterator[Part]:
     yield "/links/frames", look.line_style(look.TARGET, 2.5, order=15)
     yield "/links/lost", look.point_style(look.LOST, 5.0, order=22)
     colours = [look.share_colour(share) for share in look.SHARES]
-    yield from look.legend("/links/legend", look.beside_links(info), [f"{share:.0%}" for share in look.SHARES], colours)
+    at = look.beside_links(info)
+    drop = 0.07 * (at[-1][1] - at[0][1])
+    yield from look.legend("/links/legend", at, [f"{share:.0%}" for share in look.SHARES], colours, drop)
 
 
 def _places(places: list[Place], radius: float, colour: int, order: float, *, names: bool = False) -> list[rr.Points2D]:

@@ -99,10 +99,13 @@ class Timeline:
         self._newest = max(self._newest, t_ns)
         self._lane(t_ns, process, name, lane)
         self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
+        if name != look.DEAD:
+            self._tracks.lives(t_ns, process)
 
     def death(self, t_ns: int, process: str, why: str) -> None:
         """The life of a process ended, of an empty battery, say; its next state begins another."""
         self.state(t_ns, process, look.DEAD)
+        self._tracks.died(t_ns, process)
         self._mark(t_ns, process, why, "ERROR")
 
     def fault(self, t_ns: int, process: str, text: str) -> None:

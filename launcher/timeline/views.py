@@ -150,7 +150,7 @@ def _plot(info: FieldInfo, what: str, name: str, axis: Axis | None) -> rrb.TimeS
     return rrb.TimeSeriesView(
         origin=look.path("plots", what),
         name=name,
-        plot_legend=rrb.PlotLegend(corner=left if axis and axis.left else right),
+        plot_legend=rrb.PlotLegend(corner=left if axis and axis.left else right, visible=axis is None or axis.legend),
         axis_x=_whole_run(info),
         axis_y=rrb.ScalarAxis(range=(-0.03 * axis.top, axis.top)) if axis else None,
     )

@@ -27,10 +27,11 @@ class BootstrapState(NamedTuple):
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """The tracker; ``n`` particles, resampled in every step that has reports.
+    """Bootstrap particle filter: motion moves the particles, the likelihood weighs them.
 
-    With an ``ess_share`` below 1, only when their effective number is at most that share of n; until then they carry
-    weights, which the particles of the estimate do not show.
+    The ``n`` particles are resampled in every step that has reports. With an ``ess_share`` below 1, only when their
+    effective number is at most that share of n; until then they carry weights, which the particles of the estimate do
+    not show.
     """
 
     n: int = 2000

@@ -28,7 +28,10 @@ class FixDoaState(NamedTuple):
 
 @dataclass(frozen=True)
 class FixDoa:
-    """The tracker: ``particles`` in each step, and its own ``sigma_v`` (m/s^2), wide enough for manoeuvres."""
+    """Particle filter that starts from a least-squares fix and draws from all bearings of a step at once.
+
+    ``particles`` in each step, and its own ``sigma_v`` (m/s^2), wide enough for manoeuvres.
+    """
 
     particles: int = 200
     sigma_v: float = 1.0

@@ -62,7 +62,10 @@ class _Plan(NamedTuple):
 
 @dataclass(frozen=True)
 class FixImmUkf:
-    """The tracker; without its ``gate`` it believes every bearing."""
+    """Least-squares fix at the start, then unscented Kalman filters under three motion models (IMM).
+
+    Without its ``gate`` it believes every bearing.
+    """
 
     gate: bool = True
 

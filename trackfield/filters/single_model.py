@@ -22,7 +22,7 @@ class SingleState(NamedTuple):
 
 @dataclass(frozen=True)
 class PredictOnly:
-    """Goes on as the prior says and uses no report: the yardstick of what reports are worth."""
+    """Predicts from the prior and takes no reports: shows what reports are worth."""
 
     def init(self, prior: Gaussian, model: Model) -> SingleState:
         """The state of belief ``prior``."""
@@ -46,7 +46,10 @@ class PredictOnly:
 
 
 class Ekf(PredictOnly):
-    """Extended Kalman filter; all readings of a step in one update, with slopes at the predicted place."""
+    """Extended Kalman filter with one motion model.
+
+    All readings of a step are one update, with slopes at the predicted place.
+    """
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return ekf.posterior(
@@ -60,7 +63,10 @@ class Ekf(PredictOnly):
 
 
 class Ukf(PredictOnly):
-    """Unscented Kalman filter; all readings of a step in one update."""
+    """Unscented Kalman filter with one motion model.
+
+    All readings of a step are one update.
+    """
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return ukf.posterior(

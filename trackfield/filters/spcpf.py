@@ -64,7 +64,10 @@ class Draws(NamedTuple):
 
 @dataclass(frozen=True)
 class SpCpf:
-    """The tracker: ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor."""
+    """State-partition centralised particle filter of Zhai et al. (2009).
+
+    ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor.
+    """
 
     particles: int = 200
     nominals: int = 15

@@ -15,7 +15,7 @@ from trackfield.link.lora868 import Lora
 
 @dataclass(frozen=True, slots=True)
 class Radio:
-    """What a frame needs of its radio.
+    """What a frame needs of its radio; ``what`` it is, in words.
 
     A payload of up to ``payload_bytes`` goes into one frame, which is ``overhead_bytes`` longer on the air.
     ``prr(snr_db, frame_bytes)`` is the share of frames received, ``airtime_ns(frame_bytes)`` what one takes.
@@ -25,6 +25,7 @@ class Radio:
     any hour in which a device may send by law; no model enforces it.
     """
 
+    what: str
     tx_dbm: float
     noise_dbm: float
     channel: str
@@ -48,6 +49,7 @@ class Radio:
 # CC2420: 250 kbit/s. Preamble, delimiter and length are 6 bytes, header and check sum 11; an acknowledgement 6 + 5.
 # macAckWaitDuration is 54 symbols.
 _CC2420: Final = Radio(
+    what="IEEE 802.15.4 at 2.4 GHz, 250 kbit/s (CC2420)",
     tx_dbm=0.0,
     noise_dbm=-100.0,
     channel="castalia",
@@ -64,6 +66,7 @@ _CC2420: Final = Radio(
 # CC1000 under TinyOS: 19.2 kbit/s; the longest frame has the 50 bytes of Zuniga and Krishnamachari, 29 of them payload.
 # B-MAC (Polastre et al. 2004) backs off for up to 32 byte times, whatever came before.
 _MICA2: Final = Radio(
+    what="the radio of Mica2 nodes, 19.2 kbit/s (CC1000, B-MAC)",
     tx_dbm=0.0,
     noise_dbm=-105.0,
     channel="usc",
@@ -81,6 +84,7 @@ _MICA2: Final = Radio(
 # 8; an acknowledgement 14, after a SIFS of 10 us. Noise: thermal in 22 MHz, and a noise figure of 7 dB. Seven
 # transmissions are the standard's short retry limit.
 _WIFI11B: Final = Radio(
+    what="Wi-Fi, IEEE 802.11b at its basic rate of 1 Mbit/s",
     tx_dbm=15.0,
     noise_dbm=-93.6,
     channel="castalia",
@@ -103,6 +107,7 @@ def _lora(sf: int) -> Radio:
     """
     modem, overhead, turnaround_ns = Lora(sf), 13, 1_000_000
     return Radio(
+        what="LoRa at 868 MHz, with the spreading factor link.sf",
         tx_dbm=14.0,
         noise_dbm=lora868.NOISE_DBM,
         channel="petajajarvi",
@@ -120,7 +125,7 @@ def _lora(sf: int) -> Radio:
 
 RADIOS: Final[Mapping[str, Callable[[int], Radio]]] = {
     "802154-0dbm": lambda _: _CC2420,
-    "802154-20dbm": lambda _: replace(_CC2420, tx_dbm=20.0),
+    "802154-20dbm": lambda _: replace(_CC2420, what=f"{_CC2420.what} with an amplifier", tx_dbm=20.0),
     "lora868": _lora,
     "mica2": lambda _: _MICA2,
     "wifi11b": lambda _: _WIFI11B,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from launcher.reproduce.paper import Paper
 from trackfield.errors import ScenarioError
 from trackfield.plugins import load
 from trackfield.scenario.nearest import suggestion
+
+if TYPE_CHECKING:
+    from launcher.reproduce.paper import Paper
 
 PAPERS: Final = {"zhai": "launcher.reproduce.papers.zhai:PAPER"}
 """Where each is, by name."""

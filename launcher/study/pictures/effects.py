@@ -17,19 +17,17 @@ from launcher.report.style import INK, SOFT, WIDTH
 from launcher.study.axes import TRACKER, Axis, in_words, label
 from launcher.study.figures import ERROR, FIGURES
 from launcher.study.intervals import Estimate
-from launcher.study.pictures.look import COLOURS, MARKERS, Picture, colour_of, columns, scale_of, styled, wide
+from launcher.study.pictures.look import COLOURS, MARKERS, Picture, colour_of, columns, scale_of, styled, wide, y_scale
 from launcher.study.summary import Row, Summary
 
 MOST_LINES: Final = len(COLOURS)
 """Of combinations of the other axes in one picture."""
 _PANELS: Final = (
-    TRACKED,
-    ERROR,
-    "latency_ms.to_track.p95",
-    "energy_j.total",
-    "lifetime_s.first_death",
-    "frames.lost",
+    *(TRACKED, ERROR, "latency_ms.to_track.p95", "energy_j.total", "lifetime_s.first_death", "frames.lost"),
+    *("longest_blackout_s", "median_error"),
 )
+"""The first of them of which there is something to show are shown, so many:"""
+MOST_PANELS: Final = 6
 
 
 @dataclass(frozen=True)
@@ -49,30 +47,24 @@ def lines(summary: Summary, axis: Axis) -> tuple[list[Line], dict[str, Any]]:
     while len(others) > 1 and np.prod([len(other.values) for other in others]) > MOST_LINES:
         last = others.pop()
         held[last.key] = last.values[0]
-    by_tracker = axis.key == TRACKER
+    by_tracker = axis.key == TRACKER and len(summary.own_axes) > 0
     found = {
         (_key(row.values, others), None if by_tracker else row.tracker, label(_at(row, axis))): row
         for row in summary.rows
         if all(row.values[key] == value for key, value in held.items())
     }
-    combinations = [
-        dict(zip((o.key for o in others), some, strict=True)) for some in product(*(o.values for o in others))
-    ]
+    keys, every = [other.key for other in others], product(*(other.values for other in others))
+    combinations = [dict(zip(keys, some, strict=True)) for some in every]
     trackers = (None,) if by_tracker else summary.trackers
     made = []
     for i, values in enumerate(combinations):
         for k, tracker in enumerate(trackers):
             rows = tuple(found.get((_key(values, others), tracker, label(value))) for value in axis.values)
             named = tracker if tracker and (len(trackers) > 1 or not values) else ""
-            colour = (
-                tracker_colours(summary.trackers)[tracker]
-                if tracker and not values
-                else colour_of(i, len(combinations))
-            )
+            own = tracker_colours(summary.trackers)[tracker] if tracker and not values else None
+            name, mark = ", ".join(filter(None, [in_words(values), named])), MARKERS[k % len(MARKERS)]
             if any(rows):
-                made.append(
-                    Line(", ".join(filter(None, [in_words(values), named])), colour, MARKERS[k % len(MARKERS)], rows)
-                )
+                made.append(Line(name, own or colour_of(i, len(combinations)), mark, rows))
     return made, held
 
 
@@ -86,20 +78,17 @@ def _at(row: Row, axis: Axis) -> Any:
 
 def axis_picture(summary: Summary, axis: Axis) -> Picture:
     """What an axis does to the share of tracked runs, error, latency, energy, lifetime and losses."""
-    panels = [key for key in _PANELS if key == TRACKED or summary.told(key)]
+    panels = [key for key in _PANELS if key == TRACKED or summary.told(key)][:MOST_PANELS]
     drawn, held = lines(summary, axis)
     with styled():
         height = 2.25 * ((len(panels) + 1) // 2) + 0.55
         figure = Picture(figsize=(WIDTH, height), layout="constrained")
         grid = figure.subplots((len(panels) + 1) // 2, 2, squeeze=False, sharex=True).ravel()
-        for axes in grid[len(panels) :]:
-            axes.remove()
-        for place, (axes, key) in enumerate(zip(grid, panels, strict=False)):
+        for axes, key in zip(grid, panels, strict=True):
             _panel(axes, axis, key, drawn)
-            if place >= len(panels) - 2:
-                axes.tick_params(labelbottom=True)
-                axes.set_xlabel(axis.key)
-        if held or any(line.name and line.name not in summary.trackers[: len(drawn) < 2] for line in drawn):
+        for axes in grid[-2:]:
+            axes.set_xlabel(axis.key)
+        if held or (len(drawn) > 1 and (axis.key != TRACKER or summary.own_axes)):
             _legend(figure, grid[0], held)
     return figure
 
@@ -108,9 +97,10 @@ def _panel(axes: Axes, axis: Axis, key: str, drawn: Sequence[Line]) -> None:
     name, unit, better = ("runs tracked", "%", "more") if key == TRACKED else _words(key)
     estimates = [[_estimate(row, key) for row in line.rows] for line in drawn]
     scale, unit = scale_of(unit, [one.value for some in estimates for one in some if one])
+    apart = _apart(axis, drawn)
     for number, (line, some) in enumerate(zip(drawn, estimates, strict=True)):
         at = np.array(axis.values if axis.numeric else range(len(axis.values)), float)
-        at += _aside(axis) * ((number + 0.5) / len(drawn) - 0.5)
+        at += apart * ((number + 0.5) / len(drawn) - 0.5)
         value, low, high = columns(some, scale)
         bars = np.vstack([value - low, high - value])
         style = "-" if axis.numeric else ""
@@ -125,14 +115,14 @@ def _panel(axes: Axes, axis: Axis, key: str, drawn: Sequence[Line]) -> None:
     _scales(axes, axis)
     if key == TRACKED:
         axes.set_ylim(-4.0, 104.0)
-    elif wide([one.value / scale for some in estimates for one in some if one]):
-        axes.set_yscale("log")
     else:
-        axes.set_ylim(bottom=0.0)
+        y_scale(axes, [one for some in estimates for one in some if one], scale)
 
 
-def _aside(axis: Axis) -> float:
+def _apart(axis: Axis, drawn: Sequence[Line]) -> float:
     """How far apart the lines are drawn at a value of the axis, so that their bars do not cover each other."""
+    if all(sum(row is not None for row in rows) < 2 for rows in zip(*(line.rows for line in drawn), strict=True)):
+        return 0.0
     if not axis.numeric:
         return 0.5
     values = sorted(axis.values)

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from launcher.report.style import STYLE
@@ -67,3 +68,14 @@ def columns(estimates: Sequence[Estimate | None], scale: float) -> tuple[Any, An
 def wide(values: Sequence[float]) -> bool:
     """Whether a logarithmic scale shows them better."""
     return len(values) > 0 and min(values) > 0 and max(values) >= WIDE * min(values)
+
+
+def y_scale(axes: Axes, estimates: Sequence[Estimate], scale: float) -> None:
+    """From 0 on, or logarithmic, with plain numbers."""
+    values = [one.value / scale for one in estimates]
+    if wide(values):
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+        return
+    most = max([0.0, *values, *(one.high / scale for one in estimates if one.high is not None)])
+    axes.set_ylim(*((-0.04 * most, 1.08 * most) if most else (-0.04, 1.0)))

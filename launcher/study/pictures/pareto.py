@@ -14,7 +14,7 @@ from launcher.record.verdict import LOST
 from launcher.report.style import INK, SOFT, WIDTH
 from launcher.study.axes import label
 from launcher.study.figures import COST, ERROR, FIGURES
-from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, scale_of, styled, wide
+from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, scale_of, styled, wide, y_scale
 from launcher.study.summary import Row, Summary
 
 MOST_NAMES: Final = 14
@@ -71,7 +71,7 @@ def pareto_picture(front: Front) -> Picture:
         figure = Picture(figsize=(WIDTH, 4.6), layout="constrained")
         axes = figure.subplots()
         trackers = list(dict.fromkeys(row.tracker for row in front.rows))
-        (xs, x_unit), (ys, y_unit) = (_ends(front, key) for key in (front.x, front.y))
+        (xs, x_unit, _), (ys, y_unit, y_by) = (_ends(front, key) for key in (front.x, front.y))
         for place, row in enumerate(front.rows):
             best, out = place in front.best, place in front.out
             colour = COLOURS[0] if best else COLOURS[4] if out else GREY
@@ -90,22 +90,20 @@ def pareto_picture(front: Front) -> Picture:
             figure_of = FIGURES[key]
             set_label(f"{figure_of.name}{f' [{unit}]' if unit else ''}   ({figure_of.better} is better)")
         axes.margins(0.12)
-        axes.set_xscale("log" if wide(xs[0]) else "linear")
-        axes.set_yscale("log" if wide(ys[0]) else "linear")
-        if not wide(xs[0]):
-            axes.set_xlim(left=max(axes.get_xlim()[0], 0.0))
-        if not wide(ys[0]):
-            axes.set_ylim(bottom=0.0)
+        if wide(xs[0]):
+            axes.set_xscale("log")
+            axes.xaxis.set_major_formatter("{x:g}")
+        y_scale(axes, [one for row in front.rows if (one := row.figures[front.y])], y_by)
         _key(figure, axes, front, trackers)
     return figure
 
 
-def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str]:
-    """((values, bars below and above them), unit) of the rows."""
+def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str, float]:
+    """((values, bars below and above them), unit, how many of the figure's own unit that is) of the rows."""
     estimates = [row.figures[key] for row in front.rows]
     scale, unit = scale_of(FIGURES[key].unit, [one.value for one in estimates if one])
     value, low, high = columns(estimates, scale)
-    return (value, np.nan_to_num(np.vstack([value - low, high - value]))), unit
+    return (value, np.nan_to_num(np.vstack([value - low, high - value]))), unit, scale
 
 
 def _key(figure: Figure, axes: Axes, front: Front, trackers: Sequence[str]) -> None:

@@ -18,6 +18,8 @@ WIDE: Final = 1.9
 _ELLIPSES: Final = 3.0
 """It is so many times as high as the 95 % region of an estimate is long."""
 _LEAST_M: Final = 0.5
+ROW: Final = 6
+"""Entries in a row of its legend."""
 
 
 def size(points: np.ndarray[Any, np.dtype[np.float64]], truth: tuple[float, float] | None) -> float:
@@ -79,9 +81,14 @@ def along(truth: Truth, index: int) -> tuple[float, float]:
 def styles(info: FieldInfo) -> Iterator[tuple[str, *tuple[rr.AsComponents, ...]]]:
     """How its scale and legend look."""
     entries = [("true path", look.TRUTH), *((name, look.tracker_colour(info, name)) for name in info.trackers)]
-    at = [(1.15 * WIDE * ((index + 0.5) / len(entries) - 0.5), -0.93) for index in range(len(entries))]
+    wide = min(len(entries), ROW)
+    step = min(0.72, 1.95 * WIDE / wide)
+    at = [
+        (step * (index % ROW + 0.5 - min(wide, len(entries) - index // ROW * ROW) / 2), -0.93 + 0.25 * (index // ROW))
+        for index in range(len(entries))
+    ]
     names = [name for name, _ in entries]
     for truth in info.truths:
         zoom = look.closeup_path(truth.target, "zoom")
         yield zoom + "/scale", look.line_style(look.INFO, 2.5, order=70)
-        yield from look.legend(zoom + "/legend", at, names, [colour for _, colour in entries])
+        yield from look.legend(zoom + "/legend", at, names, [colour for _, colour in entries], 0.03)

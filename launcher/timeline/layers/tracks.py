@@ -29,6 +29,7 @@ class _Track:
     plot: tuple[str, ...]
     last: Points = field(default_factory=lambda: np.empty((0, 2)))
     last_ns: int = 0
+    source: str = ""
     particles: bool = False
     shown: bool = False
 
@@ -36,7 +37,8 @@ class _Track:
 class Tracks:
     """Hands points to ``add``; the latest of each tracker is ``shown``, for rays to end there and the close-up to fit.
 
-    A track that gets no point for one and a half steps leaves the picture until it has one again, and its line breaks.
+    A track that gets no point for one and a half steps, or whose process is dead, leaves the picture until it has one
+    again; its line breaks after one and a half steps.
 
     A field in which several processes track has a track for each of them.
     """
@@ -46,19 +48,37 @@ class Tracks:
         self._curves, self._limit_ns = curves, round(GAP * info.step_ns)
         self._alone = len(info.tagged(TRACKS)) <= 1
         self._tracks: dict[tuple[str, ...], _Track] = {}
+        self._dead: dict[str, tuple[float, float]] = {}  # from when until when, of processes that died
+        self._lived: dict[str, int] = {}
 
     def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
         """A point; of a smoothed track only the line is drawn, at the times that its points are about."""
         track, t_ns = self._track(point), point.at_ns
         here = np.reshape(point.mean[:2], (-1, 2))
         self._leave(track, t_ns)
-        if not point.lag:
+        dead_ns, back_ns = self._dead.get(point.source, (math.inf, math.inf))
+        if not point.lag and not dead_ns <= t_ns < back_ns:
             self._place(track, t_ns, here, point, truth)
         if len(here) and len(track.last):
             self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
         track.last, track.last_ns = here, t_ns
         if point.mean and truth is not None:
             self._curves.value(track.plot, t_ns, (math.dist(point.mean[:2], truth),), self._info.step_ns)
+
+    def died(self, t_ns: int, process: str) -> None:
+        """The life of a process ended: what it says of times before the next is not current."""
+        lived_ns = self._lived.get(process, 0)
+        self._dead[process] = (t_ns, lived_ns if lived_ns > t_ns else math.inf)
+        for track in self._tracks.values():
+            if track.source == process and track.shown and t_ns > track.last_ns:
+                self._hide(track, t_ns)
+
+    def lives(self, t_ns: int, process: str) -> None:
+        """A process is there, again or still."""
+        self._lived[process] = t_ns
+        dead_ns, back_ns = self._dead.get(process, (math.inf, math.inf))
+        if dead_ns < t_ns < back_ns:
+            self._dead[process] = (dead_ns, t_ns)
 
     def until(self, t_ns: float) -> None:
         """No point of before this time is to come."""
@@ -72,11 +92,14 @@ class Tracks:
             return
         track.last = np.empty((0, 2))
         if track.shown:
-            track.shown = False
-            self._add(track.path + "/position", rows.points, gone_ns, track.last)
-            self._add(track.path + "/ellipse", rows.strips, gone_ns, rings(track.last, ()))
-            if track.particles:
-                self._add(track.path + "/particles", rows.points, gone_ns, track.last)
+            self._hide(track, gone_ns)
+
+    def _hide(self, track: _Track, t_ns: int) -> None:
+        nothing, track.shown = np.empty((0, 2)), False
+        self._add(track.path + "/position", rows.points, t_ns, nothing)
+        self._add(track.path + "/ellipse", rows.strips, t_ns, rings(nothing, ()))
+        if track.particles:
+            self._add(track.path + "/particles", rows.points, t_ns, nothing)
 
     def _place(
         self, track: _Track, t_ns: int, here: Points, point: TrackPoint, truth: tuple[float, float] | None
@@ -97,12 +120,12 @@ class Tracks:
     def _track(self, point: TrackPoint) -> _Track:
         name = (point.tracker,) if self._alone else (point.tracker, point.source)
         if name not in self._tracks:
-            track = self._tracks[name] = _Track(entity("field", *name), ("error", *name))
+            track = self._tracks[name] = _Track(entity("field", *name), ("error", *name), source=point.source)
             colour = look.tracker_colour(self._info, point.tracker)
             faint = colour & ~0xFF | 0xB0
             self._static(track.path + "/position", look.point_style(colour, 3.0, order=50))
             self._static(track.path + "/track", look.line_style(colour, 2.0, order=20))
             self._static(track.path + "/ellipse", look.line_style(colour, 2.5, order=40))
-            self._static(track.path + "/particles", look.point_style(faint, 1.5, order=35))
+            self._static(track.path + "/particles", look.point_style(faint, 1.8, order=35))
             self._static(entity("plots", *track.plot), rr.SeriesLines(colors=colour, names=", ".join(name), widths=1.5))
         return self._tracks[name]

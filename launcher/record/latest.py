@@ -1,0 +1,51 @@
+"""Run folders by their age: ``latest`` is the newest finished run below ``runs/``, ``latest~1`` the one before it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from trackfield.errors import ScenarioError
+
+RUNS: Final = Path("runs")
+"""Where runs go that are not told where."""
+LATEST: Final = "latest"
+_LATEST: Final = re.compile(rf"{LATEST}(?:~(\d{{1,9}}))?")
+
+
+def run_folder(name: str | Path) -> Path:
+    """The folder of a run: ``latest``, ``latest~N`` (N runs before it), or a path as it is.
+
+    Raises ``ScenarioError`` if there are not so many finished runs. Whether a path is the folder of a run is for those
+    to say who read it; a folder that is itself called latest is ``./latest``.
+    """
+    asked = isinstance(name, str) and _LATEST.fullmatch(name)
+    if not asked:
+        return Path(name)
+    back, runs = int(asked[1] or 0), finished()
+    if back >= len(runs):
+        many = f"there are {len(runs)} finished runs"
+        found = {0: "there is no finished run", 1: "there is one finished run"}.get(len(runs), many)
+        known = {0: "", 1: f"{LATEST} or "}.get(len(runs), f"{LATEST} to {LATEST}~{len(runs) - 1}, or ")
+        raise ScenarioError(f"{found} below {RUNS}/", key=str(name), expected=f"{known}the folder of a run")
+    return runs[back]
+
+
+def finished(below: Path = RUNS) -> list[Path]:
+    """The folders of finished runs, the one that was started last first."""
+    return [folder for _, folder in sorted(_started(below), reverse=True)]
+
+
+def _started(below: Path) -> Iterator[tuple[tuple[str, int], Path]]:
+    """When each finished run was started: by its manifest, to the second, and within one by the age of that file."""
+    for manifest in below.glob("*/manifest.json"):
+        if not manifest.with_name("metrics.json").is_file():
+            continue
+        try:
+            started = json.loads(manifest.read_bytes())["started"]
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+        yield (str(started), manifest.stat().st_mtime_ns), manifest.parent
