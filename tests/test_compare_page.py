@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
 import trackfield as tf
 from launcher.colours import tracker_colours
@@ -22,6 +23,7 @@ from launcher.study.comparison.lines import lines, panels, tint
 from launcher.study.comparison.maps import furthest
 from launcher.study.comparison.paired import paired
 from launcher.study.comparison.runs import read_runs
+from tests.browser import CHROMIUM, with_browser
 from tests.command_line import Call, trackfield
 from tests.reporting import Reader, run
 from tests.rrd import entities, read, verify
@@ -295,3 +297,30 @@ def test_a_comparison_shows_itself(home: Path) -> None:
     assert "a lower figure may be chance" in repr(comparison)
     with pytest.raises(tf.ScenarioError, match=r"runs: .* is named twice"):
         tf.compare([home / "a", home / "a"])
+
+
+# --- in a browser -----------------------------------------------------------------------------------------------------
+
+
+@with_browser
+@pytest.mark.parametrize("width", [1280, 500])
+def test_the_page_opens_offline_on_a_screen_of_any_width(
+    trackfield: Call, tmp_path: Path, home: Path, width: int
+) -> None:
+    page(trackfield, tmp_path, home / "a", home / "out")
+    file, asked, complaints = (tmp_path / "page.html").as_uri(), list[str](), list[str]()
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        try:
+            shown = browser.new_context(offline=True, viewport={"width": width, "height": 900}).new_page()
+            shown.on("request", lambda request: asked.append(request.url))
+            shown.on("console", lambda message: complaints.append(message.text))
+            shown.goto(file)
+            sizes = shown.eval_on_selector_all("img", "all => all.map(one => [one.naturalWidth, one.clientWidth])")
+            wide = shown.evaluate("document.documentElement.scrollWidth")
+        finally:
+            browser.close()
+    assert [url for url in asked if not url.startswith("data:")] == [file]
+    assert complaints == []
+    assert all(natural > 1000 and 300 < drawn <= width for natural, drawn in sizes)
+    assert wide <= width

@@ -18,6 +18,8 @@ from launcher.report.parts.errors import WIDE
 from launcher.report.tracks import Array
 from launcher.study.comparison.lines import Line, colours, panels
 
+LINE: Final = 110
+"""Characters that fit beside each other in a figure."""
 _PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
 """Numbers of a logarithmic axis as they are."""
 
@@ -87,16 +89,20 @@ def _draw(axes: Axes, plot: Sequence[Line], curves: Sequence[tuple[Array, Array]
 def legend(axes: Axes) -> None:
     """Above the plot, with the dashes as they are drawn."""
     handles, labels = axes.get_legend_handles_labels()
-    columns = max(min(len(labels), 110 // (max(map(len, labels)) + 8)), 1)
     axes.legend(
         handles,
         labels,
         loc="lower left",
         bbox_to_anchor=(-0.01, 1.0),
-        ncols=columns,
+        ncols=columns(labels),
         borderaxespad=0.2,
         handlelength=3.2,
     )
+
+
+def columns(labels: Sequence[str]) -> int:
+    """How many entries of a legend fit beside each other."""
+    return max(min(len(labels), LINE // (max(map(len, labels)) + 8)), 1)
 
 
 def _scale(axes: Axes, errors_m: Array) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +14,10 @@ from matplotlib.figure import Figure
 from launcher.report import style
 from launcher.report.parts.field import IN_A_STEP, along, framed, scaled
 from launcher.report.tracks import Array
+from launcher.study.comparison.figures import columns
 from launcher.study.comparison.lines import Line, colours, common, panels
 
-CLOSE_M = 5.0
+CLOSE_M: Final = 5.0
 """From the middle of the close-up to its edge, at least."""
 
 
@@ -35,18 +37,24 @@ class Apart:
 
     @property
     def text(self) -> str:
-        """For the title of the close-up."""
-        ends = (self.one.name, self.other.name)
+        """Who they are, and how far apart."""
+        ends = f"{self.one.track.tracker} in {self.one.name} and {self.other.name}"
         if self.one.track.tracker != self.other.track.tracker:
-            ends = (self.one.label, self.other.label)
-        else:
-            ends = (f"{self.one.track.tracker} in {self.one.name}", self.other.name)
-        return f"t = {self.t_s:g} s: {ends[0]} and {ends[1]}\nare furthest apart, {self.distance_m:.3g} m"
+            ends = f"{self.one.label} and {self.other.label}"
+        return f"At {self.t_s:g} s {ends} are furthest apart: {self.distance_m:.3g} m."
 
 
-def maps(found: Sequence[Line]) -> list[Figure]:
+@dataclass(frozen=True)
+class Map:
+    """A map, and what its close-up shows, in a sentence; there is none if the tracks are the same."""
+
+    figure: Figure
+    text: str
+
+
+def maps(found: Sequence[Line]) -> list[Map]:
     """A map for each plot of lines whose runs have the same target."""
-    return [_map(plot) for plot in panels(found)]
+    return [_map(plot, furthest(plot)) for plot in panels(found)]
 
 
 def furthest(plot: Sequence[Line]) -> Apart | None:
@@ -67,12 +75,11 @@ def _apart(one: Line, other: Line) -> Apart | None:
     return Apart(one, other, float(one.track.t_s[first[where]]), points[where])
 
 
-def _map(plot: Sequence[Line]) -> Figure:
+def _map(plot: Sequence[Line], apart: Apart | None) -> Map:
     run = plot[0].run
     ways = [along(path, path.start_s, path.end_s, IN_A_STEP * run.site.steps + 1) for path in run.site.paths.values()]
     heard = [run.sensors[id] for id in run.frames.senders() if id in run.sensors]
     box = framed(np.vstack([*ways, np.reshape(heard, (-1, 2))]))
-    apart = furthest(plot)
     figure = Figure(figsize=(style.WIDTH, 4.6), layout="constrained")
     ratios = [1.25, 1.0] if apart else [1.0]
     whole, *close = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
@@ -82,8 +89,8 @@ def _map(plot: Sequence[Line]) -> Figure:
         _draw(close[0], plot, ways)
         _close_up(whole, close[0], apart)
     handles, labels = whole.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=3.2)
-    return figure
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns(labels), handlelength=3.2)
+    return Map(figure, apart.text if apart else "")
 
 
 def _draw(axes: Axes, plot: Sequence[Line], ways: Sequence[Array]) -> None:
@@ -111,6 +118,5 @@ def _close_up(whole: Axes, axes: Axes, apart: Apart) -> None:
     if np.isfinite(truth).all():
         axes.plot(*truth, "s", color="white", mec=style.INK, mew=1.2, ms=7, zorder=5)
     scaled(axes, np.array([low, high]))
-    axes.set_title(apart.text, fontsize=8.5, loc="left")
     corners = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
     whole.plot(*corners.T, color=style.DEAD, lw=1.2, zorder=6)

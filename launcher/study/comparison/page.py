@@ -75,11 +75,10 @@ def _pictures(compared: Compared, runs: Sequence[Run], groups: Sequence[Sequence
             "fates": draw.fates(runs, compared.names),
             "energy": draw.spent(runs, compared.names),
         }
-        fields = [figure for group in groups for figure in maps(group)]
+        fields = [field for group in groups for field in maps(group)]
         return {
             "pictures": {name: inline(_png(figure)) for name, figure in drawn.items() if figure is not None},
-            "maps": [inline(_png(figure)) for figure in fields],
-            "close_ups": any(len(figure.axes) > 1 for figure in fields),
+            "maps": [(inline(_png(field.figure)), field.text) for field in fields],
         }
 
 
