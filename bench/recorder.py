@@ -57,7 +57,9 @@ class Bench:
     def __enter__(self) -> Bench:
         self.children = Children(2)
         self.children.fork(
-            "router", Child("launcher.processes.bodies:router", "router", self.folder / "router.log"), self.endpoint
+            "router",
+            Child("launcher.processes.bodies:router", "router", str(self.folder / "router.log")),
+            self.endpoint,
         )
         self.session = open_client(self.endpoint, self.plan.run.run)
         return self
@@ -121,7 +123,7 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
 
     key = keys.telemetry(RECORDER, "status")
     told = bench.session.declare_subscriber(key, Callback(on_status, indirect=False))
-    recorder = Child("launcher.record.recorder:record", RECORDER, folder / "log", graceful=True)
+    recorder = Child("launcher.record.recorder:record", RECORDER, str(folder / "log"), graceful=True)
     bench.children.fork(RECORDER, recorder, bench.endpoint, bench.plan, folder)
     _until(lambda: len(heard) > 1 or not bench.children.alive(RECORDER))
     if len(heard) == 1:

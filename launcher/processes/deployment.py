@@ -95,7 +95,7 @@ class Deployment:
         if self._own_router:
             self._fork_router()
         self._connect()  # before anyone can ask to join
-        recorder = Child("launcher.record.recorder:record", RECORDER, self.log(RECORDER), graceful=True)
+        recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
         self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder)
         for life in self.plan.processes:
             self._fork_role(life)
@@ -103,12 +103,13 @@ class Deployment:
     def _fork_router(self) -> None:
         for left in self._sockets.iterdir():  # by one that was killed
             left.unlink()
-        self._children.fork(ROUTER, Child("launcher.processes.bodies:router", ROUTER, self.log(ROUTER)), self.endpoint)
+        router = Child("launcher.processes.bodies:router", ROUTER, str(self.log(ROUTER)))
+        self._children.fork(ROUTER, router, self.endpoint)
 
     def _fork_role(self, life: ProcessSpec) -> None:
         title = life.name if life.id == life.role else f"{life.role} {life.name}"
         niceness = 0 if life.sink else patience.NICENESS
-        body = Child("launcher.processes.bodies:role", title, self.log(life.name))
+        body = Child("launcher.processes.bodies:role", title, str(self.log(life.name)))
         self._children.fork(life.name, body, self.endpoint, self.plan.run.run, life.name, niceness)
 
     def _connect(self) -> None:

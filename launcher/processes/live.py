@@ -43,9 +43,9 @@ class LiveView:
 
     def __enter__(self) -> Self:
         self._children = Children(2)
-        recorder = Child("launcher.record.live:show", LIVE, self._log, NICENESS)
+        recorder = Child("launcher.record.live:show", LIVE, str(self._log), NICENESS)
         self._children.fork(LIVE, recorder, self._endpoint, self._plan, self._port)
-        server = Child("launcher.processes.bodies:program", VIEWER, self._log, NICENESS)
+        server = Child("launcher.processes.bodies:program", VIEWER, str(self._log), NICENESS)
         self._children.fork(VIEWER, server, web_server(self._page, self._port), environment())
         return self
 

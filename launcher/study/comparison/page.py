@@ -5,16 +5,15 @@ from __future__ import annotations
 import io
 import shlex
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any
 
 from launcher.colours import tracker_colours
 from launcher.report.folder import Run, read_run
+from launcher.report.parts.setting import HOW
 from launcher.study.comparison.exact import Exactness
 from launcher.study.comparison.remarks import remarks
 from launcher.study.comparison.rows import figures, settings
 from launcher.study.comparison.runs import Compared
-
-_HOW: Final = {"processes": "as processes", "virtual": "in virtual time", "replay": "recorded reports, fused again"}
 
 
 def as_page(compared: Compared, exact: Exactness | None = None) -> str:
@@ -99,7 +98,7 @@ def _facts(compared: Compared, runs: Sequence[Run]) -> list[list[str]]:
             name,
             run.scenario.name,
             str(run.metrics["seed"]),
-            _HOW[run.metrics["driver"]],
+            HOW[run.metrics["driver"]],
             f"{length:g} s",
             f"{len(run.site.sensors):,}",
             run.scenario.link.model,
