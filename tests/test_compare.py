@@ -152,9 +152,11 @@ def test_tracks_and_frames_are_told_together(tmp_path: Path) -> None:
 # --- side by side -----------------------------------------------------------------------------------------------------
 
 
-def finished(at: Path, *settings: str, change: Callable[[dict[str, Any]], object] = lambda metrics: None) -> Path:
+def finished(
+    at: Path, *settings: str, steps: int = 5, change: Callable[[dict[str, Any]], object] = lambda metrics: None
+) -> Path:
     """The folder of a real run of a few steps."""
-    scenario = load("spcpf", seed=1, settings=["target.steps=5", *settings])
+    scenario = load("spcpf", seed=1, settings=[f"target.steps={steps}", *settings])
     plan = planned(scenario)
     ledger, tracks = simulated(plan)
     metrics = run_metrics(plan, ledger, tracks)
@@ -320,13 +322,13 @@ def test_of_the_same_scenario_and_seed_nothing_is_chance(tmp_path: Path) -> None
 
 
 def test_runs_of_other_paths_and_lengths_are_compared_in_what_can_be(tmp_path: Path) -> None:
-    a, b = finished(tmp_path / "a"), finished(tmp_path / "b", "target.path=s2", "target.steps=4")
+    a, b = finished(tmp_path / "a"), finished(tmp_path / "b", "target.path=s2", steps=4)
     _, paths, lengths = remarks(read_runs([a, b]))
     assert "different paths" in paths
     assert "a 5 s, b 4 s" in lengths
     for row in (" RMSE [m]", "median error [m]", "payload [bytes]", "energy [J]"):
         assert bold(row, a, b) == []
-    shorter = finished(tmp_path / "c", "target.steps=4")
+    shorter = finished(tmp_path / "c", steps=4)
     assert not any("different paths" in remark for remark in remarks(read_runs([a, shorter])))
 
 

@@ -39,7 +39,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("runs")
     run(home / "a")
     run(home / "out", OUTAGE)
-    run(home / "other", "target.path=s2", "target.steps=8", 'fusion.trackers=["ekf"]')
+    run(home / "other", "target.path=s2", 'fusion.trackers=["ekf"]', steps=8)
     return home
 
 
@@ -118,7 +118,7 @@ def test_the_page_says_whether_runs_are_equal(
 
 def test_runs_in_which_nothing_was_tracked_have_a_page(trackfield: Call, tmp_path: Path) -> None:
     for name, spacing in (("x", "1"), ("y", "0.9")):
-        run(tmp_path / name, f"link.loss={spacing}", "link.model=fixed", "fusion.prior=none", "target.steps=3")
+        run(tmp_path / name, f"link.loss={spacing}", "link.model=fixed", "fusion.prior=none", steps=3)
     read, _ = page(trackfield, tmp_path, tmp_path / "x", tmp_path / "y")
     assert "lost" in read.text
 
