@@ -181,7 +181,7 @@ def test_step_by_step_the_runs_are_paired(home: Path) -> None:
     a, out = (one.tracks[0].error_m for one in runs)
     both = np.isfinite(a - out)
     assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("fix-imm-ukf", "out", "a", "8")
-    assert float(row["mean difference [m]"]) == pytest.approx(float((out - a)[both].mean()), rel=5e-3)
+    assert float(row["difference [m]"]) == pytest.approx(float((out - a)[both].mean()), rel=5e-3)
     assert row["parts lower"] == "–"  # too few steps
 
 

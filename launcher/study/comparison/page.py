@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from launcher.colours import tracker_colours
+from launcher.report.cells import Table
 from launcher.report.folder import Run, read_run
 from launcher.report.parts.setting import HOW
 from launcher.study.comparison.exact import Exactness
@@ -91,9 +92,9 @@ def _colours(compared: Compared) -> dict[str, str]:
     return tracker_colours(compared.trackers)
 
 
-def _facts(compared: Compared, runs: Sequence[Run]) -> list[list[str]]:
+def _facts(compared: Compared, runs: Sequence[Run]) -> Table:
     """What each run was: a row each."""
-    return [
+    rows = [
         [
             name,
             run.scenario.name,
@@ -106,6 +107,7 @@ def _facts(compared: Compared, runs: Sequence[Run]) -> list[list[str]]:
         ]
         for name, run, length in zip(compared.names, runs, compared.lengths_s, strict=True)
     ]
+    return Table(["run", "scenario", "seed", "driver", "length", "sensors", "link", "started"], rows)
 
 
 def _verdicts(compared: Compared, runs: Sequence[Run]) -> dict[str, list[tuple[str, Any]]]:

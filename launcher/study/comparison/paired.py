@@ -21,7 +21,7 @@ def paired(found: Sequence[Line]) -> Table:
         "run",
         "against",
         "steps in both",
-        "mean difference [m]",
+        "difference [m]",
         "steps lower",
         "parts lower",
     ]
