@@ -22,6 +22,7 @@ import trackfield as tf
 from launcher import api
 from launcher.plan.prepare import checked
 from launcher.record.measures import RunFigures
+from launcher.report.cells import number
 from launcher.run import Outcome
 from launcher.study.results import study_run
 from tests.command_line import Call, trackfield
@@ -245,7 +246,7 @@ def test_runs_are_compared_as_text_and_as_a_table() -> None:
     ]
     error = one.metrics.trackers["spcpf"].rmse.position
     assert error is not None
-    assert f"{error:.3f}" in str(comparison)
+    assert number(error) in str(comparison)
     assert "other" in str(comparison)
 
 
