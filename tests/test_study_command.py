@@ -90,7 +90,7 @@ def test_a_narrow_terminal_gets_the_columns_that_fit(
     lines = out.splitlines()
     assert max(map(len, lines)) <= columns
     assert sum("fix-imm-ukf" in line and "%" in line and "–" in line for line in lines) == 4
-    assert ("energy" in out, "median [m]" in out) == (columns == 120, False)
+    assert ("energy" in out, "median" in out) == (True, False)
     assert "study.html has more columns" in " ".join(out.split())
 
 
