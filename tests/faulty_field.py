@@ -1,7 +1,7 @@
 """The paper's field with one faulty sensor: ``python -m tests.faulty_field`` prints the table of docs/tracking.md.
 
-``--sensor 12`` names another sensor than n060, ``--prior`` starts the tracks from the paper's prior, and a name of a path
-leaves out the others.
+``--sensor 12`` makes another sensor than n060 faulty, ``--prior`` starts the tracks from the paper's prior. Paths that
+are named are the only ones.
 """
 
 from __future__ import annotations
