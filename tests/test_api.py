@@ -23,6 +23,7 @@ import trackfield as tf
 from launcher import api
 from launcher.plan.prepare import checked
 from launcher.record.measures import RunFigures
+from launcher.report.cells import number
 from launcher.run import Outcome
 from launcher.study.results import study_run
 from tests.command_line import Call, trackfield
@@ -39,7 +40,7 @@ SMALL = tf.Scenario.load("spcpf").set("field.nodes", 9).set("target.steps", 10)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports have tests of their own, and take longer than all else here."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("launcher.run._report", lambda folder, ended, write: "")
+    monkeypatch.setattr("launcher.run._report", lambda *_: "")
 
 
 def file_of(result: tf.Result) -> dict[str, Any]:
@@ -324,7 +325,7 @@ def test_runs_are_compared_as_text_and_as_a_table() -> None:
     ]
     error = one.metrics.trackers["spcpf"].rmse.position
     assert error is not None
-    assert f"{error:.3f}" in str(comparison)
+    assert number(error) in str(comparison)
     assert "other" in str(comparison)
 
 
@@ -378,7 +379,7 @@ def test_every_name_is_there_for_people_and_for_type_checkers() -> None:
     typed = {
         name.name
         for node in ast.walk(tree)
-        if isinstance(node, ast.If)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for line in node.body
         if isinstance(line, ast.ImportFrom)
         for name in line.names

@@ -90,7 +90,7 @@ def over_time(axes: Axes, run: Run, *, named: bool = True) -> None:
     for index, t_s in enumerate(broken_at(run)):
         label = "fault or death" if named and not index else None
         axes.axvline(t_s, color=DEAD, lw=0.9, ls=":", label=label)
-    axes.set_xlim(0.0, run.end_s)
+    axes.set_xlim(0.0, max(min(run.end_s, run.metrics["end_s"]), run.step_s))
     axes.set_xlabel("emulated time [s]")
 
 
@@ -143,6 +143,11 @@ def counts(axes: Axes) -> None:
 def width(points: int) -> float:
     """How wide a line of so many points is drawn, so that it does not become a surface."""
     return float(np.clip(1.8 - points / 1200, 0.5, 1.8))
+
+
+def size(sensors: int) -> float:
+    """How large the dots of so many sensors on a map are, so that they do not become a surface."""
+    return float(np.clip(70 / max(sensors, 1) ** 0.5, 1.0, 5.0))
 
 
 ROW: Final = 105

@@ -19,7 +19,9 @@ from launcher.report.tracks import Array, Track
 SCALE: Final = 2.447746830680816
 """Of a standard deviation, to the ellipse that holds 95 %: the root of the chi-square point of 2 degrees of freedom."""
 AROUND: Final = 2
-"""Steps before and after that have their ellipses."""
+"""Steps before and after that have their ellipses,"""
+LED: Final = 10
+"""and that are shown."""
 MARGIN: Final = 1.6
 """Of the picture around what it is to show."""
 LEAST_MARK: Final = 0.02
@@ -68,13 +70,15 @@ def closeup(axes: Axes, chart: Axes, run: Run, ways: Mapping[str, Array]) -> Non
         axes.plot(*way.T, color=style.TRUTH, lw=5.0, alpha=0.45, zorder=2)
     for other in run.tracks:
         colour = style.colour(run, other.tracker)
-        axes.plot(*other.mean[:, :2].T, ".-", color=colour, lw=1.2, ms=4, zorder=4)
+        way = np.abs(other.t_s - track.t_s[worst]) <= (LED + 0.5) * run.step_s
+        axes.plot(*other.mean[way, :2].T, ".-", color=colour, lw=1.2, ms=4, zorder=4)
         near = np.flatnonzero(np.abs(other.t_s - track.t_s[worst]) <= (AROUND + 0.5) * run.step_s)
         ellipses(axes, other, near, colour, largest_m=2 * half)
     axes.plot(*track.truth[:, :2].T, "o", color="white", mec=style.TRUTH, ms=3, mew=0.9, zorder=3)
     axes.plot(*np.array([mean, truth]).T, "-", color=style.DEAD, lw=1.3, zorder=5)
     places = np.array(list(run.sensors.values()))
-    axes.plot(*places.T, "o", color="#a9b4c2", ms=4, zorder=1.5)
+    shown = int((np.abs(places - middle) <= half).all(axis=1).sum())
+    axes.plot(*places.T, "o", color="#a9b4c2", ms=style.size(shown) / 1.5, mew=0, zorder=1.5)
     axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
     axes.set_anchor("NW")
     for axis in (axes.xaxis, axes.yaxis):
