@@ -25,11 +25,10 @@ FAULTS = (
 )
 
 
-def run(folder: Path, *settings: str, scenario: str = "spcpf") -> Path:
-    """The folder of a virtual run, a short one unless a setting says another number of steps."""
+def run(folder: Path, *settings: str, scenario: str = "spcpf", steps: int = 12) -> Path:
+    """The folder of a short virtual run."""
     (folder / "logs").mkdir(parents=True)
-    short = [] if any(setting.startswith("target.steps=") for setting in settings) else ["target.steps=12"]
-    resolved = load(scenario, settings=[*short, *settings])
+    resolved = load(scenario, settings=[f"target.steps={steps}", *settings])
     keep(resolved, folder)
     outcome = run_virtual(planned(resolved), folder, ["trackfield", "run", scenario, "--virtual"])
     assert (outcome.unreported, outcome.exit_code) == ("", 0)
