@@ -1,7 +1,7 @@
 """The report of a run in virtual time, drawn by a process that loads what drawing needs while the run still goes on.
 
-Both take longer than the run of a small field. Runs over processes last longer than that,
-and need their cores for themselves: their report is drawn afterwards, by ``write_report`` alone.
+Loading and drawing take longer than the run of a small field. A run over processes lasts longer than both and needs its
+cores for itself: its report is drawn afterwards, by ``write_report`` alone.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ def written_beside() -> Iterator[Callable[[Path], None]]:
 
 
 def _give_up() -> None:
-    """End the process that draws, and with it its own."""
-    for child in psutil.Process().children():
+    """End the processes that draw, so that nothing is written any more."""
+    for child in psutil.Process().children(recursive=True):
         with suppress(psutil.Error):
             if " ".join(child.cmdline()).startswith(_TITLE):
                 child.kill()

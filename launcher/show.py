@@ -22,7 +22,7 @@ from launcher.plan.prepare import remarks
 from launcher.plan.reception import Shares
 from launcher.plan.warnings import summary
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
-from launcher.record.words import alarms, span
+from launcher.record.words import alarms, joules, span
 from launcher.records import ARRIVED, SENSES, Plan
 
 if TYPE_CHECKING:
@@ -285,8 +285,8 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
     if clock["rms"] is not None:
         yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
     if energy["total"] is not None:
-        by = ", ".join(f"{cause} {joules:.3g}" for cause, joules in energy["by"].items() if joules)
-        yield f"energy from batteries: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
+        by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
+        yield f"energy from batteries: {joules(energy['total'])} ({by}), {joules(energy['max_node'])} at most"
     if lifetime["first_death"] is not None:
         names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
         times = [f"{text} after {span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]

@@ -23,9 +23,9 @@ class Request:
     """A scenario, what is changed in it, and how it is to be run; each field is an option of the command line."""
 
     scenario: Name
-    seed: Annotated[int | None, typer.Option(help="Decides every random draw; the scenario's own if not given.")] = None
+    seed: Annotated[int | None, typer.Option(help="The seed of every random draw; unset: the scenario's own.")] = None
     speed: Annotated[float | None, typer.Option(help="Emulated seconds per second, of a run over processes.")] = None
-    virtual: Annotated[bool, typer.Option("--virtual", help="In virtual time, in one process.")] = False
+    virtual: Annotated[bool, typer.Option("--virtual", help="Run in virtual time, in a single process.")] = False
     overrides: Set = None
     target: Target = None
     start: Start = None
@@ -39,9 +39,13 @@ class Request:
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else, to stdout.")] = (
         False
     )
-    connect: Annotated[str, typer.Option(help="Use the Zenoh router at this endpoint.")] = ""
+    connect: Annotated[
+        str,
+        typer.Option(metavar="ENDPOINT", help="Use the Zenoh router at this endpoint, like tcp/127.0.0.1:7447."),
+    ] = ""
     external: Annotated[
-        bool, typer.Option("--external", help="Wait for processes that start elsewhere and join through --connect.")
+        bool,
+        typer.Option("--external", help="Wait for processes that start elsewhere and join at the router of --connect."),
     ] = False
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False
 

@@ -22,7 +22,7 @@ INTERRUPTED: Final = 128 + signal.SIGINT
 
 @command
 def run(request: Request) -> None:
-    """Run a scenario and leave a run folder with its timeline, tables and metrics."""
+    """Run a scenario and leave a run folder with its timeline, tables, metrics and report."""
     from launcher.record.folder import keep, prepare_folder, whole_or_none
     from launcher.show import announce, conclude, warn
 

@@ -73,11 +73,13 @@ def _fill(store: Store, seeds: Sequence[int]) -> None:
 
 def _conclude(paper: Paper[S], store: Store, seeds: Sequence[int]) -> Study:
     records = {name: store.records(name, seeds) for name in paper.cases}
+    goes = cpu_times(paper.timed) if paper.timed else {}
     results = Results(
         len(seeds),
         {name: paper.scores(paper.cases[name], some) for name, some in records.items()},
         {name: Field.of(some) for name, some in records.items()},
-        cpu_times(paper.timed) if paper.timed else {},
+        {name: min(some) for name, some in goes.items()},
+        paper.contrasts(records, goes),
     )
     summary = {
         "paper": paper.name,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Generic
 
 from launcher.reproduce.case import Case
+from launcher.reproduce.intervals import Interval
 from launcher.reproduce.records import Record, Records
 from launcher.reproduce.scores import Results, S
 from launcher.reproduce.tables import Claim, Row
@@ -18,8 +19,10 @@ class Paper(Generic[S]):
     """A paper: what is run, how it is scored by ``S`` (a dataclass of numbers), and what is said about it.
 
     ``cases`` are by name. ``scores`` has a score for each tracker of a case, from the case's runs.
-    ``tables`` and ``claims`` go to results.json. The report has the claims, then ``parts``: headings and what stands
-    below them, in Markdown; then ``figures``: the name of each, what it shows, and what the paper has of it.
+    ``contrasts`` are what is compared run by run (ratios, shares), by name, from all runs and each tracker's repeated
+    processor times. ``tables`` and ``claims`` go to results.json. The report has the claims, then ``parts``: headings
+    and what stands below them, in Markdown; then ``figures``: the name of each, what it shows, and what the paper has
+    of it.
     ``draw`` writes these into a folder and tells the seed of a typical run, by case; that of ``run`` among them stays
     as a run folder. ``timed`` is the case of which a run's processor time is measured, with the trackers that are.
     """
@@ -28,6 +31,7 @@ class Paper(Generic[S]):
     title: str
     cases: Mapping[str, Case]
     scores: Callable[[Case, Sequence[Record]], Mapping[str, S]]
+    contrasts: Callable[[Records, Mapping[str, Sequence[float]]], Mapping[str, Interval]]
     tables: Callable[[Results[S]], Mapping[str, Sequence[Row]]]
     claims: Callable[[Results[S]], Sequence[Claim]]
     parts: Callable[[Results[S]], Sequence[tuple[str, str]]]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from launcher.reproduce.case import Case
+from launcher.reproduce.intervals import Interval, Weighted, median, positive, share
 from launcher.reproduce.records import Record, errors_by_tracker
 from trackfield.filters import metrics
 from trackfield.filters.types import Array
@@ -25,7 +26,7 @@ class Score:
     the runs of the error at step t. ``median_x``, ``median_y``: RMSE over the steps, of the median run.
     ``position`` pools the distance over runs and steps, ``median_run`` is its RMSE over the steps, of the median run.
     ``lost`` is the share of the runs that end more than 50 m off or without a track, ``largest`` the largest error of
-    any step.
+    any step. ``ends`` has the ends of their intervals, by name; those of ``largest`` have no meaning.
     """
 
     mean_x: float
@@ -38,28 +39,49 @@ class Score:
     median_run: float
     lost: float
     largest: float
+    ends: Mapping[str, Sequence[float | None]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, errors: Array) -> Score:
         """The score of errors (R, T, 4). A step without a track counts in none of the means."""
-        over_time = rmse_over_time(errors)
         places = errors[..., :2]
         squared = np.square(places).sum(axis=-1)
         lost = metrics.Lost().holds(places)
-        (mean_x, mean_y), (var_x, var_y) = (f(over_time[:, :2], axis=0).tolist() for f in (np.nanmean, np.nanvar))
-        median_x, median_y = np.median(np.sqrt(np.nanmean(np.square(places), axis=1)), axis=0).tolist()
+        found = {"position": positive(pooled(errors), len(errors))}
+        for axis, name in enumerate("xy"):
+            found[f"mean_{name}"] = positive(over_steps(errors[..., axis], np.nanmean), len(errors))
+            found[f"var_{name}"] = positive(over_steps(errors[..., axis], np.nanvar), len(errors))
+            found[f"median_{name}"] = median(np.sqrt(np.nanmean(np.square(errors[..., axis]), axis=1)))
+        found["median_run"] = median(np.sqrt(np.nanmean(squared, axis=1)))
+        found["lost"] = share(int(lost.sum()), len(lost))
+        ends = {name: one[1:] for name, one in found.items()}
         return cls(
-            mean_x,
-            var_x,
-            median_x,
-            mean_y,
-            var_y,
-            median_y,
-            float(np.sqrt(np.nanmean(squared))),
-            float(np.median(np.sqrt(np.nanmean(squared, axis=1)))),
-            float(lost.mean()),
-            float(np.sqrt(np.nanmax(squared))),
+            **{name: one.value for name, one in found.items()}, largest=float(np.sqrt(np.nanmax(squared))), ends=ends
         )
+
+    def interval(self, name: str) -> Interval:
+        """The figure of this name and the ends of its interval; one whose ends nobody gave is known exactly."""
+        value = getattr(self, name)
+        low, high = self.ends.get(name, (value, value))
+        return Interval(value, low, high)
+
+
+def pooled(errors: Array) -> Weighted:
+    """RMSE of the position over all runs and steps of errors (R, T, 4)."""
+    squared = np.square(errors[..., :2]).sum(axis=-1)
+    sums, counts = np.nansum(squared, axis=1), (~np.isnan(squared)).sum(axis=1)
+    return lambda weights: np.sqrt(weights @ sums / (weights @ counts))
+
+
+def over_steps(errors: Array, statistic: Callable[..., Array]) -> Weighted:
+    """A statistic over the steps of RMSE(t), of errors (R, T) in one coordinate."""
+    squared, there = np.nan_to_num(np.square(errors)), ~np.isnan(errors)
+
+    def weighted(weights: Array) -> Array:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return statistic(np.sqrt(weights @ squared / (weights @ there)), axis=-1)
+
+    return weighted
 
 
 def rmse_over_time(errors: Array) -> Array:
@@ -111,12 +133,16 @@ class Field:
 
 @dataclass(frozen=True)
 class Results(Generic[S]):
-    """All figures of a study: by case and tracker, by case; ``times`` is CPU time of a run by tracker, if timed (s)."""
+    """All figures of a study: by case and tracker, by case, and what a paper compares, by the names that it gave.
+
+    ``times`` is the processor time of a run by tracker, if timed (s).
+    """
 
     runs: int
     scores: Mapping[str, Mapping[str, S]]
     fields: Mapping[str, Field]
     times: Mapping[str, float]
+    contrasts: Mapping[str, Interval]
 
     def plain(self) -> dict[str, Any]:
         """Dicts and numbers, for a file."""
@@ -127,4 +153,5 @@ class Results(Generic[S]):
         """The inverse of ``plain``; ``score`` makes a score of its fields."""
         scores = {case: {name: score(**one) for name, one in some.items()} for case, some in plain["scores"].items()}
         fields = {case: Field(**one) for case, one in plain["fields"].items()}
-        return cls(plain["runs"], scores, fields, plain["times"])
+        contrasts = {name: Interval(*one) for name, one in plain["contrasts"].items()}
+        return cls(plain["runs"], scores, fields, plain["times"], contrasts)

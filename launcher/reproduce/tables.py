@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
+
+from launcher.reproduce.intervals import CONFIDENCE, Interval, all_of
 
 FACTOR: Final = 1.5
 """A figure within this factor of the published one counts as the same."""
 
-Verdict = Literal["holds", "holds in part", "does not hold"]
+Verdict = Literal["holds", "holds in part", "does not hold", "too few runs to tell"]
+UNKNOWN: Final = "too few runs to tell"
+READING: Final = (
+    f"Brackets hold {CONFIDENCE:.0%} intervals over the runs. A verdict says *{UNKNOWN}* where the limit lies "
+    "inside of one, or where there are too few runs for one (-)."
+)
+"""What goes above the claims."""
 
 
 class Band(NamedTuple):
@@ -21,6 +29,11 @@ class Band(NamedTuple):
     def __contains__(self, value: object) -> bool:
         return isinstance(value, int | float) and self.low <= value <= self.high
 
+    def holds(self, figure: Interval) -> bool | None:
+        """Whether the figure lies inside; None if that is open."""
+        above_low = True if self.low == 0 else figure.above(self.low)
+        return all_of((above_low, figure.at_most(self.high)))
+
     def __str__(self) -> str:
         return f"≤ {self.high:.3g}" if self.low == 0 else f"{self.low:.3g}-{self.high:.3g}"
 
@@ -30,17 +43,18 @@ class Row:
     """A figure of a tracker in a case, with what it is to be compared with; None where there is nothing.
 
     ``quantity`` says what ``ours`` is and its unit. ``ratio`` is ours to ``published``, ``to_bound`` ours to ``bound``,
-    the least error that any tracker can have. ``band`` tells the bands that ``verdict`` is about.
+    the least error that any tracker can have; it has no interval. ``band`` tells the bands that ``verdict``
+    is about.
     """
 
     case: str
     tracker: str
     quantity: str
-    ours: float
+    ours: Interval
     published: float | None = None
-    ratio: float | None = None
-    median_run: float | None = None
-    lost: float | None = None
+    ratio: Interval | None = None
+    median_run: Interval | None = None
+    lost: Interval | None = None
     bound: float | None = None
     to_bound: float | None = None
     band: str = ""
@@ -57,23 +71,25 @@ class Claim:
     verdict: Verdict
 
 
-def verdict(holds: bool) -> Verdict:
+def verdict(holds: bool | None) -> Verdict:
     """That of a claim that cannot hold in part."""
-    return "holds" if holds else "does not hold"
+    return "too few runs to tell" if holds is None else "holds" if holds else "does not hold"
 
 
-def beside(ratio: float) -> str:
+def beside(ratio: Interval) -> str:
     """What a figure is, compared with the published one."""
-    if ratio > FACTOR:
-        return "higher"
-    return "lower" if ratio < 1 / FACTOR else "as published"
+    higher, lower = ratio.above(FACTOR), ratio.at_most(1 / FACTOR)
+    if higher or lower:
+        return "higher" if higher else "lower"
+    return UNKNOWN if higher is None or lower is None else "as published"
 
 
-def inside(values: Sequence[float], bands: Sequence[Band]) -> str:
-    """Whether every value lies in its band; nothing where there are none."""
+def inside(figures: Sequence[Interval], bands: Sequence[Band]) -> str:
+    """Whether every figure lies in its band; nothing where there are none."""
     if not bands:
         return ""
-    return "in band" if all(value in band for value, band in zip(values, bands, strict=True)) else "outside"
+    answer = all_of(band.holds(figure) for figure, band in zip(figures, bands, strict=True))
+    return UNKNOWN if answer is None else "in band" if answer else "outside"
 
 
 _NUMBERS: Final = {
@@ -101,10 +117,26 @@ def rows_table(rows: Sequence[Row]) -> str:
     return aligned(header, body)
 
 
-def _figure(name: str, value: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.1%}" if name == "lost" else f"{value:.3g}" if abs(value) < 10 else f"{value:.1f}"
+def _figure(name: str, figure: Interval | float | None) -> str:
+    tell = percent if name == "lost" else plain
+    return with_interval(figure, tell) if isinstance(figure, Interval) else "-" if figure is None else tell(figure)
+
+
+def percent(value: float) -> str:
+    """A share."""
+    return f"{value:.1%}"
+
+
+def plain(value: float) -> str:
+    """A number to three places, or to a tenth."""
+    return f"{value:.3g}" if abs(value) < 10 else f"{value:.1f}"
+
+
+def with_interval(figure: Interval, tell: Callable[[float], str] = plain, unit: str = "") -> str:
+    """A figure, its unit and its interval in brackets, each number told by ``tell``."""
+    _, low, high = figure
+    ends = "-" if low is None or high is None else f"{tell(low)}, {tell(high)}"
+    return f"{tell(figure.value)}{unit} [{ends}]"
 
 
 def claims_table(claims: Iterable[Claim]) -> str:

@@ -172,7 +172,7 @@ def fates(run: Run) -> dict[str, set[str]]:
 
 def _sensors(axes: Axes, run: Run, sensors: Array, box: Array) -> None:
     shown = sensors[((sensors >= box[0]) & (sensors <= box[1])).all(axis=1)]
-    size = float(np.clip(70 / max(len(shown), 1) ** 0.5, 1.0, 5.0))
+    size = style.size(len(shown))
     for label, places in {
         "no report sent": sensors,
         **{name: _at(run, ids) for name, ids in fates(run).items()},

@@ -8,6 +8,7 @@ from typing import Final
 from launcher.reproduce.paper import Paper
 from launcher.reproduce.papers.zhai.cases import ALL, CASES
 from launcher.reproduce.papers.zhai.claims import claims
+from launcher.reproduce.papers.zhai.contrasts import contrasts
 from launcher.reproduce.papers.zhai.tables import tables
 from launcher.reproduce.papers.zhai.words import FIGURES, parts
 from launcher.reproduce.records import Records
@@ -25,6 +26,7 @@ PAPER: Final = Paper(
     title="Zhai et al. 2009, SP-CPF",
     cases=CASES,
     scores=usual_scores,
+    contrasts=contrasts,
     tables=tables,
     claims=claims,
     parts=parts,

@@ -1,5 +1,5 @@
-"""Figures 3 to 13 of Zhai et al. (2009), drawn from our runs: same numbers, same colours (truth blue, SP-CPF red, the
-bootstrap green)."""
+"""Figures 3 to 13 of Zhai et al. (2009), under its numbers, drawn from our runs; each tracker has its colour of
+everywhere, and a line and a mark of its own."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from launcher.report.style import STYLE
+from launcher.colours import tracker_colours
+from launcher.report.style import SOFT, STYLE, TRUTH
+from launcher.reproduce.intervals import Interval
 from launcher.reproduce.papers.zhai.cases import CASES, NOMINALS, PARTICLES, nominals, particles
 from launcher.reproduce.papers.zhai.tables import TABLE_1
 from launcher.reproduce.realisation import Realisation, realise, typical
@@ -20,12 +22,18 @@ from launcher.reproduce.records import Records, errors_by_tracker
 from launcher.reproduce.scores import Results, Score, rmse_over_time
 from trackfield.filters.types import Array
 
-BLUE, RED, GREEN, GREY = "#2459a9", "#cf3f4b", "#2d9058", "#8a8f98"
+COLOURS: Final = tracker_colours(("spcpf", "bootstrap", "ekf"))
 LOOK: Final[Mapping[str, dict[str, Any]]] = {
-    "truth": {"color": BLUE, "label": "true target", "lw": 2.4, "alpha": 0.75, "zorder": 2},
-    "spcpf": {"color": RED, "label": "SP-CPF, 200 particles", "lw": 1.3, "zorder": 4},
-    "bootstrap": {"color": GREEN, "label": "bootstrap, 2000 particles", "lw": 1.3, "ls": (0, (5, 1.5)), "zorder": 3},
-    "ekf": {"color": "#8a5fbf", "label": "EKF", "lw": 1.2, "ls": (0, (1, 1)), "zorder": 3},
+    "truth": {"color": TRUTH, "label": "true target", "lw": 2.8, "alpha": 0.75, "zorder": 2},
+    "spcpf": {"color": COLOURS["spcpf"], "label": "SP-CPF, 200 particles", "lw": 1.3, "zorder": 4},
+    "bootstrap": {
+        "color": COLOURS["bootstrap"],
+        "label": "bootstrap, 2000 particles",
+        "lw": 1.3,
+        "ls": (0, (5, 1.5)),
+        "zorder": 3,
+    },
+    "ekf": {"color": COLOURS["ekf"], "label": "EKF", "lw": 1.2, "ls": (0, (1, 1)), "zorder": 3},
 }
 LOOKS: Final[dict[Any, Any]] = {**STYLE, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8}
 BOTH: Final = ("spcpf", "bootstrap")
@@ -65,7 +73,7 @@ def radar(run: Realisation) -> Figure:
     figure = _figure(7.2, 5.6)
     above, below = figure.subplots(2, 1, height_ratios=[1.15, 1.0])
     km = run.truth / 1e3
-    above.plot(km[::3, 0], km[::3, 1], "+", color=BLUE, ms=7, mew=1.4, label="true locations")
+    above.plot(km[::3, 0], km[::3, 1], "+", color=TRUTH, ms=7, mew=1.4, label="true locations")
     for (name, estimate), mark in zip(run.estimates.items(), "o^*", strict=True):
         look = LOOK[name]
         above.plot(*estimate[:, :2].T / 1e3, mark, ms=4, ls="-", mfc="none", lw=0.9, color=look["color"],
@@ -147,10 +155,10 @@ def rmses(records: Records, results: Results[Score], case: str, trackers: Sequen
             if case == "s1":
                 published, colour = TABLE_1[tracker][("mean_x", "mean_y")[column]], LOOK[tracker]["color"]
                 axes.axhline(published, color=colour, lw=0.9, ls=":")
+                place, side = (times[0], "left") if tracker == "bootstrap" else (times[-1], "right")  # off the curves
                 axes.text(
-                    *(times[-1], published, f"published mean {published:.1f}"),
-                    **{"ha": "right", "va": "center", "fontsize": 7.5, "color": colour},
-                    bbox={"fc": "white", "ec": "none", "pad": 1.0},
+                    *(place, published, f"published mean {published:.1f}"),
+                    **{"ha": side, "va": "bottom", "fontsize": 7.5, "color": colour},
                 )
     for axis, axes in zip("xy", panels, strict=True):
         axes.set(xlabel="time, s", ylabel=f"RMSE {axis}, m")
@@ -165,7 +173,7 @@ def rmses(records: Records, results: Results[Score], case: str, trackers: Sequen
 
 
 def sweeps(results: Results[Score]) -> Figure:
-    """The error over the size of the bank and over the number of particles."""
+    """The error over the size of the bank and over the number of particles, with its intervals."""
     figure = _figure(7.4, 3.2)
     left, right = figure.subplots(1, 2, sharey=True)
     scores = results.scores["s1"]
@@ -174,8 +182,14 @@ def sweeps(results: Results[Score]) -> Figure:
         (right, PARTICLES, particles, "particles, Ns"),
     ):
         found = [scores[name(size)] for size in sizes]
-        axes.plot(sizes, [one.position for one in found], "o-", color=RED, label="all runs pooled")
-        axes.plot(sizes, [one.median_run for one in found], "s:", color=GREY, mfc="none", label="median run")
+        for shift, figure_of, look in (
+            (1.0, "position", {"fmt": "o-", "ms": 4, "color": COLOURS["spcpf"], "label": "all runs pooled"}),
+            (1.03, "median_run", {"fmt": "s:", "ms": 4, "color": SOFT, "mfc": "none", "label": "median run"}),
+        ):
+            some = [one.interval(figure_of) for one in found]
+            axes.errorbar(
+                np.array(sizes) * shift, [one.value for one in some], _whiskers(some), capsize=2, lw=1.2, **look
+            )
         axes.set_xlabel(label)
     left.axvspan(10, 20, color="#f3e3c8", zorder=0, label="the paper's range")
     right.set(xscale="log", xticks=PARTICLES[::2], xticklabels=map(str, PARTICLES[::2]))
@@ -185,3 +199,13 @@ def sweeps(results: Results[Score]) -> Figure:
     left.legend(loc="lower right")
     figure.suptitle(f"SP-CPF in scenario 1, 75 %, {results.runs} runs")
     return figure
+
+
+def _whiskers(figures: Sequence[Interval]) -> Array:
+    """How far each interval reaches below and above its figure (2, n); 0 where there is none."""
+    return np.array(
+        [
+            (0.0, 0.0) if one.low is None or one.high is None else (one.value - one.low, one.high - one.value)
+            for one in figures
+        ]
+    ).T

@@ -1,0 +1,97 @@
+"""How sure a figure is that comes from some runs: its interval, and what that lets one say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from trackfield.filters.types import Array
+
+CONFIDENCE: Final = 0.95
+
+Weighted = Callable[[Array], Array]
+"""A statistic over R runs: of weights (B, R), a row for each sample of the runs, its values (B,), all above 0."""
+
+
+class Interval(NamedTuple):
+    """A figure and the ends of its interval; ``low`` and ``high`` are None where there are too few runs for one."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+    def at_most(self, limit: float) -> bool | None:
+        """Whether the figure is; None if the interval has the limit in it."""
+        if self.low is None or self.high is None:
+            return None
+        if self.high <= limit:
+            return True
+        return False if self.low > limit else None
+
+    def above(self, limit: float) -> bool | None:
+        """The contrary of ``at_most``."""
+        answer = self.at_most(limit)
+        return None if answer is None else not answer
+
+    def over(self, published: float) -> Interval:
+        """The ratio to a figure that is known exactly."""
+        low, high = (None if end is None else end / published for end in self[1:])
+        return Interval(self.value / published, low, high)
+
+
+def all_of(answers: Iterable[bool | None]) -> bool | None:
+    """Whether all are true; None if that is open."""
+    given = list(answers)
+    return False if False in given else None if None in given else True
+
+
+def any_of(answers: Iterable[bool | None]) -> bool | None:
+    """Whether one is true; None if that is open."""
+    given = list(answers)
+    return True if True in given else None if None in given else False
+
+
+def positive(statistic: Weighted, runs: int) -> Interval:
+    """Of an error, a variance, a ratio: jackknife over the runs, Student's t on the logarithm.
+
+    A statistic of several trackers or cases leaves out the same run of all: it is paired by seed.
+    """
+    (value,) = statistic(np.ones((1, runs))).tolist()
+    if runs < 2:
+        return Interval(value, None, None)
+    without = statistic(1.0 - np.eye(runs))
+    if not (value > 0 and np.all(np.isfinite(without)) and np.all(without > 0)):
+        return Interval(value, None, None)
+    logs = np.log(without)
+    error = np.sqrt((runs - 1) / runs * np.square(logs - logs.mean()).sum())
+    factor = float(np.exp(stats.t.ppf((1 + CONFIDENCE) / 2, runs - 1) * error))
+    return Interval(value, value / factor, value * factor)
+
+
+def share(hits: int, of: int) -> Interval:
+    """Of the runs in which something is so: Clopper and Pearson's, exact."""
+    found = stats.binomtest(hits, of).proportion_ci(CONFIDENCE, method="exact")
+    return Interval(hits / of, float(found.low), float(found.high))
+
+
+def share_of_steps(shares: Array) -> Interval:
+    """The mean of shares (R,) of the steps of a run: Student's t over runs.
+
+    Where all runs are alike, no spread is known: the interval is that of so many hits or none, which is wider.
+    """
+    value, runs = float(shares.mean()), len(shares)
+    if np.ptp(shares) == 0:
+        ends = share(round(value * runs), runs)
+        return Interval(value, ends.low, ends.high)
+    half = float(stats.t.ppf((1 + CONFIDENCE) / 2, runs - 1) * stats.sem(shares))
+    return Interval(value, max(value - half, 0.0), min(value + half, 1.0))
+
+
+def median(values: Array) -> Interval:
+    """Of values (R,): by their order, whatever their distribution. It takes six."""
+    ends: Any = stats.quantile_test(values, q=float(np.median(values)), p=0.5).confidence_interval(CONFIDENCE)
+    low, high = (None if np.isnan(end) else float(end) for end in (ends.low, ends.high))
+    return Interval(float(np.median(values)), low, high)
