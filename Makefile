@@ -39,6 +39,7 @@ bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that 
 	$(BIN)/python -m bench.scale
 	$(BIN)/python -m bench.memory
 	$(BIN)/python -m bench.latency
+	$(BIN)/python -m bench.start
 	$(BIN)/python -m bench.recorder
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=build/peers $(BIN)/python -m bench.kernels
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.growth

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from launcher.plan.extensions import check_importable
-from launcher.plan.prepare import checked, planned
+from launcher.plan.prepare import checked, planned, warned
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.journal import METRICS
 from launcher.record.latest import run_folder
@@ -131,7 +131,7 @@ def run(
         raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
     with _arguments():
         chosen = checked(_scenario(scenario), seed)
-        plan = planned(chosen, speed)
+        plan = warned(planned(chosen, speed))
         if driver == "processes":
             check_importable(plan)
         inside = isinstance(out, str) and out.endswith("/")

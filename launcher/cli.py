@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from functools import partial
 from typing import Annotated, NoReturn
@@ -64,6 +65,8 @@ def main() -> NoReturn:
         _end(str(error), 2)
     except TrackfieldError as error:
         _end(str(error), 1)
+    except KeyboardInterrupt:
+        raise SystemExit(128 + signal.SIGINT) from None
 
 
 def _end(message: str, code: int) -> NoReturn:

@@ -1,7 +1,7 @@
 """The report of a run in virtual time, drawn by a process that loads what drawing needs while the run still goes on.
 
-Both take longer than the run of a small field. Runs over processes last longer than that,
-and need their cores for themselves: their report is drawn afterwards, by ``write_report`` alone.
+Loading and drawing take longer than the run of a small field. A run over processes lasts longer than both and needs its
+cores for itself: its report is drawn afterwards, by ``write_report`` alone.
 """
 
 from __future__ import annotations
@@ -12,17 +12,19 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Final
 
+import psutil
 from setproctitle import setproctitle
 
 _NEEDED: Final = ("launcher.report.page", "jinja2", "scipy.spatial")
 """What writing a report loads."""
 _PR_SET_PDEATHSIG: Final = 1
+_TITLE: Final = "trackfield report"
 
 
 def write_here(folder: Path) -> None:
@@ -44,7 +46,24 @@ def written_beside() -> Iterator[Callable[[Path], None]]:
         return
     with _forked() as drawer:
         drawer.submit(_load)
-        yield lambda folder: drawer.submit(_write, folder).result()
+
+        def write(folder: Path) -> None:
+            try:
+                drawer.submit(_write, folder).result()
+            except KeyboardInterrupt:
+                _give_up()
+                raise
+
+        yield write
+
+
+def _give_up() -> None:
+    """End the processes that draw, so that nothing is written any more."""
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.Error):
+            if " ".join(child.cmdline()).startswith(_TITLE):
+                child.kill()
+                child.wait()
 
 
 def _forked() -> ProcessPoolExecutor:
@@ -55,7 +74,7 @@ def _forked() -> ProcessPoolExecutor:
 def _begin() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the run early, and its report is still drawn
-    setproctitle("trackfield report")
+    setproctitle(_TITLE)
 
 
 def _load() -> None:

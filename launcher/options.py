@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from trackfield.drivers.session import PROTOCOLS, is_endpoint
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, combined
 
 
 def check_endpoint(endpoint: str, option: str) -> None:
@@ -13,16 +13,24 @@ def check_endpoint(endpoint: str, option: str) -> None:
         raise ScenarioError(f"is {endpoint!r}", key=option, expected=expected)
 
 
-def check_driver(*, virtual: bool, external: bool, live: bool, connect: str) -> None:
-    """Raise ``ScenarioError`` if these options contradict each other, ``RunFailed`` if what they need is missing."""
-    if external and virtual:
-        raise ScenarioError("there are no processes in virtual time", key="--external", expected="it without --virtual")
-    if live and virtual:
-        expected = "it without --virtual, or the timeline afterwards: trackfield view RUN"
-        raise ScenarioError("a run in virtual time is over at once", key="--live", expected=expected)
-    if live:
-        from launcher.timeline.view import program  # loads Rerun
+def check_driver(*, virtual: bool, external: bool, live: bool, connect: str, speed: float | None) -> None:
+    """Raise ``ScenarioError`` with all options that contradict others, or have no effect beside them."""
+    viewed = "it without --virtual, or the timeline afterwards: trackfield view RUN"
+    alone = "it without --virtual"
+    rules = (
+        (external and virtual, "--external", "there are no processes in virtual time", alone),
+        (live and virtual, "--live", "a run in virtual time is over at once", viewed),
+        (speed is not None and virtual, "--speed", "virtual time goes as fast as the machine can", alone),
+        (bool(connect) and virtual, "--connect", "nothing goes over a router in virtual time", alone),
+        (external and not connect, "--external", "nobody can find a router of our own", "--connect beside it"),
+    )
+    wrong = [ScenarioError(what, key=key, expected=expected) for broken, key, what, expected in rules if broken]
+    if wrong:
+        raise combined(wrong)
 
-        program()
-    if external and not connect:
-        raise ScenarioError("nobody can find a router of our own", key="--external", expected="--connect beside it")
+
+def check_viewer() -> None:
+    """Raise ``RunFailed`` if there is no viewer for a live view."""
+    from launcher.timeline.view import program  # loads Rerun
+
+    program()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import statistics
 import time
@@ -25,7 +26,11 @@ from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.records import SENSES, Plan
 from trackfield.drivers.virtual import Virtual
+from trackfield.role import NS
 
+SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+TICK_S: Final = 0.1
+"""How often a run in virtual time tells its time."""
 PSS_SAMPLE: Final = 20
 """How many nodes are asked for their memory."""
 
@@ -44,7 +49,8 @@ class Observer(Protocol):
 class Outcome:
     """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any.
 
-    ``unreported`` says why there is no report; the run is none the worse for it.
+    ``unreported`` says why there is no report; the run is none the worse for it. ``complete``: the signal came when the
+    run was over.
     """
 
     folder: Path
@@ -52,6 +58,7 @@ class Outcome:
     complaints: tuple[str, ...]
     signal: int | None = None
     unreported: str = ""
+    complete: bool = False
 
     @property
     def exit_code(self) -> int:
@@ -62,21 +69,39 @@ class Outcome:
 
 
 def run_virtual(
-    plan: Plan, folder: Path, command: Sequence[str] = (), *, write: Callable[[Path], None] | None = None
+    plan: Plan,
+    folder: Path,
+    command: Sequence[str] = (),
+    *,
+    tick: Callable[[float | None], None] = lambda _: None,
+    write: Callable[[Path], None] = write_here,
 ) -> Outcome:
-    """Run in virtual time; ``write`` writes the report of the finished folder (None: this process does)."""
-    write_manifest(folder, plan, command, None)
-    begun, cpu_s = time.monotonic(), time.process_time()
-    ledger = Ledger(plan.run, plan.processes)
-    journal = Journal(plan, ledger, folder)
-    virtual = Virtual(plan.run, plan.processes, ledger)
+    """Run in virtual time; ``write`` writes the report of the finished folder.
+
+    ``tick`` is told the time (s since the first step) now and then, None when it is over.
+    """
     with _until_signal() as ended:
-        virtual.run(stop=lambda: bool(ended))
-    ledger.end(virtual.end_ns)
-    metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
-    metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
-    metrics["timing"]["speed"] = None
-    return close_folder(folder, metrics, [], ended, write)
+        write_manifest(folder, plan, command, None)
+        begun, cpu_s = time.monotonic(), time.process_time()
+        ledger = Ledger(plan.run, plan.processes)
+        journal = Journal(plan, ledger, folder)
+        virtual = Virtual(plan.run, plan.processes, ledger)
+        due = 0.0
+
+        def stop() -> bool:
+            nonlocal due
+            if (now := time.monotonic()) >= due:
+                due = now + TICK_S
+                tick((virtual.now_ns - plan.origin_ns) / NS)
+            return bool(ended)
+
+        virtual.run(stop)
+        tick(None)
+        ledger.end(virtual.end_ns)
+        metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
+        metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
+        metrics["timing"]["speed"] = None
+        return close_folder(folder, metrics, [], ended, write, complete=virtual.end_ns == plan.run.end_ns)
 
 
 def run_processes(
@@ -96,40 +121,40 @@ def run_processes(
     """
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
-    with (
-        _until_signal() as ended,
-        deploy(plan, folder, endpoint=endpoint) as field,
-        LiveView(plan, folder, field.endpoint, live) if live else nullcontext() as view,
-    ):
-        write_manifest(folder, plan, command, field.endpoint)
-        field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
-        ready_s = time.monotonic() - begun
-        if view:
-            view.wait_ready(field.registry.live, lambda: bool(ended))
-        pss: float | None = None
-        if not ended:
-            field.begin()
-            pss = _pss_mb(field)
+    with _until_signal() as ended:
+        with (
+            deploy(plan, folder, endpoint=endpoint) as field,
+            LiveView(plan, folder, field.endpoint, live) if live else nullcontext() as view,
+        ):
+            write_manifest(folder, plan, command, field.endpoint)
+            field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
+            ready_s = time.monotonic() - begun
+            if view:
+                view.wait_ready(field.registry.live, lambda: bool(ended))
+            pss: float | None = None
+            if not ended:
+                field.begin()
+                pss = _pss_mb(field)
 
-            def tick() -> bool:
-                observer.running(field.status)
-                if view:
-                    view.look()
-                return bool(ended)
+                def tick() -> bool:
+                    observer.running(field.status)
+                    if view:
+                        view.look()
+                    return bool(ended)
 
-            field.watch(tick)
-        field.finish()
-    metrics = _recorded(plan, folder)
-    cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() - own_cpu_s + field.router_cpu_s
-    metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
-    metrics["processes"] |= {
-        "ready_s": ready_s,
-        "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
-        "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
-        "pss_mb_per_node": pss,
-    }
-    complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
-    return close_folder(folder, metrics, complaints, ended)
+                field.watch(tick)
+            field.finish()
+        metrics = _recorded(plan, folder)
+        cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() - own_cpu_s + field.router_cpu_s
+        metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
+        metrics["processes"] |= {
+            "ready_s": ready_s,
+            "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
+            "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
+            "pss_mb_per_node": pss,
+        }
+        complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
+        return close_folder(folder, metrics, complaints, ended)
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
@@ -152,9 +177,14 @@ def close_folder(
     metrics: Metrics,
     complaints: list[str],
     ended: list[int],
-    write: Callable[[Path], None] | None = None,
+    write: Callable[[Path], None] = write_here,
+    *,
+    complete: bool = False,
 ) -> Outcome:
-    """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early."""
+    """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early.
+
+    A signal that comes from now on ends the drawing of the report. ``complete`` says that none ended the run itself.
+    """
     frames = metrics["frames"]
     if frames["host_lost"]:
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
@@ -163,22 +193,24 @@ def close_folder(
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
-    return Outcome(
-        folder,
-        metrics,
-        tuple(complaints),
-        ended[0] if ended else None,
-        _report(folder) if write is None else _report(folder, write),
-    )
+    unreported = _report(folder, ended, write)
+    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported, complete)
 
 
-def _report(folder: Path, write: Callable[[Path], None] = write_here) -> str:
-    """Write the report; why that failed, if it did."""
+def _report(folder: Path, ended: list[int], write: Callable[[Path], None]) -> str:
+    """Write the report; why that failed, if it did. There is a whole one afterwards, or none."""
     try:
-        write(folder)
+        with _interruptible(ended):
+            write(folder)
+    except KeyboardInterrupt:
+        why = f"interrupted; trackfield report {folder} draws it"
     except Exception as error:  # noqa: BLE001  whatever it is, the run is over and all its tables are there
-        return f"{type(error).__name__}: {error}"
-    return ""
+        why = f"{type(error).__name__}: {error}"
+    else:
+        return ""
+    (folder / "report.html").unlink(missing_ok=True)
+    shutil.rmtree(folder / "plots", ignore_errors=True)
+    return why
 
 
 def _complaint(field: Deployment, death: Death) -> str:
@@ -214,13 +246,31 @@ def _pss_mb(field: Deployment) -> float | None:
 def _until_signal() -> Iterator[list[int]]:
     """SIGINT and SIGTERM end the run early instead of the program; the list holds those that came."""
     came: list[int] = []
-    try:
-        old = {s: signal.signal(s, lambda number, _: came.append(number)) for s in (signal.SIGINT, signal.SIGTERM)}
-    except ValueError:  # not the main thread: whoever called decides
+    with _handling(came.append):
         yield came
+
+
+@contextmanager
+def _interruptible(came: list[int]) -> Iterator[None]:
+    """SIGINT and SIGTERM raise ``KeyboardInterrupt``, and are noted."""
+
+    def interrupt(number: int) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    with _handling(interrupt):
+        yield
+
+
+@contextmanager
+def _handling(handle: Callable[[int], None]) -> Iterator[None]:
+    try:
+        old = {number: signal.signal(number, lambda number, _: handle(number)) for number in SIGNALS}
+    except ValueError:  # not the main thread: whoever called decides
+        yield
         return
     try:
-        yield came
+        yield
     finally:
         for number, handler in old.items():
             signal.signal(number, handler)

@@ -7,19 +7,22 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from rich.console import Console
 from rich.live import Live
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
+from launcher.plan.foresight import Foresight
 from launcher.plan.prepare import remarks
-from launcher.plan.reception import Shares, receptions
+from launcher.plan.reception import Shares
+from launcher.plan.warnings import summary
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
-from launcher.record.words import alarms, span
+from launcher.record.words import alarms, joules, span
 from launcher.records import ARRIVED, SENSES, Plan
 
 if TYPE_CHECKING:
@@ -29,8 +32,6 @@ PLAIN_EVERY_S: Final = 10.0
 MAX_COMPLAINTS: Final = 3
 MAX_MISSING: Final = 5
 VERDICTS: Final = {TRACKED: "green", WITH_GAPS: "yellow", LOST: "red"}
-POOR: Final = 0.5
-"""Less than this share of the frames received is worth a warning."""
 console: Final = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
@@ -110,6 +111,52 @@ def observing(plan: Plan, *, quiet: bool) -> Iterator[Observer]:
         yield Lines(plan)
 
 
+@contextmanager
+def progress(plan: Plan, *, quiet: bool) -> Iterator[Callable[[float | None], None]]:
+    """What a run in virtual time is to tell its time (s since the first step; None: it is over).
+
+    A bar in a terminal, lines elsewhere.
+    """
+    end_s = plan.info.end_s
+    if quiet:
+        yield lambda _: None
+    elif console.is_terminal:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.fields[time]}"),
+            TimeRemainingColumn(),
+        )
+        with Progress(*columns, console=console, transient=True) as bar:
+            task = bar.add_task(plan.info.scenario, total=end_s, time="")
+
+            def tick(t_s: float | None) -> None:
+                time_s = f"t = {t_s:.0f} of {end_s:.0f} s" if t_s is not None else "writing tables and report"
+                bar.update(task, completed=end_s if t_s is None else max(t_s, 0.0), time=time_s, refresh=True)
+
+            yield tick
+    else:
+        yield _Steady(end_s).tick
+
+
+class _Steady:
+    """A line every few seconds, once a run in virtual time has lasted so long."""
+
+    def __init__(self, end_s: float) -> None:
+        self.end_s = end_s
+        self.begun = time.monotonic()
+        self._next = self.begun + PLAIN_EVERY_S
+
+    def tick(self, t_s: float | None) -> None:
+        """Say how far it is."""
+        now = time.monotonic()
+        if now < self._next or t_s is None or t_s <= 0:
+            return
+        self._next = now + PLAIN_EVERY_S
+        left_s = (now - self.begun) * (self.end_s - t_s) / t_s
+        console.print(f"t = {t_s:.0f} s of {self.end_s:.0f}; about {span(left_s)} left")
+
+
 def announce(plan: Plan) -> None:
     """What is about to run."""
     nodes = len(plan.info.tagged(SENSES))
@@ -122,6 +169,12 @@ def announce(plan: Plan) -> None:
         note(remark)
 
 
+def warn(plan: Plan) -> None:
+    """What is likely to go wrong."""
+    for warning in plan.warnings:
+        console.print("[yellow]warning:[/]", Text(warning))
+
+
 def note(remark: str) -> None:
     """What somebody should know before they believe a figure."""
     console.print(f"[yellow]note:[/] {remark}")
@@ -132,19 +185,18 @@ def tell(what: str) -> None:
     console.print(Text(what))
 
 
-def foresee(plan: Plan) -> None:
-    """How well each link in use carries what goes over it."""
-    for kind, shares in receptions(plan).items():
-        worst = min(shares, key=lambda link: shares[link])
-        mean = sum(shares.values()) / len(shares)
-        ends = f"worst {shares[worst]:.1%} ({_end(shares, worst)})"
-        console.print(f"reception of {kind} {_way(plan, shares)}: mean {mean:.1%}, {ends}")
-        poor = sum(share < POOR for share in shares.values())
-        if poor:
-            console.print(
-                f"[yellow]warning:[/] on {poor} of {len(shares)} links less than {POOR:.0%} of {kind} arrive; "
-                "docs/scenarios.md says what a link can reach"
-            )
+def assess(plan: Plan, seen: Foresight) -> None:
+    """What a plan promises, in figures; what is likely to go wrong; and that it is valid."""
+    for line in summary(plan, seen):
+        tell(line)
+    for kind, shares in seen.receptions.items():
+        if shares:
+            worst, mean = min(shares, key=lambda link: shares[link]), sum(shares.values()) / len(shares)
+            ends = f"worst {shares[worst]:.1%} ({_end(shares, worst)})"
+            tell(f"reception of {kind} {_way(plan, shares)}: mean {mean:.1%}, {ends}")
+    warn(plan)
+    many = len(plan.warnings)
+    console.print(f"valid, with {many} warning{'s' * (many != 1)}" if many else "[green]valid[/]")
 
 
 def _way(plan: Plan, shares: Shares) -> str:
@@ -153,9 +205,9 @@ def _way(plan: Plan, shares: Shares) -> str:
     sensors = {place.id for place in plan.info.tagged(SENSES)}
 
     def those(ids: set[str]) -> str:
-        return (
-            f"{len(ids)} sensor nodes" if ids <= sensors else next(iter(ids)) if len(ids) == 1 else f"{len(ids)} places"
-        )
+        if len(ids) == 1:
+            return next(iter(ids))
+        return f"{len(ids)} sensor nodes that will report" if ids <= sensors else f"{len(ids)} places"
 
     return f"at {those(hearers)} from {those(sources)}"
 
@@ -182,7 +234,8 @@ def conclude(outcome: Outcome) -> None:
     if outcome.unreported:
         console.print("[yellow]no report:[/]", Text(outcome.unreported), soft_wrap=True)
     if outcome.signal is not None:
-        console.print("[yellow]ended early; everything up to then is in the run folder[/]")
+        early = "ended early; everything up to then is in the run folder"
+        console.print(f"[yellow]{'interrupted after its end; the run is complete' if outcome.complete else early}[/]")
     folder, page = str(outcome.folder), outcome.folder / "report.html"
     console.print(Text(f"run folder: {folder}"), soft_wrap=True)
     if not outcome.unreported:
@@ -232,8 +285,8 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
     if clock["rms"] is not None:
         yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
     if energy["total"] is not None:
-        by = ", ".join(f"{cause} {joules:.3g}" for cause, joules in energy["by"].items() if joules)
-        yield f"energy from batteries: {energy['total']:.3g} J ({by}), {energy['max_node']:.3g} J at most"
+        by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
+        yield f"energy from batteries: {joules(energy['total'])} ({by}), {joules(energy['max_node'])} at most"
     if lifetime["first_death"] is not None:
         names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
         times = [f"{text} after {span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]

@@ -37,7 +37,7 @@ SMALL = tf.Scenario.load("spcpf").set("field.nodes", 9).set("target.steps", 10)
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports have tests of their own, and take longer than all else here."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("launcher.run._report", lambda folder: "")
+    monkeypatch.setattr("launcher.run._report", lambda *_: "")
 
 
 def file_of(result: tf.Result) -> dict[str, Any]:

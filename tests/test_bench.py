@@ -7,7 +7,7 @@ from math import dist
 
 import pytest
 
-from bench import latency, recorder
+from bench import latency, recorder, start
 from bench.processes import GROUPS
 from bench.scale import PROCESS_COLUMNS, VIRTUAL_COLUMNS, Column, measured, table
 from bench.virtual import SPEED_M_S, route, scenario
@@ -57,6 +57,15 @@ def test_the_recorder_beside_a_bare_subscriber() -> None:
         assert figures["dropped"] == 0
         assert 0.0 < figures["per_s"] <= 2000 / figures["behind_s"]
     assert "recorder, 4,000 a second" in recorder.table(found)
+
+
+def test_commands_beside_a_python_that_does_nothing() -> None:
+    found = start.measure(1, {"trackfield --version": ("--version",)})
+    assert list(found) == [start.NOTHING, "trackfield --version"]
+    head, line, nothing, row = start.table(found).splitlines()
+    assert head.count("|") == line.count("|") == row.count("|")
+    assert nothing.endswith("| 1 |")
+    assert found["trackfield --version"][1] > found[start.NOTHING][1] > 0.0
 
 
 @pytest.mark.parametrize("side_m", [50.0, 450.0, 15_750.0])

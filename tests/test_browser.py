@@ -46,7 +46,7 @@ def test_a_run_that_goes_on(tmp_path: Path) -> None:
         (address,) = re.findall(r"live view: (http://\S+)", run.said())
         with page(address) as shown:
             before = shows(shown, WORK, tmp_path / "live.png")
-            longer = {SPCPF: count(before, SPCPF) * 5 // 4}
+            longer = {DELIVERED: count(before, DELIVERED) * 5 // 4}  # the curve of bytes
             shows(shown, longer, tmp_path / "later.png")
             run.process.send_signal(signal.SIGINT)
             code, said = run.finish()

@@ -96,27 +96,29 @@ def test_the_schema_knows_every_section(trackfield: Call) -> None:
 def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp_path: Path) -> None:
     said = trackfield("validate", "bus", "--set", "link.model=ideal", "--set", "target.from=08:00:30")
     assert (said.code, said.out) == (0, "")
-    first, second, *others = said.err.splitlines()
+    first, coverage, reports, *receptions, last = said.err.splitlines()
     assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf", first)
+    assert coverage.startswith("coverage: enough sensors for a fix (2) within 56 m of the target in 71 of 71 steps (")
+    assert coverage.endswith(" on average), enough reports for a fix (2) in time in 100%")
     assert re.fullmatch(
-        r"reception of doa at fusion from \d\d sensor nodes: mean 100.0%, worst 100.0% \(n000\)", second
+        r"reports: about 300 from 18 sensor nodes; 100.0% arrive, 100.0% of those in time "
+        r"\(delay 1 ms; fusion.deadline_s is 300 ms\)",
+        reports,
     )
-    assert [line.partition(":")[0] for line in others] == [
-        f"reception of sync-request at fusion from {first[5:7]} sensor nodes",
-        f"reception of sync-reply at {first[5:7]} sensor nodes from fusion",
+    assert [line.partition(":")[0] for line in receptions] == [
+        "reception of doa at fusion from 18 sensor nodes that will report",
+        "reception of sync-request at fusion from 18 sensor nodes that will report",
+        "reception of sync-reply at 18 sensor nodes that will report from fusion",
     ]
+    assert last == "valid"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_validate_tells_the_reception_and_warns_where_it_is_poor(trackfield: Call) -> None:
+def test_validate_tells_the_reception_of_the_links_that_count(trackfield: Call) -> None:
     said = trackfield("validate", "bus").err
-    assert "sensor nodes: mean 92.6%, worst 92.6% (n000)" in said
-    assert "warning" not in said
+    assert "24 sensor nodes that will report: mean 92.6%, worst 92.6% (n" in said
     said = trackfield("validate", "spcpf", "--set", "link.loss=0.51").err
-    assert "reception of doa at fusion from 121 sensor nodes: mean 49.0%, worst 49.0% (n000)" in said
-    warning = "warning: on 121 of 121 links less than 50% of doa arrive"
-    assert warning in " ".join(said.split())
-    assert "warning" not in trackfield("validate", "spcpf", "--set", "link.loss=0.5").err
+    assert "reception of doa at fusion from 25 sensor nodes that will report: mean 49.0%, worst 49.0% (n012)" in said
 
 
 def test_a_run_keeps_the_trace_that_it_replayed(trackfield: Call, tmp_path: Path) -> None:
@@ -136,7 +138,7 @@ def test_validate_names_the_gaps_of_a_track(trackfield: Call, tmp_path: Path) ->
     rows = [f"{t},{10 * t},0" for t in (*range(20), *range(50, 60))]
     (tmp_path / "ride.csv").write_text("\n".join(["t_s,x,y", *rows]))
     said = trackfield("validate", "bus", "--set", "target.file=ride.csv")
-    note = "note: the track has no fixes from 19.0 s to 50.0 s (31 s): a straight line stands in"
+    note = "note: 30 of 59 steps lie in a gap of the recording (from 19.0 s for 31 s): a straight line stands in"
     assert note in " ".join(said.err.split())
 
 

@@ -242,3 +242,12 @@ def test_marks_tell_what_begins_and_ends_in_order() -> None:
         (30, "n060", "up again"),
         (50, "n060", "kill"),
     )
+    assert plan.spells == (  # what has no end within the run lasts until its end; a jump does not last
+        (1, 61, "n060", "freeze"),
+        (2, 3.5, "n001", "partition until 3.5 s"),
+        (2, 3.5, "n002", "partition until 3.5 s"),
+        (4, 61, "n060", "bias: +20 degrees, +0 dB"),
+        (6, 7, "n060", "stuck until 7 s"),
+        (20, 30, "n060", "restart until 30 s"),
+        (50, 61, "n060", "kill"),
+    )

@@ -120,6 +120,16 @@ def test_a_dead_sensor_is_crossed_out_until_it_lives_again(played: Played) -> No
     assert states == [(1.0, ["awake"]), (2.0, ["dead"]), (5.0, ["asleep"])]
 
 
+def test_a_dead_fusion_centre_is_crossed_out_too(played: Played) -> None:
+    def calls(timeline: Timeline) -> None:
+        timeline.state(1 * NS, "fusion", "tracking")
+        timeline.death(2 * NS, "fusion", "killed")
+        timeline.state(5 * NS, "fusion", "waiting")
+
+    dead = read(played(field_of(2), calls), "/field/dead", "LineStrips2D:strips")
+    assert [(t, len(strokes)) for t, strokes in dead if t] == [(2.0, 2), (5.0, 0)]
+
+
 def test_a_death_told_of_after_the_next_life_began_comes_before_it(played: Played) -> None:
     def calls(timeline: Timeline) -> None:
         timeline.state(2_200 * MS, "n1", "awake")

@@ -18,7 +18,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason="no Chromium (apt install chromium)")
 
 
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("width", [1280, 500, 390])
 def test_a_page_opens_offline_on_a_screen_of_any_width(troubled: Path, tmp_path: Path, width: int) -> None:
     """Nothing is asked of anybody, nothing complained of, every figure is there, and nothing hangs over the edge."""
     file, asked, complaints = (troubled / report.PAGE).resolve().as_uri(), list[str](), list[str]()
@@ -32,6 +32,14 @@ def test_a_page_opens_offline_on_a_screen_of_any_width(troubled: Path, tmp_path:
             page.goto(file)
             page.screenshot(path=tmp_path / f"report-{width}.png", full_page=True)
             sizes = page.eval_on_selector_all("img", "all => all.map(one => [one.naturalWidth, one.clientWidth])")
+            edges = page.eval_on_selector_all(
+                "img, h1, h2, h3, p, dd, li, code, summary, table",
+                """all => all.filter(one => !one.closest('.scroll, pre') || one.tagName == 'IMG')
+                          .map(one => [one.tagName, one.getBoundingClientRect().right])""",
+            )
+            scrolled = page.eval_on_selector_all(
+                ".scroll", "all => all.map(one => [one.scrollWidth - one.clientWidth, getComputedStyle(one).overflowX])"
+            )
             wide = page.evaluate("document.documentElement.scrollWidth")
             title = page.title()
         finally:
@@ -41,4 +49,6 @@ def test_a_page_opens_offline_on_a_screen_of_any_width(troubled: Path, tmp_path:
     assert len(sizes) == 5
     assert all(natural > 1000 and shown > 300 for natural, shown in sizes)
     assert wide <= width
+    assert [edge for edge in edges if edge[1] > width] == []
+    assert all(beyond <= 0 or overflow == "auto" for beyond, overflow in scrolled)
     assert title == "zhai-spcpf, seed 1 – Trackfield report"

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from launcher import report
+from launcher.record.words import joules, span
 from launcher.report import page
-from launcher.report.cells import number
+from launcher.report.cells import number, percent
 from launcher.report.folder import read_run
-from launcher.report.parts import errors
+from launcher.report.parts import errors, verdicts
 from launcher.report.parts.consistency import consistency
 from tests.command_line import Call, trackfield
 from tests.reporting import changed, copied, read, run, troubled
 from trackfield.errors import ScenarioError
+from trackfield.scenario import summary
 
 __all__ = ["copied", "trackfield", "troubled"]
 
@@ -25,39 +29,41 @@ __all__ = ["copied", "trackfield", "troubled"]
 
 def test_verdicts(copied: Path) -> None:
     def known(metrics: dict[str, Any]) -> None:
-        metrics["bound"] = {"position": 0.5, "trajectory": 2.0}
         one, other = metrics["trackers"].values()
-        one |= {"lost": False, "steps": 12, "nees": 9.0, "nees_band": [3.0, 5.0], "median_error": 1.0}
+        one |= {"verdict": "tracked", "steps": 12, "nees": 9.0, "nees_band": [3.0, 5.0], "median_error": 1.0}
+        one |= {"bound_m": 2.0, "times_bound": 1.5, "share_within": 1.0}
         one["rmse"]["position"] = 3.0
-        other |= {"lost": True, "steps": 7, "nees": None}
+        other |= {"verdict": "lost", "lost": True, "steps": 7, "nees": None, "share_within": 7 / 12}
 
-    first, second = errors.verdicts(changed(copied, known))
-    assert (first.state, first.good, second.state, second.good) == ("followed", True, "lost", False)
-    assert first.text.startswith("RMSE 3.00 m, median error 1.00 m, over all 12 steps")
-    assert first.text.endswith(
-        "; 1.50 times the bound of 2.00 m. NEES 9.00, 95 % band 3.00 to 5.00: too sure of itself."
+    run = changed(copied, known)
+    first, second = verdicts.verdicts(run)
+    assert (first.state, first.look, second.state, second.look) == ("tracked", "good", "lost", "bad")
+    assert first.text.startswith(
+        "RMSE 3.00 m, median error 1.00 m over all 12 steps (5 of them without a report); "
+        "1.50 times the bound of 2.00 m over the same steps."
     )
-    table = errors.trackers(read_run(copied))
-    assert dict(zip(table.head, table.rows[0], strict=True)) | {
-        "RMSE [m]": "3.00", "/ bound": "1.50", "median [m]": "1.00",
-        "steps": "12", "lost": "no",
-    } == dict(zip(table.head, table.rows[0], strict=True))  # fmt: skip
-    assert consistency(read_run(copied)).rows[0] == ["fix-imm-ukf", "9.00", "3.00", "5.00"]
-    assert "/ bound" not in errors.trackers(changed(copied, lambda metrics: metrics.update(bound={}))).head
+    assert first.text.endswith("NEES 9.00, 95 % band 3.00 to 5.00: overconfident.")
+    table = errors.trackers(run)
+    row = dict(zip(table.head, table.rows[0], strict=True))
+    shown = {"verdict": "tracked", "RMSE [m]": "3.00", "bound [m]": "2.00", "/ bound": "1.50", "median [m]": "1.00"}
+    assert row | shown | {"steps": "12 of 12"} == row
+    assert consistency(run).rows[0] == ["fix-imm-ukf", "9.00", "3.00", "5.00"]
+    bare = replace(run, tracks=tuple(replace(track, bound=track.bound * np.nan) for track in run.tracks))
+    assert "/ bound" not in errors.trackers(bare).head
     assert "over 7 of 12 steps" in second.text
+    assert "Within 50 m of the truth at 58.3 % of the steps." in second.text
+    assert "Lost by the rule of the scenario: more than 50 m off, or not there, at the last step." in second.text
     assert "NEES" not in second.text
     assert first.colour != second.colour
 
 
-@pytest.mark.parametrize(
-    ("nees", "said"), [(2.0, "more cautious than it need be"), (4.0, "consistent"), (6.0, "too sure of itself")]
-)
+@pytest.mark.parametrize(("nees", "said"), [(2.0, "underconfident"), (4.0, "consistent"), (6.0, "overconfident")])
 def test_whether_a_covariance_is_right(copied: Path, nees: float, said: str) -> None:
     def known(metrics: dict[str, Any]) -> None:
         for m in metrics["trackers"].values():
             m |= {"nees": nees, "nees_band": [3.0, 5.0]}
 
-    assert all(verdict.text.endswith(f": {said}.") for verdict in errors.verdicts(changed(copied, known)))
+    assert all(verdict.text.endswith(f": {said}.") for verdict in verdicts.verdicts(changed(copied, known)))
 
 
 @pytest.mark.parametrize(
@@ -68,6 +74,46 @@ def test_whether_a_covariance_is_right(copied: Path, nees: float, said: str) -> 
 def test_figures_have_three_digits_or_so(value: float | None, said: str) -> None:
     assert number(value) == said
     assert number(value, "m") in (f"{said} m", "–")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(0.3, "0.3 s"), (40, "40 s"), (100.4, "100 s"), (180, "3 min"), (5400, "90 min"), (7 * 3600, "7 h"),
+     (23 * 86_400, "23 days"), (3 * 365.25 * 86_400, "3 years")],
+)  # fmt: skip
+def test_a_duration_has_the_unit_that_suits_it(seconds: float, said: str) -> None:
+    assert span(seconds) == said
+
+
+@pytest.mark.parametrize(
+    ("energy_j", "said"), [(8584.3, "8.58 kJ"), (54.7, "54.7 J"), (0.456, "456 mJ"), (2e7, "20 MJ"), (0.0, "0 J")]
+)
+def test_an_energy_has_the_unit_that_suits_it(energy_j: float, said: str) -> None:
+    assert joules(energy_j) == said
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.0, "0.0 %"), (0.0001, "< 0.1 %"), (0.336, "33.6 %"), (1.0, "100.0 %")])
+def test_a_share_that_is_not_nothing_is_never_said_to_be(share: float, said: str) -> None:
+    assert percent(share) == said
+
+
+def test_what_was_run_stands_on_top(copied: Path) -> None:
+    text = read(copied).text
+    assert summary("zhai-spcpf") in text
+    for words in (
+        "target.steps = 12", "link.model = fixed", "faults = kill, partition, freeze",
+        "sensors 121, layout grid, 50 m apart",
+        "sensing bearing (sd 3°) and level, within 56 m", "deadline 0.3 s after each step", "steps 12 of 1 s each",
+    ):  # fmt: skip
+        assert words in text
+
+
+def test_the_contents_lead_to_every_section(copied: Path) -> None:
+    tags = read(copied).tags
+    sections = [attributes["id"] for tag, attributes in tags if tag == "section"]
+    assert [attributes["href"] for tag, attributes in tags if (attributes.get("href") or "").startswith("#")] == [
+        f"#{id}" for id in sections
+    ]
 
 
 def test_what_the_machine_did_wrong_comes_first(copied: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from launcher.plan.prepare import load, planned
 from launcher.record.virtually import simulate
 from launcher.records import Plan
-from launcher.report.parts.errors import NEAREST
+from launcher.report.parts.verdicts import NEAREST
 from tests.command_line import Call, trackfield
 from tests.reporting import read as page_of
 from tests.rrd import read
@@ -119,7 +119,8 @@ def test_both_truths_are_in_picture_and_page(trackfield: Call) -> None:
     kills = [t for t, said in read(Path("virtual", "run.rrd"), "/faults", "TextLog:text") if "n060" in said[0]]
     assert kills[0] == 12.0
     said = page_of(Path("virtual")).text
-    assert "targets car, truck" in said
+    assert "target car" in said
+    assert "target truck" in said
     assert NEAREST in said
 
 

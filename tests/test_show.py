@@ -15,7 +15,7 @@ from rich.live import Live
 from launcher import show
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.records import Plan, Truth
+from launcher.records import Plan
 from launcher.run import Outcome
 from tests.simulated import simulated, spcpf
 
@@ -132,13 +132,58 @@ def test_a_terminal_gets_the_screen(plan: Plan, monkeypatch: pytest.MonkeyPatch)
 # --- before and after -------------------------------------------------------------------------------------------------
 
 
-def test_a_plan_is_announced_with_its_gaps(plan: Plan, said: Said) -> None:
-    show.announce(replace(plan, info=replace(plan.info, truths=(Truth("target", (), ((3.0, 41.5), (50.0, 62.0))),))))
-    assert said().splitlines() == [
-        "zhai-spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf",
-        "note: the track has no fixes from 3.0 s to 41.5 s (38 s): a straight line stands in",
-        "note: the track has no fixes from 50.0 s to 62.0 s (12 s): a straight line stands in",
-    ]
+@pytest.mark.parametrize(
+    ("gaps", "told"),
+    [
+        ((), ()),
+        (((0.5, 2.5),), ("2 of 5 steps lie in a gap of the recording (from 0.5 s for 2 s): ",)),
+        (
+            ((0.5, 1.5), (2.5, 4.75)),
+            ("3 of 5 steps lie in 2 gaps of the recording (the longest from 2.5 s for 2 s): ",),
+        ),
+    ],
+)
+def test_a_plan_is_announced_with_its_gaps(
+    plan: Plan, said: Said, gaps: tuple[tuple[float, float], ...], told: tuple[str, ...]
+) -> None:
+    show.announce(replace(plan, paths={"target": replace(plan.paths["target"], gaps=gaps)}))
+    first, *notes = said().splitlines()
+    assert first == "zhai-spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
+    after = "a straight line stands in for the truth there, and headline errors leave these steps out"
+    assert notes == [f"note: {line}{after}" for line in told]
+
+
+# --- in virtual time --------------------------------------------------------------------------------------------------
+
+
+def test_a_long_virtual_run_says_now_and_then_how_far_it_is(
+    plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr(show.time, "monotonic", lambda: now[0])
+    with show.progress(plan, quiet=False) as tick:
+        for after_s, t_s in ((1.0, 0.1), (9.9, 2.0), (10.0, 2.4), (15.0, 3.0), (20.0, 4.0), (30.0, None)):
+            now[0] = 1000.0 + after_s
+            tick(t_s)
+    assert said() == "t = 2 s of 6; about 15 s left\nt = 4 s of 6; about 10 s left\n"
+
+
+def test_a_terminal_gets_a_bar_with_the_emulated_time(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = io.StringIO()
+    monkeypatch.setattr(show, "console", Console(file=file, force_terminal=True, width=100))
+    with show.progress(plan, quiet=False) as tick:
+        tick(2.4)
+        tick(None)
+    assert "zhai-spcpf" in file.getvalue()
+    assert "t = 2 of 6 s" in file.getvalue()
+    assert "writing tables and report" in file.getvalue()
+
+
+def test_a_quiet_virtual_run_says_nothing(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(show, "PLAIN_EVERY_S", 0.0)
+    with show.progress(plan, quiet=True) as tick:
+        tick(2.0)
+    assert said() == ""
 
 
 def metrics_of(plan: Plan) -> Metrics:
@@ -240,6 +285,8 @@ def test_a_run_that_nobody_recorded_still_has_its_complaint(plan: Plan, said: Sa
 def test_an_early_end_is_told(plan: Plan, said: Said) -> None:
     show.conclude(outcome(metrics_of(plan), signal=2))
     assert "ended early; everything up to then is in the run folder" in said()
+    show.conclude(replace(outcome(metrics_of(plan), signal=2), complete=True))
+    assert "interrupted after its end; the run is complete" in said()
 
 
 def test_without_a_program_on_the_path_the_next_command_names_this_one(

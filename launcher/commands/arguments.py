@@ -52,7 +52,7 @@ Start = Annotated[
     str | None,
     typer.Option("--from", metavar="TIME", help="Start of the window in the track, in the time zone of its file."),
 ]
-End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the window.")]
+End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the window in the track.")]
 Sensors = Annotated[Path | None, typer.Option("--sensors", help="Where the sensors stand: a CSV file.")]
 Nodes = Annotated[int | None, typer.Option(help="About how many sensors, at the scenario's own spacing.")]
 LinkModel = Annotated[

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from launcher.commands import choices
 from launcher.commands.arguments import End, LinkModel, Name, Nodes, Sensors, Set, Start, Target, Trackers
 
 
@@ -21,6 +22,7 @@ def study(
         typer.Option(
             "--vary",
             metavar="KEY=A,B,C",
+            autocompletion=choices.completed(choices.settings),
             help="Vary a key over values, as field.spacing_m=50,75 or tracker=ukf,ekf; repeated: all combinations.",
         ),
     ] = None,
@@ -28,7 +30,7 @@ def study(
         str | None,
         typer.Option(metavar="X,Y", help="The two figures of the Pareto front, by their keys; unset: energy and RMSE."),
     ] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="On how many cores; unset: all.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="How many runs at a time; unset: one on each core.")] = None,
     overrides: Set = None,
     target: Target = None,
     start: Start = None,
@@ -38,16 +40,17 @@ def study(
     link: LinkModel = None,
     tracker: Trackers = None,
     out: Annotated[
-        Path | None, typer.Option(help="The study's folder; what an earlier one left there is not run again.")
+        Path | None, typer.Option(help="The folder of the study; runs that are there already are not made again.")
     ] = None,
 ) -> None:
-    """Run a scenario with many seeds, perhaps over values of some keys: a table, pictures, a page."""
+    """Run a scenario with many seeds, and for several values of a key if asked: a table, pictures, a page."""
     from launcher.plan.prepare import changes
     from launcher.study.command import conduct
     from trackfield.filters.trackers import TRACKERS
     from trackfield.scenario import Scenario
 
     fixed = changes(
+        scenario,
         settings=overrides or (),
         target=target,
         start=start,

@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-from launcher.commands.arguments import Name, Sensors, Set
+import json
+
+from launcher.commands.request import Request, command
+from trackfield.errors import ScenarioError
 
 
-def validate(scenario: Name, overrides: Set = None, sensors: Sensors = None) -> None:
-    """Check a scenario and say what it comes to."""
-    from launcher.plan.prepare import load, planned
-    from launcher.show import announce, foresee
+@command
+def validate(request: Request) -> None:
+    """Check a scenario, with the options of run, and say that it is valid or all that is wrong with it."""
+    from launcher.plan.foresight import foresee
+    from launcher.plan.warnings import summary
+    from launcher.show import announce, assess
 
-    plan = planned(load(scenario, settings=overrides or (), sensors=sensors))
-    announce(plan)
-    foresee(plan)
+    try:
+        _, plan = request.prepared()
+    except ScenarioError as error:
+        if request.as_json:
+            print(json.dumps({"valid": False, "errors": [str(part) for part in error.parts]}, indent=2))
+        raise
+    seen = foresee(plan)
+    if request.as_json:
+        found = {"valid": True, "warnings": list(plan.warnings), "summary": list(summary(plan, seen))}
+        print(json.dumps(found, indent=2))
+    if not request.quiet:
+        announce(plan)
+        assess(plan, seen)

@@ -12,14 +12,14 @@ from launcher.commands.arguments import Run
 
 def view(
     run: Run,
-    web: Annotated[bool, typer.Option("--web", help="In the browser.")] = False,
+    web: Annotated[bool, typer.Option("--web", help="Show it in the browser.")] = False,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")] = None,
     at: Annotated[
         float | None,
-        typer.Option(help="The second of the run that the picture shows; 60 % of it if not given."),
+        typer.Option(help="The second of the run that the picture shows; unset: at 60 % of it."),
     ] = None,
 ) -> None:
-    """Open a run's timeline."""
+    """Open the timeline of a run."""
     from launcher.timeline.view import open_viewer, picture
     from trackfield.errors import ScenarioError
 

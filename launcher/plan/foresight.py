@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from launcher.plan.reception import Shares, receptions
 from launcher.records import SENSES, Plan
@@ -24,6 +23,9 @@ from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of
 from trackfield.world.path import Path
 from trackfield.world.sensors import fix_sensors, make_sensor
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -184,6 +186,8 @@ class _Heard:
     def of(cls, plan: Plan, positions: Array) -> _Heard:
         """Those of a plan."""
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
+        from scipy.spatial import cKDTree
+
         tree = cKDTree(positions)
         every = -(-_pairs(plan, tree, steps) // MOST_REPORTS) or 1
         times = tuple(steps[::every])

@@ -3,27 +3,60 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from fusion.smoothing import lagged_name
+from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.foresight import foresee
 from launcher.plan.plan import make_plan
 from launcher.plan.reception import receptions
 from launcher.plan.warnings import warnings
 from launcher.records import Plan
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, combined
 from trackfield.filters.trackers import TRACKERS
+from trackfield.role import NS
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
+from trackfield.scenario.paths import FromFile
+from trackfield.scenario.problems import section_of
+from trackfield.world.path import Path as TruePath
 
 MAX_LINKS: Final = 2000
 """Nobody looks at more links than that."""
 
 
-def load(
+def load(name: str, **options: Any) -> Scenario:
+    """The scenario with what the command line changes in it (see ``changes``). Raises ``ScenarioError``."""
+    scenario, errors = examine(name, **options)
+    if scenario is None or errors:
+        raise combined(errors)
+    return scenario
+
+
+def examine(name: str, **options: Any) -> tuple[Scenario | None, list[ScenarioError]]:
+    """As ``load``, but with all that is wrong; the scenario is without that, or None if there is none."""
+    overrides, errors = _changes(name, **options)
+    scenario, found = Scenario.examine(name, overrides, known_trackers=TRACKERS)
+    return scenario, [*errors, *found]
+
+
+def changes(name: str, **options: Any) -> dict[str, Any]:
+    """The keys that the command line sets in this scenario, with their values. Raises ``ScenarioError``.
+
+    The options are ``settings`` (of ``--set``), ``seed``, ``target``, ``start``, ``end``, ``sensors``, ``nodes``,
+    ``link`` and ``trackers``.
+    """
+    overrides, errors = _changes(name, **options)
+    if errors:
+        raise combined(errors)
+    return overrides
+
+
+def _changes(
     name: str,
     *,
     settings: Sequence[str] = (),
@@ -35,51 +68,75 @@ def load(
     nodes: int | None = None,
     link: str | None = None,
     trackers: Sequence[str] = (),
-) -> Scenario:
-    """The scenario with what the command line changes in it. Raises ``ScenarioError``."""
-    changed = changes(
-        settings=settings,
-        seed=seed,
-        target=target,
-        start=start,
-        end=end,
-        sensors=sensors,
-        nodes=nodes,
-        link=link,
-        trackers=trackers,
-    )
-    return Scenario.load(name, changed, known_trackers=TRACKERS)
-
-
-def changes(
-    *,
-    settings: Sequence[str] = (),
-    seed: int | None = None,
-    target: Path | None = None,
-    start: str | None = None,
-    end: str | None = None,
-    sensors: Path | None = None,
-    nodes: int | None = None,
-    link: str | None = None,
-    trackers: Sequence[str] = (),
-) -> dict[str, Any]:
-    """The keys of a scenario that the command line sets, with their values. Raises ``ScenarioError``."""
-    if target is None and (start is not None or end is not None):
-        raise ScenarioError("there is no track to cut", key="--from, --to", expected="--target FILE beside it")
-    options: Mapping[str, Any] = {
-        "seed": seed,
-        "target.path": target and "file",
-        "target.file": target and str(target),
-        "target.from": start,
-        "target.to": end,
-        "field.layout": sensors and "file",
-        "field.file": sensors and str(sensors),
-        "field.nodes": nodes,
-        "link.model": link,
-        "fusion.trackers": list(trackers) or None,
+) -> tuple[dict[str, Any], list[ScenarioError]]:
+    """See ``changes``; with all that is wrong."""
+    options: dict[str, tuple[str, Any]] = {
+        "seed": ("--seed", seed),
+        "target.path": ("--target", target and "file"),
+        "target.file": ("--target", target and str(target)),
+        "target.from": ("--from", start),
+        "target.to": ("--to", end),
+        "field.layout": ("--sensors", sensors and "file"),
+        "field.file": ("--sensors", sensors and str(sensors)),
+        "field.nodes": ("--nodes", nodes),
+        "link.model": ("--link", link),
+        "fusion.trackers": ("--tracker", list(trackers) or None),
     }
-    whole = {"target.steps": None} if end is not None else {}  # who names the end wants all up to there
-    return whole | dict(map(parse, settings)) | {k: v for k, v in options.items() if v is not None}
+    overrides, errors = _parsed(settings)
+    if target is None and (start is not None or end is not None) and not _recorded(name, overrides):
+        errors.append(ScenarioError("there is no track to cut", key="--from, --to", expected="--target FILE beside it"))
+        del options["target.from"], options["target.to"]
+    for key, (option, value) in options.items():
+        if value is not None and key in overrides:
+            errors.append(ScenarioError("is set twice", key=key, expected=f"either --set {key}=... or {option}"))
+        if value is not None:
+            overrides[key] = value
+    if {"field.nodes", "field.extent_m"} <= overrides.keys():
+        what = "has no effect, since the number of nodes decides how large the field is"
+        errors.append(ScenarioError(what, key="field.extent_m", expected="one of field.extent_m and field.nodes"))
+    whole = {"target.steps": None} if "target.to" in options and end is not None else {}  # all up to there
+    return whole | overrides, errors
+
+
+def _parsed(settings: Sequence[str]) -> tuple[dict[str, Any], list[ScenarioError]]:
+    """Keys and values of ``--set``, and what is wrong with them."""
+    overrides: dict[str, Any] = {}
+    errors: list[ScenarioError] = []
+    for setting in settings:
+        try:
+            key, value = parse(setting)
+        except ScenarioError as error:
+            errors.append(error)
+            continue
+        if key in overrides:
+            errors.append(ScenarioError("is set twice", key=key, expected=f"a single --set {key}=..."))
+        overrides[key] = value
+    return overrides, errors
+
+
+def _recorded(name: str, overrides: Mapping[str, Any]) -> bool:
+    """Whether the target of the scenario follows a recorded track."""
+    scenario, _ = Scenario.examine(name, overrides, known_trackers=TRACKERS)
+    return scenario is not None and isinstance(scenario.target, FromFile)
+
+
+def prepare(
+    name: str, speed: float = 1.0, checks: Sequence[Callable[[], object]] = (), **options: Any
+) -> tuple[Scenario, Plan]:
+    """The scenario with these changes (see ``changes``), and its plan with its warnings.
+
+    Raises ``ScenarioError`` with all that is wrong: by any of the ``checks``, with the options, in the scenario, and
+    what shows only as it is worked out.
+    """
+    scenario, errors = examine(name, **options)
+    errors += found_by([partial(check_speed, speed), *checks])
+    if scenario is None or errors:
+        late = [] if scenario is None else worked_out(scenario, {section_of(error.key) for error in errors})
+        raise combined([*errors, *late])
+    try:
+        return scenario, warned(planned(scenario, speed))
+    except ScenarioError as error:
+        raise combined([error, *worked_out(scenario, set())]) from None
 
 
 def checked(scenario: Scenario, seed: int | None = None) -> Scenario:
@@ -88,12 +145,16 @@ def checked(scenario: Scenario, seed: int | None = None) -> Scenario:
     return Scenario.load(scenario.plain(), overrides, known_trackers=TRACKERS)
 
 
-def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
-    """The scenario's plan under a run id of its own, and how well reports get through. Raises ``ScenarioError``."""
+def check_speed(speed: float) -> None:
+    """Raise ``ScenarioError`` unless a run can go at this speed."""
     if not 0 < speed <= 100:
         raise ScenarioError(f"is {speed}", key="--speed", expected="more than 0, at most 100")
+
+
+def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
+    """The scenario's plan under a run id of its own, and how well reports get through. Raises ``ScenarioError``."""
+    check_speed(speed)
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
-    plan = replace(plan, warnings=warnings(plan, foresee(plan)))
     if len(plan.info.places) > MAX_LINKS:
         return plan
     reports = next(iter(receptions(plan).values()))
@@ -101,14 +162,33 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     return replace(plan, info=replace(plan.info, receptions=links))
 
 
+def warned(plan: Plan) -> Plan:
+    """The plan with its warnings."""
+    return replace(plan, warnings=warnings(plan, foresee(plan)))
+
+
 def remarks(plan: Plan) -> list[str]:
     """What a user should know of the plan before it runs: gaps in tracks, and trackers that cannot be smoothed."""
     lag, tracks = plan.tracking.get("smooth_lag", 0), plan.info.trackers
     rough = [name for name in plan.tracking["trackers"] if lag and lagged_name(name, lag) not in tracks]
-    alone = len(plan.info.truths) == 1
     return [
-        f"the track{'' if alone else f' of {truth.target}'} has no fixes from {a:.1f} s to {b:.1f} s ({b - a:.0f} s): "
-        "a straight line stands in"
-        for truth in plan.info.truths
-        for a, b in truth.gaps
-    ] + [f"{name} does not tell the motion that it expects, so its track is not smoothed" for name in rough]
+        *(text for target, path in plan.paths.items() if (text := _in_gaps(plan, target, path))),
+        *(f"{name} does not tell the motion that it expects, so its track is not smoothed" for name in rough),
+    ]
+
+
+def _in_gaps(plan: Plan, target: str, path: TruePath) -> str:
+    """How much of a target's truth is interpolated; empty if nothing is."""
+    steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
+    there = [t / NS for t in steps if path.at(t / NS) is not None]
+    inside = sum(path.interpolated(t) for t in there)
+    if not inside:
+        return ""
+    begin, end = max(path.gaps, key=lambda gap: gap[1] - gap[0])
+    gaps = "a gap" if len(path.gaps) == 1 else f"{len(path.gaps)} gaps"
+    longest = f"{'' if len(path.gaps) == 1 else 'the longest '}from {begin - plan.origin_ns / NS:.1f} s"
+    whose = "" if len(plan.paths) == 1 else f" of {target}"
+    return (
+        f"{inside} of {len(there)} steps lie in {gaps} of the recording{whose} ({longest} for {end - begin:.0f} s): a "
+        "straight line stands in for the truth there, and headline errors leave these steps out"
+    )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from fusion.smoothing import lagged_names
 from launcher.plan.extensions import own_sensor, tracker_places
 from trackfield.draw import normal
+from trackfield.errors import together
 from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
@@ -37,6 +39,12 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
             origin_ns=site.origin_ns,
         ),
     }
+
+
+def check_tracking(scenario: Scenario) -> None:
+    """Raise ``ScenarioError`` for trackers and sensors that there are not, or that do not fit each other."""
+    checks: list[Callable[[], object]] = [partial(tracker_places, scenario.fusion), partial(_noise, scenario)]
+    together(checks)
 
 
 def track_names(scenario: Scenario) -> tuple[str, ...]:

@@ -37,9 +37,9 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
     for one in seen.coverage:
         mean = one.in_reach.mean() if len(one.in_reach) else 0.0
         yield (
-            f"coverage{_whose(seen, one)}: {_at_least(seen, 'sensor')} within {_metres(plan.reach_m)} of the target in "
-            f"{_steps(seen, one, _enough(one, seen.needs))} ({mean:.1f} on average), {_at_least(seen, 'report')} in "
-            f"time in {_fixed(one):.0%}"
+            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')} within {_metres(plan.reach_m)} of the target in "
+            f"{_steps(seen, one, _enough(one, seen.needs))} ({mean:.1f} on average), {_fix(seen, ' reports')} in time "
+            f"in {_fixed(one):.0%}"
         )
     if not seen.reports:
         return
@@ -63,7 +63,7 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
 def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
     """Steps in which too few sensors are in reach, whatever the radio does."""
     enough, nobody, who = _enough(one, seen.needs), one.in_reach == 0, f"the target{_whose(seen, one)}"
-    few = f"{_at_least(seen, 'sensor')} in {_steps(seen, one, enough)}"
+    few = f"{_fix(seen)} in {_steps(seen, one, enough)}"
     if len(nobody) and nobody.mean() >= FEW:
         begin, lasts = _longest(one, nobody, plan.step_ns / NS)
         what = f"{who} leaves the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
@@ -138,15 +138,15 @@ def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
     """Losses that none of the others names."""
     if _fixed(one) < COVERED:
         yield (
-            f"{seen.arriving * seen.of_use:.0%} of the reports{_whose(seen, one)} may be expected to arrive in time: "
-            f"{_at_least(seen, 'report')} in {_steps(seen, one, _fixed(one))}"
+            f"{seen.arriving * seen.of_use:.0%} of the reports{_whose(seen, one)} may be expected to arrive in time, "
+            f"{_fix(seen)} in {_steps(seen, one, _fixed(one))}"
         )
 
 
 def _consequence(seen: Foresight) -> str:
     """What losses and delays leave of the coverage."""
     least = min(seen.coverage, key=_fixed)
-    return f": {_at_least(seen, 'report')} in {_steps(seen, least, _fixed(least))}"
+    return f", {_fix(seen)} in {_steps(seen, least, _fixed(least))}"
 
 
 def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
@@ -211,9 +211,9 @@ def _steps(seen: Foresight, one: Coverage, share: float) -> str:
     return f"{share * steps:.0f} of {steps} steps"
 
 
-def _at_least(seen: Foresight, what: str) -> str:
+def _fix(seen: Foresight, what: str = "") -> str:
     """As many as a fix needs."""
-    return f"at least {seen.needs} {what}s, which a fix needs," if seen.needs > 1 else f"at least 1 {what}"
+    return f"enough{what} for a fix ({seen.needs})" if seen.needs > 1 else f"at least 1{what[:-1]}"
 
 
 def _delays(seen: Foresight) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from errno import EACCES, ENOTDIR
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,28 +35,48 @@ def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUN
 
 def begin_folder(folder: Path, inside: str) -> None:
     """A folder with an empty one inside. Raises ``ScenarioError`` if it has something in it or cannot be written."""
-    try:
+    with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise ScenarioError(
-                "the folder has something in it",
-                file=str(folder),
-                key="--out",
-                expected="an empty or new one",
-            )
+        _check_empty(folder)
         (folder / inside).mkdir()
+
+
+def check_folder(folder: Path) -> None:
+    """Raise ``ScenarioError`` as ``begin_folder`` would; nothing is written."""
+    with _writing(folder):
+        there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+        if there == folder:
+            _check_empty(folder)
+        elif not there.is_dir():
+            raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR))
+        if not os.access(there, os.W_OK):
+            raise PermissionError(EACCES, os.strerror(EACCES))
+
+
+def discard(folder: Path) -> None:
+    """Remove the folder of a run that never began."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
-        raise ScenarioError(
-            f"cannot write there ({error.strerror})",
-            file=str(folder),
-            key="--out",
-            expected="a writable folder",
-        ) from None
+        what = f"cannot write there ({error.strerror})"
+        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None
+
+
+def _check_empty(folder: Path) -> None:
+    if any(folder.iterdir()):
+        what = "the folder has something in it"
+        raise ScenarioError(what, file=str(folder), key="--out", expected="an empty or new one")
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """What ``manifest`` has; ``run`` and ``endpoint`` are what others join the run by."""
-    write_json({**manifest(command), "run": plan.run.run, "endpoint": endpoint}, folder / "manifest.json")
+    """What ``manifest`` has, the warnings, and by what others join the run: ``run`` and ``endpoint``."""
+    told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
+    write_json({**manifest(command), **told}, folder / "manifest.json")
 
 
 def manifest(command: Sequence[str]) -> dict[str, Any]:

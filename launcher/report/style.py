@@ -145,6 +145,11 @@ def width(points: int) -> float:
     return float(np.clip(1.8 - points / 1200, 0.5, 1.8))
 
 
+def size(sensors: int) -> float:
+    """How large the dots of so many sensors on a map are, so that they do not become a surface."""
+    return float(np.clip(70 / max(sensors, 1) ** 0.5, 1.0, 5.0))
+
+
 ROW: Final = 105
 """Characters of a legend that fit into one row, with the lines before them."""
 

@@ -10,7 +10,7 @@ from itertools import product
 from operator import index
 from typing import Any, Final
 
-from launcher.plan.prepare import checked, planned
+from launcher.plan.prepare import checked, planned, warned
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
@@ -123,7 +123,7 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
         try:
             settings = dict(axis.setting(value) for axis, value in zip(axes, values, strict=True))
             varied = scenario.set_all(settings) if settings else scenario
-            plan = planned(checked(varied, seed))
+            plan = warned(planned(checked(varied, seed)))
         except ScenarioError as error:
             if not named or error.key in settings:
                 raise

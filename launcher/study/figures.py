@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -62,6 +62,18 @@ FIGURES: Final = {
 COST: Final = ("energy_j.total", "bytes.on_air", "frames.sent")
 """What a field costs, the most telling first."""
 ERROR: Final = "rmse.position"
+
+_SCALES: Final = {
+    "s": ((172_800.0, 86_400.0, "days"), (7_200.0, 3_600.0, "h"), (0.0, 1.0, "s")),
+    "J": ((1e4, 1e3, "kJ"), (0.1, 1.0, "J"), (0.0, 1e-3, "mJ")),
+}
+"""From which largest value on a unit is shown as so much of another."""
+
+
+def scale_of(unit: str, values: Sequence[float]) -> tuple[float, str]:
+    """How many of its unit such values are shown in, and what that is called."""
+    most = max(values, default=0.0)
+    return next(((by, to) for least, by, to in _SCALES.get(unit, ()) if most >= least), (1.0, unit))
 
 
 def pair(text: str) -> tuple[str, str]:

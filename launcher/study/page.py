@@ -41,7 +41,7 @@ def write_page(
     pictures = draw(summary, folder.path, pareto)
     manifest = json.loads((folder.path / MANIFEST).read_bytes())
     x, y = pareto or default_pair(summary)
-    command = [Path(part).name if place == 0 else part for place, part in enumerate(manifest["command"])]
+    given = manifest["command"][1:]
     text = (
         templates("launcher.study")
         .get_template("study.html.j2")
@@ -53,9 +53,9 @@ def write_page(
             lifetimes=summary.told("lifetime_s.first_death"),
             axes=list(_axes(summary)),
             pictures={name: inline(file.read_bytes()) for name, file in pictures.items()},
-            pareto_title=f"{FIGURES[x].name} against {FIGURES[y].name}",
+            pareto_title=f"Pareto front: {FIGURES[x].name} and {FIGURES[y].name}",
             pareto_said=_front_said(x, y),
-            command=shlex.join(command),
+            command=shlex.join(["trackfield", *given]) if given else "",
             looks=list(_looks(folder, runs)),
             toml=(folder.path / SCENARIO).read_text(encoding="utf-8"),
             files={name: what for name, what in _FILES.items() if name != CHOSEN or not summary.axes},

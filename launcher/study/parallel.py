@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext
+from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
 
 from launcher.plan.extensions import Registered, register, registered
@@ -41,19 +41,27 @@ def unordered(
         rest = list(enumerate(jobs))[1:]
         if (time.monotonic() - begun) * len(rest) < WORKERS_START_S:
             n_jobs = 1
-        calls = (delayed(_placed)(os.getpid(), registered(), function, place, job) for place, job in rest)
-        for answer in Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls):
+        calls = (delayed(_placed)(registered(), function, place, job) for place, job in rest)
+        with nullcontext() if n_jobs == 1 else _deaf_children():
+            answers = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls)
+        for answer in answers:
             yield answer
             advance()
 
 
-def _placed(
-    asker: int, brought: Registered, function: Callable[[Job], Answer], place: int, job: Job
-) -> tuple[int, Answer]:
-    if os.getpid() != asker:
-        with suppress(ValueError):  # not the main thread of a worker, which gets no signals then
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever asked to answer
-        register(brought)  # what users registered they did so in the process that asked
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Processes that are started inside do not get Ctrl-C, which is for this one to answer; it gets it afterwards."""
+    resource_tracker.ensure_running()  # which lets it through again when it is first started
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:
+    register(brought)  # what users registered they did so in the process that asked
     return place, function(job)
 
 

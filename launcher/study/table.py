@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,11 +11,10 @@ from rich import box
 from rich.table import Table
 
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
-from launcher.record.words import span
 from launcher.report.cells import NOTHING
 from launcher.study.axes import label
-from launcher.study.figures import FIGURES
-from launcher.study.intervals import FEWEST, Estimate
+from launcher.study.figures import FIGURES, scale_of
+from launcher.study.intervals import FEWEST
 from launcher.study.summary import Row, Summary
 
 COLUMNS: Final = {
@@ -54,29 +52,31 @@ class Grid:
 
 
 def grid(summary: Summary) -> Grid:
-    """What people compare, with intervals."""
+    """What people compare, with intervals; a tracker that is alone has no column if anything is varied."""
     shown = [key for key in COLUMNS if summary.told(key)]
-    axes = summary.own_axes
+    axes, scales = summary.own_axes, {key: _scale(summary, key) for key in shown}
+    tracker = not axes or len(summary.trackers) > 1
     head = (
         *(axis.key for axis in axes),
-        *("tracker", "tracked", "with gaps", "lost"),
-        *(f"{COLUMNS[key]}{_unit(key)}" for key in shown),
+        *(["tracker"] if tracker else []),
+        *("tracked", "with gaps", "lost"),
+        *(f"{COLUMNS[key]}{f' [{unit}]' if unit else ''}" for key, (_, unit) in scales.items()),
     )
     rows = tuple(
         (
             *(Cell(label(row.values[axis.key])) for axis in axes),
-            Cell(row.tracker),
+            *([Cell(row.tracker)] if tracker else []),
             *(_share(row, verdict) for verdict in (TRACKED, WITH_GAPS, LOST)),
-            *(_cell(row, key) for key in shown),
+            *(_cell(row, key, by) for key, (by, _) in scales.items()),
         )
         for row in summary.rows
     )
-    return Grid(head, rows, len(axes) + 1)
+    return Grid(head, rows, len(axes) + tracker)
 
 
-def _unit(key: str) -> str:
-    unit = FIGURES[key].unit
-    return f" [{unit}]" if unit and key != "lifetime_s.first_death" else ""
+def _scale(summary: Summary, key: str) -> tuple[float, str]:
+    means = [row.figures[key] for row in summary.rows]
+    return scale_of(FIGURES[key].unit, [one.value for one in means if one])
 
 
 def _share(row: Row, verdict: str) -> Cell:
@@ -87,23 +87,17 @@ def _share(row: Row, verdict: str) -> Cell:
     return Cell(f"{100 * share.value:.0f} %", ends)
 
 
-def _cell(row: Row, key: str) -> Cell:
+def _cell(row: Row, key: str, by: float) -> Cell:
     estimate = row.figures[key]
     if estimate is None:
         return Cell(NOTHING)
-    if key == "lifetime_s.first_death":
-        cell = _ranged(estimate, span, " to ")
-    else:
-        digits = _digits(estimate.value)
-        cell = _ranged(estimate, lambda value: f"{value:,.{digits}f}", "–")
+    digits = _digits(estimate.value / by)
+    value, low, high = (
+        None if end is None else f"{end / by:,.{digits}f}" for end in (estimate.value, estimate.low, estimate.high)
+    )
     short = f" of {estimate.runs}" if estimate.runs < row.runs else ""
-    return Cell(cell.text + short, cell.interval)
-
-
-def _ranged(estimate: Estimate, said: Callable[[float], str], between: str) -> Cell:
-    low, high = estimate.low, estimate.high
-    ends = "" if low is None or high is None else f"{said(low)}{between}{said(high)}"
-    return Cell(said(estimate.value), ends)
+    known = low is not None and high is not None and not low == value == high
+    return Cell(f"{value}{short}", f"{low}–{high}" if known else "")
 
 
 def _digits(value: float) -> int:
@@ -118,7 +112,7 @@ def caption(summary: Summary) -> str:
         return f"Means over {runs} run{'s' * (runs != 1)}: too few for intervals, which need {FEWEST}."
     return (
         f"Means over {runs} runs (RMSE: of the runs' own RMSE), with 95 % confidence intervals: Student's t for means, "
-        "Wilson's for shares of runs."
+        "Wilson's for shares of runs. A figure without one is the same in all runs, but for digits that are not shown."
     )
 
 

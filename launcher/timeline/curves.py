@@ -19,8 +19,8 @@ from trackfield.role import NS
 GAP: Final = 1.5
 """A curve breaks where it has no value for this many of its intervals."""
 BINS: Final = 100
-PLOT: Final = (360.0, 160.0)
-"""Width and height of a plot on a screen of 1600 x 900."""
+PLOT: Final = (320.0, 140.0)
+"""Width and height of a plot, where the window is not small."""
 HIGHEST: Final = 0.65
 """The share of a plot that a legend may take."""
 _ENTRY: Final = (45.0, 5.5, 14.0, 22.0)

@@ -15,6 +15,8 @@ from launcher.timeline.scene import Add, Shown, crosses, extent, spacing
 
 PACE_NS: Final = 400_000
 """A layer of n points is drawn at most once in n times this: files grow with what happens, not with the field."""
+CENTRE_CROSS: Final = 2.0
+"""The cross on a dead centre is so many times as large as that on a sensor, as its dot is."""
 
 
 class Picture:
@@ -38,6 +40,7 @@ class Picture:
         self._reach = extent(info) / 4
         self._closeups = Closeups(info, add)
         self._cross = 0.16 * spacing(info)
+        self._still = self._places.keys() - {id for id, _ in info.paths}
         self._working: dict[str, int] = {}  # sensors that neither rest nor are dead, and their colours
         self._dead: set[str] = set()
         self._links = bool(info.receptions)
@@ -73,11 +76,12 @@ class Picture:
     def _note(self, changed: dict[str, set[Any]]) -> None:
         """Which layers no longer show what is."""
         states = self.shown.now["state"]
+        for name in changed.get("state", set()) & self._still:
+            if (states.get(name) == look.DEAD) != (name in self._dead):
+                self._dead ^= {name}
+                self._stale.add("dead")
         for name in changed.get("state", set()) & self._sensors:
             state = states.get(name)
-            if (state == look.DEAD) != (name in self._dead):
-                (self._dead.add if state == look.DEAD else self._dead.discard)(name)
-                self._stale.add("dead")
             colour = None if state in (None, look.DEAD) else look.state_colour(state)
             if self._working.get(name) != colour:
                 self._stale.add("working")
@@ -114,8 +118,10 @@ class Picture:
         return len(dots)
 
     def _draw_dead(self, t_ns: int) -> int:
-        at = np.reshape([self._places[name] for name in sorted(self._dead)], (-1, 2))
-        self._add("/field/dead", rows.strips, t_ns, crosses(at, self._cross))
+        names = sorted(self._dead)
+        at = np.reshape([self._places[name] for name in names], (-1, 2))
+        sizes = self._cross * np.array([1.0 if name in self._sensors else CENTRE_CROSS for name in names])
+        self._add("/field/dead", rows.strips, t_ns, crosses(at, sizes))
         return len(at)
 
     def _draw_nodes(self, t_ns: int) -> int:

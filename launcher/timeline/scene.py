@@ -171,10 +171,13 @@ def spacing(info: FieldInfo) -> float:
     return max(float(np.median(nearest)), 1e-3)
 
 
-def crosses(at: Points, size: float) -> Points:
-    """Two strokes of a cross on each of these points (n, 2), reaching ``size`` metres to each side: (2n, 2, 2)."""
-    strokes = size * np.array([[(-1, -1), (1, 1)], [(-1, 1), (1, -1)]])
-    return np.reshape(at[:, None, None] + strokes, (-1, 2, 2))
+def crosses(at: Points, size: float | Points) -> Points:
+    """Two strokes of a cross on each of these points (n, 2), (2n, 2, 2).
+
+    They reach ``size`` metres to each side, one for all or (n,).
+    """
+    strokes = np.array([[(-1, -1), (1, 1)], [(-1, 1), (1, -1)]])
+    return np.reshape(at[:, None, None] + np.reshape(size, (-1, 1, 1, 1)) * strokes, (-1, 2, 2))
 
 
 def halves(info: FieldInfo) -> Points:

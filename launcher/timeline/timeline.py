@@ -167,7 +167,7 @@ class Timeline:
         self._send(everything=True)
         if not self._live:
             axes = {plot: self._curves.axis(plot, views.labels(self._info, plot)) for plot in views.PLOTS}
-            self._rec.send_blueprint(views.layout(self._info, axes), make_active=False)
+            self._rec.send_blueprint(views.layout(self._info, axes))  # in place of the first one
         self._rec.flush(timeout_sec=5)
         if self._live:
             time.sleep(LINGER_S)

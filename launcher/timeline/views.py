@@ -89,7 +89,9 @@ def _links(info: FieldInfo) -> rrb.Spatial2DView:
 
 def _field(info: FieldInfo) -> rrb.Spatial2DView:
     points = look.field_points(info)
-    bounds = _bounds(points + look.row_below(points, 6), 0.07)
+    row = look.row_below(points, 2)
+    room = 0.4 * (row[1][0] - row[0][0])  # for its words, which are as large in a small window
+    bounds = _bounds(points + [(x, y - room) for x, y in row])
     return _space("/", ["/field/**"], "Field (E right, N up)", bounds, _trails(info))
 
 
@@ -175,10 +177,10 @@ def _whole_run(info: FieldInfo) -> rrb.TimeAxis:
     )
 
 
-def _bounds(points: Sequence[tuple[float, float]], share: float = 0.05) -> rrb.VisualBounds2D:
+def _bounds(points: Sequence[tuple[float, float]]) -> rrb.VisualBounds2D:
     """The box around some points (y up), with a margin, for a view (y down)."""
     xs, ys = zip(*points, strict=True)
-    margin = share * max(max(xs) - min(xs), max(ys) - min(ys)) + 5.0
+    margin = 0.05 * max(max(xs) - min(xs), max(ys) - min(ys)) + 5.0
     return rrb.VisualBounds2D(
         x_range=(min(xs) - margin, max(xs) + margin), y_range=(-max(ys) - margin, margin - min(ys))
     )

@@ -74,7 +74,8 @@ def closeup(axes: Axes, chart: Axes, run: Run, ways: Mapping[str, Array]) -> Non
     axes.plot(*track.truth[:, :2].T, "o", color="white", mec=style.TRUTH, ms=3, mew=0.9, zorder=3)
     axes.plot(*np.array([mean, truth]).T, "-", color=style.DEAD, lw=1.3, zorder=5)
     places = np.array(list(run.sensors.values()))
-    axes.plot(*places.T, "o", color="#a9b4c2", ms=4, zorder=1.5)
+    shown = int((np.abs(places - middle) <= half).all(axis=1).sum())
+    axes.plot(*places.T, "o", color="#a9b4c2", ms=style.size(shown) / 1.5, mew=0, zorder=1.5)
     axes.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half), aspect="equal")
     axes.set_anchor("NW")
     for axis in (axes.xaxis, axes.yaxis):

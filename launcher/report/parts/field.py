@@ -172,7 +172,7 @@ def fates(run: Run) -> dict[str, set[str]]:
 
 def _sensors(axes: Axes, run: Run, sensors: Array, box: Array) -> None:
     shown = sensors[((sensors >= box[0]) & (sensors <= box[1])).all(axis=1)]
-    size = float(np.clip(70 / max(len(shown), 1) ** 0.5, 1.0, 5.0))
+    size = style.size(len(shown))
     for label, places in {
         "no report sent": sensors,
         **{name: _at(run, ids) for name, ids in fates(run).items()},
@@ -209,7 +209,7 @@ def dead_sensors(run: Run) -> set[str]:
 def _hearing(axes: Axes, run: Run, way: Array, box: Array) -> None:
     """The hearing radius, around a sensor that reported near the middle of a path, if it fits into the picture."""
     radius, places = run.scenario.sensor.reach_m()[1], _at(run, run.frames.senders())
-    if not len(places) or 2 * radius > float(np.ptp(box, axis=0).max()):
+    if not len(places) or radius > float(np.ptp(box, axis=0).max()):
         return
     middle = way[len(way) // 2]
     place = min(places, key=lambda one: float(np.hypot(*(one - middle))))

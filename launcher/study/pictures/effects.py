@@ -15,9 +15,9 @@ from launcher.colours import tracker_colours
 from launcher.record.verdict import TRACKED
 from launcher.report.style import INK, SOFT, WIDTH
 from launcher.study.axes import TRACKER, Axis, in_words, label
-from launcher.study.figures import ERROR, FIGURES
+from launcher.study.figures import ERROR, FIGURES, scale_of
 from launcher.study.intervals import Estimate
-from launcher.study.pictures.look import COLOURS, MARKERS, Picture, colour_of, columns, scale_of, styled, wide, y_scale
+from launcher.study.pictures.look import COLOURS, MARKERS, Picture, colour_of, columns, styled, wide, y_scale
 from launcher.study.summary import Row, Summary
 
 MOST_LINES: Final = len(COLOURS)

@@ -20,11 +20,6 @@ COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e
 MARKERS: Final = "osD^vP"
 WIDE: Final = 30.0
 """Values whose largest is so many times the least are shown on a logarithmic scale."""
-_SCALES: Final = {
-    "s": ((172_800.0, 86_400.0, "days"), (7_200.0, 3_600.0, "h"), (0.0, 1.0, "s")),
-    "J": ((1e4, 1e3, "kJ"), (0.1, 1.0, "J"), (0.0, 1e-3, "mJ")),
-}
-"""From which largest value on a unit is shown as so much of another."""
 
 
 def colour_of(place: int, of: int) -> Any:
@@ -47,12 +42,6 @@ def styled() -> Iterator[None]:
     with mpl.rc_context():
         mpl.rcParams.update(STYLE)
         yield
-
-
-def scale_of(unit: str, values: Sequence[float]) -> tuple[float, str]:
-    """How many of its unit such values are shown in, and what that is called."""
-    most = max(values, default=0.0)
-    return next(((by, to) for least, by, to in _SCALES.get(unit, ()) if most >= least), (1.0, unit))
 
 
 def columns(estimates: Sequence[Estimate | None], scale: float) -> tuple[Any, Any, Any]:

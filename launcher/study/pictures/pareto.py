@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from launcher.record.verdict import LOST
 from launcher.report.style import INK, SOFT, WIDTH
 from launcher.study.axes import label
-from launcher.study.figures import COST, ERROR, FIGURES
-from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, scale_of, styled, wide, y_scale
+from launcher.study.figures import COST, ERROR, FIGURES, scale_of
+from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, styled, wide, y_scale
 from launcher.study.summary import Row, Summary
 
 MOST_NAMES: Final = 14

@@ -15,7 +15,7 @@ from launcher.timeline.scene import Add, spacing
 
 WIDE: Final = 1.9
 """The close-up is so much wider than high."""
-_ELLIPSES: Final = 3.0
+_ELLIPSES: Final = 2.0
 """It is so many times as high as the 95 % region of an estimate is long."""
 _LEAST_M: Final = 0.5
 ROW: Final = 6

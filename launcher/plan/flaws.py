@@ -1,0 +1,47 @@
+"""All that is wrong with a scenario and shows only as it is worked out: in files, places, faults, trackers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from functools import partial
+from typing import Final
+
+from launcher.plan.architectures import architecture_of
+from launcher.plan.plan import check_link, planned_faults
+from launcher.plan.tracking import check_tracking
+from trackfield.errors import ScenarioError
+from trackfield.scenario import Scenario, Site, survey
+from trackfield.scenario.survey import target_paths
+
+TARGETS: Final = {"target", "targets"}
+GROUND: Final = TARGETS | {"field", "sensor", "architecture", "fusion", "run"}
+"""What the survey of a field stands on."""
+
+
+def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioError]:
+    """What is wrong, apart from what stands on a section that is ``broken``, as something else may be meant there."""
+    found: list[ScenarioError] = []
+    site: list[Site] = []
+
+    def look(sections: Collection[str], check: Callable[[], object]) -> bool:
+        """Whether it could be checked, and is right."""
+        wrong = None if set(sections) & set(broken) else found_by([check])
+        found.extend(wrong or [])
+        return wrong == []
+
+    look({"link"}, partial(check_link, scenario))
+    look({"fusion", "sensor", "faults"}, partial(check_tracking, scenario))
+    if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: site.append(survey(scenario))):
+        look({"faults"}, lambda: planned_faults(site[0], architecture_of(site[0])))
+    return found
+
+
+def found_by(checks: Iterable[Callable[[], object]]) -> list[ScenarioError]:
+    """The errors that these raise."""
+    found: list[ScenarioError] = []
+    for check in checks:
+        try:
+            check()
+        except ScenarioError as error:
+            found.extend(error.parts)
+    return found

@@ -1,0 +1,80 @@
+"""docs/first-hour.md: from a clone to a sweep of one's own field, in ten commands that work as they are printed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from tests.test_view import with_driver
+
+ROOT: Final = Path(__file__).parents[1]
+DOCUMENT: Final = (ROOT / "docs" / "first-hour.md").read_text()
+COMMANDS: Final = [line for block in re.findall(r"```sh\n(.*?)```", DOCUMENT, re.DOTALL) for line in block.splitlines()]
+FILES: Final = dict(re.findall(r"```csv (\S+)\n(.*?)```", DOCUMENT, re.DOTALL))
+PNG: Final = b"\x89PNG"
+
+
+def called(command: str, home: Path) -> subprocess.CompletedProcess[str]:
+    """A command of the document, called there."""
+    program, *arguments = shlex.split(command)
+    assert program == "trackfield"
+    return subprocess.run(
+        [sys.executable, "-m", "launcher.cli", *arguments],
+        cwd=home,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the document's files, and the run that ``make demo`` leaves: the same one, in virtual time."""
+    home = tmp_path_factory.mktemp("hour")
+    for name, text in FILES.items():
+        (home / name).write_text(text)
+    assert "run bus\n" in (ROOT / "Makefile").read_text()
+    assert called("trackfield run bus --virtual --quiet", home).returncode == 0
+    return home
+
+
+def test_there_are_ten_commands_and_the_first_set_all_up() -> None:
+    assert len(COMMANDS) == 10
+    assert COMMANDS[1:3] == ["make demo", ". .venv/bin/activate"]
+    assert FILES.keys() == {"track.csv"}
+
+
+@with_driver
+def test_the_demo_can_be_looked_at(home: Path) -> None:
+    said = called(COMMANDS[3], home)
+    assert said.returncode == 0, said.stderr
+    assert (home / "demo.png").read_bytes().startswith(PNG)
+
+
+def test_a_field_of_ones_own_is_run_broken_compared_and_swept(home: Path) -> None:
+    said = {}
+    for command in COMMANDS[4:]:
+        done = called(command, home)
+        assert done.returncode == 0, f"{command}\n{done.stderr}"
+        said[command.split()[1]] = done.stdout + done.stderr
+    assert (home / "mine.toml").is_file()
+    assert "valid" in said["validate"]
+    assert "faults" in said["compare"]
+    assert "Trackfield comparison" in (home / "compare.html").read_text()
+    sweep = home / "sweep"
+    assert (sweep / "plots" / "field.spacing_m.png").read_bytes().startswith(PNG)
+    assert "with 95 % confidence intervals" in said["study"]
+    verdicts = dict(re.findall(r"^ *(\d\d) +spcpf +(\d+) %", said["study"], re.MULTILINE))
+    assert verdicts.keys() == {"40", "50", "60", "80"}
+    assert {verdicts[spacing] for spacing in ("40", "50", "60")} == {"100"}  # as the document says
+    assert int(verdicts["80"]) < 50
+    assert "field.spacing_m=80" in said["study"]  # it was warned of

@@ -1,0 +1,89 @@
+"""Ctrl-C in a virtual run, whenever it comes: a whole folder or none, and exit code 130."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.command_line import Call, trackfield
+from tests.interrupting import interrupt_at
+from tests.reporting import read
+
+__all__ = ["trackfield"]
+
+RUN = ("run", "zhai-spcpf", "--virtual", "--out", "mine")
+
+
+def interrupt_in(module: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have SIGINT come as soon as this function is called."""
+
+    def interrupted(*arguments: Any, **options: Any) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(f"{module}.{name}", interrupted)
+
+
+def test_a_run_ends_early_and_leaves_a_whole_folder(
+    trackfield: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    interrupt_at(100, monkeypatch)
+    said = trackfield(*RUN)
+    assert said.code == 130
+    assert "ended early; everything up to then is in the run folder" in said.err
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    folder = Path("mine")
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert 10 < metrics["end_s"] < 40
+    assert pq.read_table(folder / "tracks.parquet")["step"].to_pylist()[-1] < 40
+    assert pq.read_table(folder / "messages.parquet").num_rows == metrics["frames"]["expected"] == 100
+    assert "The run ended early, " in read(folder).text
+    assert trackfield("compare", "mine", "mine", "--exact", "0").code == 0
+    assert trackfield("report", "mine").code == 0
+    assert trackfield("replay", "mine", "--out", "again").code == 0
+
+
+def test_one_while_the_run_is_planned_leaves_nothing(
+    trackfield: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    interrupt_in("launcher.plan.prepare", "make_plan", monkeypatch)
+    said = trackfield(*RUN)
+    assert (said.code, said.out) == (130, "")
+    assert said.err == "trackfield: interrupted before the run began; there is no run folder\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_while_the_folder_is_begun_leaves_nothing(
+    trackfield: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    interrupt_in("launcher.record.folder", "keep", monkeypatch)
+    assert trackfield(*RUN).code == 130
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_while_the_report_is_drawn_leaves_the_run_without_it(
+    trackfield: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = os.getpid()
+
+    def drawn(*_: object) -> None:
+        os.kill(run, signal.SIGINT)
+        time.sleep(60)
+
+    monkeypatch.setattr("launcher.report.page.write_page", drawn)
+    begun = time.monotonic()
+    said = trackfield(*RUN, "--set", "target.steps=5")
+    assert said.code == 130
+    assert time.monotonic() - begun < 50
+    assert "no report: interrupted; trackfield report mine draws it" in said.err
+    assert "interrupted after its end; the run is complete" in said.err
+    assert {file.name for file in Path("mine").iterdir()} == {
+        "scenario.toml", "manifest.json", "run.rrd", "messages.parquet", "tracks.parquet", "metrics.json", "logs",
+    }  # fmt: skip

@@ -1,0 +1,173 @@
+"""A report of what went wrong: a dead centre, gaps of the truth, reports that come too late. Nothing is hidden."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from launcher.report import folder
+from launcher.report.figures import FIGURES
+from launcher.report.folder import Run, read_run
+from launcher.report.parts.field import fates
+from tests.reporting import Reader, read, run
+from tests.test_report_targets import drawn, labels
+
+OUTAGE = "faults=[{kind='restart', nodes=['fusion'], at_s=3, until_s=9}]"
+KILL = "faults=[{kind='kill', nodes=['fusion'], at_s=3}]"
+
+
+@pytest.fixture(scope="module")
+def outage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Twelve steps, during which the centre is away from 3 s to 9 s; it then tells of the step at 8 s, too."""
+    return run(tmp_path_factory.mktemp("outage"), OUTAGE)
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A radio so slow that no report can come in time."""
+    return run(tmp_path_factory.mktemp("late"), "link.radio=lora868", "link.sf=12")
+
+
+def alerts(page: Reader) -> int:
+    return sum(attributes.get("role") == "alert" for _, attributes in page.tags)
+
+
+def line_of(axes: Axes, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """The x and y of the line of this label."""
+    (line,) = [line for line in axes.lines if line.get_label() == label]
+    return np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
+
+
+# --- an outage --------------------------------------------------------------------------------------------------------
+
+
+def test_an_outage_is_said_with_its_reason(outage: Path) -> None:
+    metrics, page = json.loads((outage / "metrics.json").read_text())["trackers"]["fix-imm-ukf"], read(outage)
+    assert "5 s without a track: fusion was restarted at 3 s and came back at 9 s." in page.text
+    assert "over 7 of 12 steps (1 of them without a report)" in page.text
+    assert "all 12 steps" not in page.text
+    assert f"fix-imm-ukf {metrics['verdict']}" in page.text
+    assert metrics["verdict"] != "tracked"
+    assert "ended early" not in page.text
+
+
+def test_lines_break_in_every_plot_over_an_outage(outage: Path) -> None:
+    found = read_run(outage)
+    for name in ("error", "nees"):
+        times, values = line_of(drawn(name, found), "fix-imm-ukf")
+        assert times.tolist() == list(range(1, 13))
+        assert np.isnan(values[2:7]).all()
+        assert np.isfinite(values[[0, 1, 7, 11]]).all()
+    _, north = line_of(drawn("field", found), "fix-imm-ukf")
+    assert np.isnan(north[2:7]).all()
+
+
+def test_no_report_is_fused_during_an_outage(outage: Path) -> None:
+    figure = FIGURES["error"](read_run(outage))
+    assert figure is not None
+    corners = np.concatenate([path.vertices for path in figure.axes[1].collections[0].get_paths()])
+    away = (corners[:, 0] > 3.6) & (corners[:, 0] < 7.4)
+    assert away.any()
+    assert not corners[away, 1].any()
+    assert corners[:, 1].max() >= 3
+
+
+def test_error_and_bound_are_over_the_same_steps(outage: Path) -> None:
+    found = read_run(outage)
+    for track in found.tracks:
+        both = track.scored & np.isfinite(track.bound)
+        error, bound = (float(np.sqrt(np.square(x[both]).mean())) for x in (track.error_m, track.bound))
+        assert found.metrics["trackers"][track.tracker]["times_bound"] == pytest.approx(error / bound)
+        assert f"{error / bound:.2f} times the bound of {bound:.2f} m over the same steps" in read(outage).text
+
+
+def test_a_centre_killed_by_plan_ends_no_run(tmp_path: Path) -> None:
+    text = read(run(tmp_path / "killed", KILL)).text
+    assert "10 s without a track: fusion was killed at 3 s." in text
+    assert "over 2 of 12 steps" in text
+    assert text.count("Lost by the rule of the scenario") == 2
+    assert "ended early" not in text
+
+
+def test_reports_that_are_lost_explain_a_missing_track(tmp_path: Path) -> None:
+    """Without a prior there is no track before a report; here a partition keeps all of them from the centre."""
+    cut = "faults=[{kind='partition', nodes=['fusion'], at_s=0, until_s=6.5}]"
+    text = read(run(tmp_path / "cut", cut, 'fusion.prior="none"')).text
+    assert "6 s without a track: none of 24 reports arrived in time (24 cut off by a partition)." in text
+
+
+# --- gaps of the truth ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def gappy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recorded path of 20 s, in which the fixes of 8 s are missing."""
+    home = tmp_path_factory.mktemp("gappy")
+    times = [t for t in range(21) if not 6 < t < 14]
+    (home / "ride.csv").write_text("t_s,x,y\n" + "".join(f"{t},{10 * t},{3 * (t % 2)}\n" for t in times))
+    settings = ('target.path="file"', f'target.file="{home / "ride.csv"}"', "target.steps=20", "faults=[]")
+    return run(home / "run", *settings, scenario="bus")
+
+
+def test_interpolated_truth_stands_apart(gappy: Path) -> None:
+    m, text = json.loads((gappy / "metrics.json").read_text())["trackers"]["fix-imm-ukf"], read(gappy).text
+    assert "7 of 20 steps (35.0 %) lie in 1 gap of the recorded path" in text
+    assert f"over all {m['steps_expected']} steps" in text
+    assert m["steps_expected"] == 13
+    assert f"not counted above: RMSE {m['gap']['rmse']:.2f} m against a straight line, 7 steps." in text
+    assert "RMSE in gaps [m]" in text
+
+
+def test_gaps_are_marked_in_all_plots_over_time_and_pale_in_errors(gappy: Path) -> None:
+    found = read_run(gappy)
+    for name in ("error", "nees", "losses"):
+        axes = drawn(name, found)
+        assert "truth interpolated" in labels(axes)
+    axes = drawn("error", found)
+    _, counted = line_of(axes, "fix-imm-ukf")
+    assert np.isnan(counted[6:13]).all()
+    assert np.isfinite(counted[[5, 13]]).all()
+    assert any(line.get_alpha() and np.isfinite(np.asarray(line.get_ydata())[6:13]).all() for line in axes.lines)
+
+
+# --- reports that are late --------------------------------------------------------------------------------------------
+
+
+def test_a_run_in_which_every_report_is_late_says_why(late: Path) -> None:
+    page, found = read(late), read_run(late)
+    after = found.frames.late_s(found.site.step_ns, 0.3)
+    assert np.nanmin(after) > 0
+    assert "None of " in page.text
+    assert "reports arrived in time" in page.text
+    assert "after their deadline, which is 0.3 s after the step." in page.text
+    assert alerts(page) == 1
+
+
+def test_sensors_of_late_reports_look_late(late: Path) -> None:
+    found = read_run(late)
+    names = labels(drawn("field", found))
+    assert "report in time" not in names
+    assert "reports too late" in names
+    assert fates(found)["reports too late"] == found.frames.senders("late")
+
+
+def test_the_deadline_is_in_the_figure_of_latencies(late: Path) -> None:
+    assert "deadline, 300 ms after the step" in labels(drawn("latency", read_run(late)))
+
+
+# --- long runs --------------------------------------------------------------------------------------------------------
+
+
+def test_a_long_run_has_rolling_errors_and_their_distribution(outage: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folder, "LONG", 10)
+    found: Run = read_run(outage)
+    assert found.window == 2
+    assert "rms over 2 s" in drawn("error", found).get_ylabel()
+    assert "mean over 2 s" in drawn("nees", found).get_ylabel()
+    track, (errors, shares) = found.tracks[0], line_of(drawn("distribution", found), "fix-imm-ukf")
+    assert shares.max() == pytest.approx(100 * 7 / 12)  # of all expected steps
+    assert errors.max() == pytest.approx(np.nanmax(track.error_m))
