@@ -78,8 +78,13 @@ class Path:
         """Whether this time lies inside a gap, where a straight line stands in for the truth."""
         return any(begin < t_s < end for begin, end in self.gaps)
 
+    @property
+    def gaps_inside(self) -> tuple[Interval, ...]:
+        """The gaps, as far as the path reaches; one that was clipped has no fix at that end."""
+        return tuple((max(a, self.start_s), min(b, self.end_s)) for a, b in self.gaps)
+
     def clip(self, from_s: float, to_s: float) -> Path:
-        """The part of a whole path between two times, with knots at its ends.
+        """The part of a whole path between two times, with knots at its ends; a gap that it cuts stays whole.
 
         Raises ``ValueError`` if the target is there at no time between them.
         """
@@ -92,7 +97,7 @@ class Path:
             knots.insert(0, (lo, *first))
         if knots[-1][0] < hi:
             knots.append((hi, *last))
-        return Path.of(knots, ((max(a, lo), min(b, hi)) for a, b in self.gaps if a < hi and b > lo))
+        return Path.of(knots, ((a, b) for a, b in self.gaps if a < hi and b > lo))
 
     def shifted(self, seconds: float) -> Path:
         """A whole path, so much later, in whole nanoseconds; by 0 it is the path itself.
