@@ -23,8 +23,8 @@ from launcher.record.measures import RunFigures
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import check_runs
+from launcher.study.comparison.runs import Compared, read_runs
 from launcher.study.results import figures_table
-from launcher.study.side_by_side import side_by_side
 from launcher.study.studies import Study
 from launcher.study.studies import study as run_study
 from trackfield.errors import RunFailed, ScenarioError
@@ -89,25 +89,42 @@ class Result:
 
 
 class Comparison:
-    """Runs side by side: printed as text; as ``table``, a row for each run and tracker as in a study's."""
+    """Runs side by side: as text, as a table in a notebook, as a page; ``table`` is to compute with."""
 
     def __init__(self, runs: Sequence[Result]) -> None:
         self.runs = tuple(runs)
 
     @cached_property
     def table(self) -> pa.Table:
-        """A row for each run and tracker; ``path`` says which run it is."""
+        """A row for each run and tracker, as in a study's table; ``path`` says which run it is."""
         table = figures_table(run.metrics for run in self.runs)
         paths = [str(run.path) for run in self.runs for _ in run.metrics.trackers]
         return table.add_column(0, "path", pa.array(paths, pa.string()))
 
+    def to_html(self) -> str:
+        """The page that ``trackfield compare --html`` writes: one file that opens offline."""
+        from launcher.study.comparison.page import as_page
+
+        return as_page(self._compared)
+
+    def _repr_html_(self) -> str:
+        from launcher.study.comparison.page import as_table
+
+        return as_table(self._compared)
+
     def __repr__(self) -> str:
         from rich.console import Console
 
-        console = Console(width=_WIDTH, markup=False, emoji=False)
+        from launcher.study.side_by_side import show
+
+        console = Console(width=_WIDTH, markup=False, emoji=False, highlight=False)
         with console.capture() as text:
-            console.print(side_by_side([run.path for run in self.runs]))
+            show(self._compared, console)
         return text.get()
+
+    @cached_property
+    def _compared(self) -> Compared:
+        return read_runs([run.path for run in self.runs], "runs")
 
 
 def run(
@@ -192,10 +209,11 @@ def replay(
 
 
 def compare(runs: Iterable[Result | Folder]) -> Comparison:
-    """Runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two or more finished ones."""
+    """Finished runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two different ones."""
     found = [one if isinstance(one, Result) else open(one) for one in runs]
     if len(found) < 2:
         raise ScenarioError(f"there are {len(found)}", key="runs", expected="two runs or more")
+    read_runs([one.path for one in found], "runs")
     return Comparison(found)
 
 

@@ -286,7 +286,8 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
         yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
-        yield f"energy from batteries: {joules(energy['total'])} ({by}), {joules(energy['max_node'])} at most"
+        spent = joules(energy["total"]) + (f" ({by})" if by else "")
+        yield f"energy from batteries: {spent}, {joules(energy['max_node'])} at most"
     if lifetime["first_death"] is not None:
         names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
         times = [f"{text} after {span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]

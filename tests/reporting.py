@@ -25,10 +25,10 @@ FAULTS = (
 )
 
 
-def run(folder: Path, *settings: str, scenario: str = "spcpf") -> Path:
+def run(folder: Path, *settings: str, scenario: str = "spcpf", steps: int = 12) -> Path:
     """The folder of a short virtual run."""
     (folder / "logs").mkdir(parents=True)
-    resolved = load(scenario, settings=["target.steps=12", *settings])
+    resolved = load(scenario, settings=[f"target.steps={steps}", *settings])
     keep(resolved, folder)
     outcome = run_virtual(planned(resolved), folder, ["trackfield", "run", scenario, "--virtual"])
     assert (outcome.unreported, outcome.exit_code) == ("", 0)

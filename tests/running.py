@@ -59,7 +59,7 @@ class Run:
 
     def started(self) -> None:
         """Wait until emulated time goes on."""
-        until(lambda: "t = " in self.said(), timeout=60)
+        until(lambda: "\nt = " in self.said(), timeout=60)
 
 
 def kept_up(metrics: Mapping[str, Any]) -> bool:

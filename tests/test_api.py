@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, get_args
 
@@ -22,10 +23,12 @@ import trackfield as tf
 from launcher import api
 from launcher.plan.prepare import checked
 from launcher.record.measures import RunFigures
+from launcher.report.cells import number
 from launcher.run import Outcome
 from launcher.study.results import study_run
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at
+from tests.reporting import Reader
 from tests.test_metrics import KEYS, expanded, paths
 
 __all__ = ["trackfield"]
@@ -233,6 +236,83 @@ def test_a_run_of_a_study_that_cannot_be_made_names_its_seed() -> None:
         tf.study(nowhere, [8], n_jobs=1)  # before any run
 
 
+# --- in a notebook ----------------------------------------------------------------------------------------------------
+
+
+def test_names_and_files_are_as_good_as_scenarios(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(SMALL.to_toml())
+    by_file, by_path = tf.run("mine.toml", seed=4), tf.study(tmp_path / "mine.toml", [4])
+    assert repeatable(by_file.metrics) == repeatable(tf.run(SMALL, seed=4).metrics)
+    assert repeatable(by_path.results[0].metrics) == repeatable(by_file.metrics)
+    (one,) = tf.study("spcpf", [1], n_jobs=1).results
+    assert one.metrics.scenario == "zhai-spcpf"
+
+
+def test_a_result_shows_its_figures_and_verdicts_and_where_its_report_is() -> None:
+    result = tf.run(SMALL, out="r")
+    page = Reader(result._repr_html_())
+    tracker = result.metrics.trackers["spcpf"]
+    assert f"spcpf {tracker.verdict} {tracker.rmse.position:.2f}" in page.text
+    assert "report" not in page.text  # none was written here
+    assert result.report() == Path("r/report.html")
+    assert ("a", {"href": "r/report.html", "target": "_blank"}) in Reader(result._repr_html_()).tags
+    Path("r/report.html").write_text("old")
+    assert result.report().read_text() == "old"
+    assert "old" not in result.report(anew=True).read_text()[:10]
+
+
+def test_a_result_draws_the_field_and_its_errors_and_breaks_the_lines_where_there_was_no_track() -> None:
+    down = {"kind": "restart", "nodes": ["fusion"], "at_s": 3, "until_s": 7}
+    result = tf.run(SMALL.set("faults", [down]).set("fusion.trackers", ["spcpf"]))
+    figure = result.plot()
+    field, errors = figure.axes
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["sensor", "true path", "spcpf"]
+    assert field.get_xlabel() == "east [m]"
+    (line,) = errors.get_lines()
+    times, values = line.get_xydata().T
+    off = np.isnan(values)
+    assert off.any()
+    assert not off.all()
+    track = result.tracks.to_pydict()
+    known = {t: np.hypot(x - u, y - v) for t, x, y, u, v in zip(
+        *(track[key] for key in ("t_s", "x", "y", "true_x", "true_y")), strict=True) if x is not None}  # fmt: skip
+    assert dict(zip(times[~off], values[~off], strict=True)) == pytest.approx(known)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_study_shows_itself_and_draws_what_varies() -> None:
+    study = tf.study(SMALL, range(3), {"field.spacing_m": [50, 60], "tracker": ["ekf", "ukf"]}, n_jobs=1)
+    assert study.table.column_names[:3] == ["field.spacing_m", "seed", "tracker"]
+    page = Reader(study._repr_html_())
+    assert page.text.startswith("zhai-spcpf : 12 runs field.spacing_m tracker tracked")
+    assert page.text.count("ekf") == page.text.count("ukf") == 2
+    assert {axes.get_xlabel() for axes in study.plot("field.spacing_m").axes} == {"", "field.spacing_m"}
+    assert {axes.get_xlabel() for axes in study.plot("tracker").axes} == {"", "tracker"}
+    assert study.pareto("bytes.on_air").axes[0].get_xlabel() == "bytes on the air [bytes]   (less is better)"
+    with pytest.raises(
+        tf.ScenarioError, match=r"axis: 'link.loss' is not varied; expected one of field\.spacing_m, tracker"
+    ):
+        study.plot("link.loss")
+
+
+def test_without_pandas_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    study = tf.study(SMALL, [1], n_jobs=1)
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(tf.TrackfieldError, match=r"needs pandas, .* pip install 'trackfield\[notebook\]' brings it"):
+        study.to_pandas()
+
+
+def test_a_study_in_a_folder_goes_on_where_it_was(tmp_path: Path) -> None:
+    vary = {"field.spacing_m": [50, 60]}
+    first = tf.study(SMALL, [1], vary, out=tmp_path / "s", n_jobs=1)
+    before = {file: file.stat().st_mtime_ns for file in (tmp_path / "s" / "results").rglob("*.parquet")}
+    more = tf.study(SMALL, [1, 2], vary, out=tmp_path / "s", n_jobs=1)
+    assert (len(first.results), len(more.results), len(before)) == (2, 4, 2)
+    assert {file: file.stat().st_mtime_ns for file in before} == before
+    assert more.results[0].tracks == first.results[0].tracks == tf.study(SMALL, [1], vary, n_jobs=1).results[0].tracks
+    assert (tmp_path / "s" / "study.html").exists()
+
+
 # --- comparisons ------------------------------------------------------------------------------------------------------
 
 
@@ -245,7 +325,7 @@ def test_runs_are_compared_as_text_and_as_a_table() -> None:
     ]
     error = one.metrics.trackers["spcpf"].rmse.position
     assert error is not None
-    assert f"{error:.3f}" in str(comparison)
+    assert number(error) in str(comparison)
     assert "other" in str(comparison)
 
 
@@ -299,7 +379,7 @@ def test_every_name_is_there_for_people_and_for_type_checkers() -> None:
     typed = {
         name.name
         for node in ast.walk(tree)
-        if isinstance(node, ast.If)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for line in node.body
         if isinstance(line, ast.ImportFrom)
         for name in line.names
@@ -307,6 +387,11 @@ def test_every_name_is_there_for_people_and_for_type_checkers() -> None:
     assert sorted(typed) == sorted(tf.__all__)
     assert all(getattr(tf, name).__doc__ for name in tf.__all__)
     assert set(tf.__all__) <= set(dir(tf))
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert tf.__version__ == version("trackfield")
+    assert "__version__" in dir(tf)
 
 
 def test_the_package_alone_loads_nothing_heavy() -> None:

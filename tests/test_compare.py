@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,7 +18,10 @@ from launcher.record.metrics import run_metrics
 from launcher.record.tables import TrackRow, write_messages, write_tracks
 from launcher.records import MessageRow
 from launcher.study.compare import check_runs, differences
-from launcher.study.side_by_side import Row, side_by_side
+from launcher.study.comparison.remarks import remarks
+from launcher.study.comparison.rows import Row
+from launcher.study.comparison.runs import read_runs
+from launcher.study.side_by_side import side_by_side
 from tests.simulated import simulated
 from trackfield.errors import ScenarioError
 from trackfield.role import NS, TrackPoint
@@ -150,9 +152,11 @@ def test_tracks_and_frames_are_told_together(tmp_path: Path) -> None:
 # --- side by side -----------------------------------------------------------------------------------------------------
 
 
-def finished(at: Path, *settings: str, change: Callable[[dict[str, Any]], object] = lambda metrics: None) -> Path:
+def finished(
+    at: Path, *settings: str, steps: int = 5, change: Callable[[dict[str, Any]], object] = lambda metrics: None
+) -> Path:
     """The folder of a real run of a few steps."""
-    scenario = load("spcpf", seed=1, settings=["target.steps=5", *settings])
+    scenario = load("spcpf", seed=1, settings=[f"target.steps={steps}", *settings])
     plan = planned(scenario)
     ledger, tracks = simulated(plan)
     metrics = run_metrics(plan, ledger, tracks)
@@ -162,29 +166,50 @@ def finished(at: Path, *settings: str, change: Callable[[dict[str, Any]], object
     return at
 
 
-def shown(*runs: Path) -> dict[str, list[str]]:
-    console = Console(width=200, markup=False)
+def shown(*runs: Path) -> dict[str, dict[str, list[str]]]:
+    """What the table says: the cells of each row, by the titles of groups and the names of rows."""
+    console = Console(width=200)
     with console.capture() as said:
-        console.print(side_by_side(runs))
+        console.print(side_by_side(read_runs(runs)))
     rows = [[cell.strip() for cell in line.strip("│").split("│")] for line in said.get().splitlines() if "│" in line]
-    return {row[0]: row[1:] for row in rows}
+    found: dict[str, dict[str, list[str]]] = {}
+    for name, *cells in rows:
+        if any(cells):
+            found[title][name] = cells  # noqa: F821
+        else:
+            title = name
+            found[title] = {}
+    return found
+
+
+def known(name: str = "spcpf", **figures: Any) -> Callable[[dict[str, Any]], object]:
+    """Metrics in which a tracker has these figures; an RMSE is given as ``rmse_m``."""
+
+    def change(metrics: dict[str, Any]) -> None:
+        if "rmse_m" in figures:
+            metrics["trackers"][name]["rmse"]["position"] = figures.pop("rmse_m")
+        metrics["trackers"][name] |= figures
+
+    return change
 
 
 def test_figures_stand_side_by_side(tmp_path: Path) -> None:
-    def known(metrics: dict[str, Any]) -> None:
-        metrics["trackers"]["spcpf"]["rmse"]["position"] = 1.25
-        metrics["trackers"]["spcpf"]["verdict"] = "tracked with gaps"
+    def odd(metrics: dict[str, Any]) -> None:
+        known(rmse_m=1.25, verdict="tracked with gaps", steps_tracked=3, longest_blackout_s=2.0)(metrics)
         metrics["timing"]["host_late"] = 17
 
-    a = finished(tmp_path / "a", change=known)
+    a = finished(tmp_path / "a", change=odd)
     b = finished(tmp_path / "b", "link.loss=1", 'fusion.trackers=["fix-imm-ukf"]')
     table = shown(a, b)
-    assert table["spcpf RMSE [m]"] == ["1.250", "-"]
-    assert table["spcpf verdict"] == ["tracked with gaps", "-"]
-    assert table["host late"] == ["17", "0"]
-    assert table["frames delivered"][1] == "0"
-    assert table["frames lost"][1] == table["frames expected"][1] == table["frames sent"][1] != "0"
-    assert table["frames lost"][0] == "0"
+    assert table["spcpf"]["RMSE [m]"] == ["1.25", "–"]
+    assert table["spcpf"]["verdict"] == ["tracked with gaps", "–"]
+    assert table["spcpf"]["steps with a track"] == ["3 of 5", "–"]
+    assert table["spcpf"]["longest time without a track [s]"] == ["2.00", "–"]
+    assert table["machine"]["events out of order (host late)"] == ["17", "0"]
+    frames = table["frames"]
+    assert frames["delivered"][1] == "0"
+    assert frames["lost"][1] == frames["expected"][1] == frames["sent"][1] != "0"
+    assert (frames["lost"][0], frames["share lost"]) == ("0", ["0.0 %", "100.0 %"])
 
 
 def test_the_keys_in_which_scenarios_differ_come_first(tmp_path: Path) -> None:
@@ -192,78 +217,147 @@ def test_the_keys_in_which_scenarios_differ_come_first(tmp_path: Path) -> None:
     a = finished(tmp_path / "a", "link.busy=0.25", many % "")
     b = finished(tmp_path / "b", many % ", {kind='deaf', nodes=['n005'], at_s=1}")
     c = finished(tmp_path / "c", "link.model=ideal")
-    table = shown(a, b, c)
-    assert {"link.model", "link.busy", "faults"} <= set(itertools.takewhile(lambda row: "RMSE" not in row, table))
-    assert table["link.busy"] == ["0.25", "0.0", "-"]
-    assert table["link.model"] == ["lognormal_prr", "lognormal_prr", "ideal"]
-    assert table["faults"][2] == "-"
-    assert table["faults"][0].endswith(" ...")  # what tells them apart is too long to be shown
-    assert "name" not in table
-    assert "link.queue" not in shown(a, b)
-    assert next(iter(shown(a, a))) == "fix-imm-ukf RMSE [m]"
+    title, first = next(iter(shown(a, b, c).items()))
+    assert title == "settings that differ"
+    assert first["link.busy"] == ["0.25", "0.0", "–"]
+    assert first["link.model"] == ["lognormal_prr", "lognormal_prr", "ideal"]
+    assert first["faults"][2] == "–"
+    assert first["faults"][0].endswith(" ...")  # what tells them apart is too long to be shown
+    assert "name" not in first
+    assert "link.queue" not in shown(a, b)["settings that differ"]
+    assert next(iter(shown(a, finished(tmp_path / "again", "link.busy=0.25", many % "")))) == "fix-imm-ukf"
 
 
 def test_only_what_says_something_has_a_row(tmp_path: Path) -> None:
     a, b = finished(tmp_path / "a", "link.model=ideal"), finished(tmp_path / "b", "link.model=fixed", "link.loss=0.5")
     table = shown(a, b)
-    lost = int(table["frames lost"][1])
-    assert table["radio"] == ["0", str(lost)]
+    lost = int(table["frames"]["lost"][1])
+    assert table["frames"]["lost: radio"] == ["0", str(lost)]
     assert lost > 0
-    for row in (
-        "partition",
-        "overflow",
-        "frames lost by the machine",
+    said = {row for group in table.values() for row in group}
+    nothing = {
+        "lost: partition",
+        "lost: overflow",
+        "lost by the machine",
         "on the air [bytes]",
         "clock error, rms [ms]",
-        "driver",
+    }
+    assert not said & {*nothing, "driver", "RMSE in gaps of the truth [m]"}
+    for group, row in (
+        ("spcpf", "mean NEES"),
+        ("spcpf", "RMSE / bound"),
+        ("bound", "with the reports of the run [m]"),
+        ("network and energy", "on the link, 95 % [ms]"),
+        ("network and energy", "energy [J]"),
     ):
-        assert row not in table
-    for row in (
-        "spcpf NEES",
-        "spcpf RMSE / bound",
-        "bound of these reports [m]",
-        "on the link, 95 % [ms]",
-        "energy [J]",
-    ):
-        assert all(float(cell) > 0 for cell in table[row])
+        assert all(float(cell) > 0 for cell in table[group][row])
 
 
 def test_an_error_is_measured_by_the_bound_of_its_own_run(tmp_path: Path) -> None:
-    def known(bound: float) -> Callable[[dict[str, Any]], object]:
-        def change(metrics: dict[str, Any]) -> None:
-            metrics["trackers"]["spcpf"]["rmse"]["position"] = 3.0
-            metrics["trackers"]["spcpf"]["nees_band"] = [2.5, 5.5]
-            metrics["bound"]["trajectory"] = bound
-
-        return change
-
-    a, b = finished(tmp_path / "a", change=known(1.5)), finished(tmp_path / "b", change=known(4.0))
-    assert shown(a, b)["spcpf RMSE / bound"] == ["2.000", "0.750"]
-    assert shown(a, b)["spcpf NEES, 95 % band"] == ["2.500 to 5.500"] * 2
+    a = finished(tmp_path / "a", change=known(times_bound=2.0, nees_band=[2.5, 5.5]))
+    b = finished(tmp_path / "b", change=known(times_bound=0.75, nees_band=None))
+    table = shown(a, b)["spcpf"]
+    assert table["RMSE / bound"] == ["2.00", "0.75"]
+    assert table["NEES, 95 % band"] == ["2.50 to 5.50", "–"]
 
 
 @pytest.mark.parametrize(
-    ("cells", "least", "best"),
-    [((3.0, 2.0, None), True, 2.0), ((2, 2), True, None), ((None, 2.0), True, None), ((1.0, 2.0), False, None),
-     (("yes", "no"), True, None)],
-)  # fmt: skip
-def test_the_best_figure_of_a_row(cells: tuple[float | str | None, ...], least: bool, best: float | None) -> None:
-    assert Row("x", cells, least).best == best
+    ("cells", "better", "best"),
+    [
+        ((3.0, 2.0, None), "lower", (False, True, False)),
+        ((3.0, 2.0, None), "higher", (True, False, False)),
+        ((2, 2, 3), "lower", (True, True, False)),
+        ((2, 2), "lower", (False, False)),
+        ((2.001, 2.002), "lower", (False, False)),  # they read alike
+        ((None, 2.0), "lower", (False, False)),
+        ((1.0, 2.0), None, (False, False)),
+        (("yes", "no"), "lower", (False, False)),
+    ],
+)
+def test_the_best_figure_of_a_row(cells: tuple[Any, ...], better: Any, best: tuple[bool, ...]) -> None:
+    assert Row("x", cells, better).best == best
 
 
-def test_the_best_figure_stands_out(tmp_path: Path) -> None:
-    a = finished(tmp_path / "a", change=lambda metrics: metrics["trackers"]["spcpf"]["rmse"].update(position=1.25))
-    b = finished(tmp_path / "b", change=lambda metrics: metrics["trackers"]["spcpf"]["rmse"].update(position=1.75))
-    console = Console(width=200, force_terminal=True, color_system="standard", markup=False)
+def test_only_fair_figures_can_be_the_best() -> None:
+    assert Row("x", (1.0, 2.0, 3.0), "lower", judged=(False, True, True)).best == (False, True, False)
+    assert Row("x", (1.0, 2.0), "lower", judged=(False, True)).best == (False, False)
+
+
+def bold(row: str, *runs: Path) -> list[str]:
+    """The cells of the first row of this name that stand out."""
+    console = Console(width=200, force_terminal=True, color_system="standard")
     with console.capture() as said:
-        console.print(side_by_side([b, a]))
-    (line,) = [line for line in said.get().splitlines() if "spcpf RMSE [m]" in line]
-    assert re.findall(r"\x1b\[1;32m +([\d.]+)", line) == ["1.250"]
+        console.print(side_by_side(read_runs(runs)))
+    line = next(line for line in said.get().splitlines() if row in line)
+    return re.findall(r"\x1b\[1m +([\d.]+)", line)
+
+
+def test_the_best_figure_stands_out_unless_its_track_was_lost(tmp_path: Path) -> None:
+    alone = 'fusion.trackers=["spcpf"]'
+    a = finished(tmp_path / "a", alone, change=known(rmse_m=1.25, verdict="tracked"))
+    b = finished(tmp_path / "b", alone, change=known(rmse_m=1.75, verdict="tracked"))
+    c = finished(tmp_path / "c", alone, change=known(rmse_m=0.5, verdict="lost"))
+    assert bold(" RMSE [m]", b, a) == bold(" RMSE [m]", c, b, a) == ["1.25"]
+    assert bold(" RMSE [m]", a, c) == []
+
+
+# --- remarks ----------------------------------------------------------------------------------------------------------
+
+
+def test_one_seed_proves_nothing_and_the_remark_names_the_study_that_does(tmp_path: Path) -> None:
+    a, b = finished(tmp_path / "a"), finished(tmp_path / "b", "sensor.doa_sd_deg=5")
+    (remark,) = remarks(read_runs([a, b]))
+    assert "one draw of the random numbers (seed 1): a lower figure may be chance" in remark
+    study = f"trackfield study {a}/scenario.toml --seeds 20 --vary sensor.doa_sd_deg=3.0,5.0"
+    assert f"`{study}` gives confidence intervals" in remark
+    both = finished(tmp_path / "both", "sensor.doa_sd_deg=5", "link.busy=0.1")
+    assert "--vary KEY=A,B`" in remarks(read_runs([a, both]))[0]
+
+
+def test_of_the_same_scenario_and_seed_nothing_is_chance(tmp_path: Path) -> None:
+    a, b = finished(tmp_path / "a"), finished(tmp_path / "b")
+    (remark,) = remarks(read_runs([a, b]))
+    assert remark.startswith("All runs have the same scenario and seed")
+    assert "--exact 0" in remark
+
+
+def test_runs_of_other_paths_and_lengths_are_compared_in_what_can_be(tmp_path: Path) -> None:
+    a, b = finished(tmp_path / "a"), finished(tmp_path / "b", "target.path=s2", steps=4)
+    _, paths, lengths = remarks(read_runs([a, b]))
+    assert "different paths" in paths
+    assert "a 5 s, b 4 s" in lengths
+    for row in (" RMSE [m]", "median error [m]", "payload [bytes]", "energy [J]"):
+        assert bold(row, a, b) == []
+    shorter = finished(tmp_path / "c", steps=4)
+    assert not any("different paths" in remark for remark in remarks(read_runs([a, shorter])))
+
+
+# --- folders ----------------------------------------------------------------------------------------------------------
+
+
+def test_runs_are_named_by_their_folders_and_as_many_parents_as_it_takes(tmp_path: Path) -> None:
+    for parent in ("x", "y"):
+        (tmp_path / parent).mkdir()
+    same = [finished(tmp_path / parent / "a") for parent in ("x", "y")]
+    assert read_runs(same).names == ("x/a", "y/a")
+    assert read_runs([same[0], finished(tmp_path / "b")]).names == ("a", "b")
+
+
+def test_a_run_is_not_compared_with_itself(tmp_path: Path) -> None:
+    a = finished(tmp_path / "a")
+    (tmp_path / "other").symlink_to(a)
+    for again, what in (
+        (a, f"{a} is named twice"),
+        (tmp_path / "other", f"{tmp_path / 'other'} is the same run as {a}"),
+    ):
+        with pytest.raises(ScenarioError) as failure:
+            read_runs([a, again])
+        assert (failure.value.what, failure.value.expected) == (what, "different runs")
 
 
 def test_as_many_runs_as_one_likes(tmp_path: Path) -> None:
-    a = finished(tmp_path / "a")
-    assert len(shown(a, a, a, a)["frames sent"]) == 4
+    runs = [finished(tmp_path / name) for name in "abcd"]
+    assert len(shown(*runs)["frames"]["sent"]) == 4
 
 
 def test_what_is_no_run_is_named(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "python.md"
 
 def test_the_blocks_print_what_the_document_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("launcher.run._report", lambda folder: "")  # reports have tests of their own
+    monkeypatch.setattr("launcher.run._report", lambda *_: "")  # reports have tests of their own
     text = DOCUMENT.read_text()
     assert updated(text) == text  # if it is right: python -m tests.python_document docs/python.md
     assert (tmp_path / "errors.png").stat().st_size > 10_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from launcher.report import folder
 from launcher.report.figures import FIGURES
 from launcher.report.folder import Run, read_run
 from launcher.report.parts.field import fates
-from tests.reporting import Reader, read, run
+from tests.reporting import Reader, changed, read, run
 from tests.test_report_targets import drawn, labels
 
 OUTAGE = "faults=[{kind='restart', nodes=['fusion'], at_s=3, until_s=9}]"
@@ -109,8 +110,8 @@ def gappy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     home = tmp_path_factory.mktemp("gappy")
     times = [t for t in range(21) if not 6 < t < 14]
     (home / "ride.csv").write_text("t_s,x,y\n" + "".join(f"{t},{10 * t},{3 * (t % 2)}\n" for t in times))
-    settings = ('target.path="file"', f'target.file="{home / "ride.csv"}"', "target.steps=20", "faults=[]")
-    return run(home / "run", *settings, scenario="bus")
+    settings = ('target.path="file"', f'target.file="{home / "ride.csv"}"')
+    return run(home / "run", *settings, scenario="bus", steps=20)
 
 
 def test_interpolated_truth_stands_apart(gappy: Path) -> None:
@@ -120,6 +121,12 @@ def test_interpolated_truth_stands_apart(gappy: Path) -> None:
     assert m["steps_expected"] == 13
     assert f"not counted above: RMSE {m['gap']['rmse']:.2f} m against a straight line, 7 steps." in text
     assert "RMSE in gaps [m]" in text
+
+
+def test_a_run_that_ended_before_a_gap_has_none(gappy: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(gappy, tmp_path / "copy"))
+    early = changed(copy, lambda metrics: metrics.update(end_s=5.5))
+    assert (early.gaps, early.last_step, len(early.course.at_ns)) == ((), 4, 4)
 
 
 def test_gaps_are_marked_in_all_plots_over_time_and_pale_in_errors(gappy: Path) -> None:

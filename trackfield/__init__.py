@@ -67,9 +67,7 @@ def __dir__() -> list[str]:
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from importlib.metadata import version
-
-        return version("trackfield")
+        return import_module("importlib.metadata").version("trackfield")
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'trackfield' has no attribute {name!r}")

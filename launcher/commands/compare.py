@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from launcher.commands.arguments import Runs
-from trackfield.errors import ScenarioError
+
+File = Path | None
 
 
 def compare(
@@ -18,25 +20,40 @@ def compare(
         typer.Option(
             metavar="TOL",
             min=0.0,
-            help="Fail unless tracks are equal to within this, and the fate of every frame is the same.",
+            help="Fail unless the tracks are equal to within TOL and every frame had the same fate.",
         ),
     ] = None,
+    html: Annotated[File, typer.Option(metavar="FILE", help="Write a page with figures and tables.")] = None,
+    csv: Annotated[File, typer.Option(metavar="FILE", help="Write the figures of each run and tracker.")] = None,
+    rrd: Annotated[File, typer.Option(metavar="FILE", help="Write all tracks and errors as one recording.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, to stdout.")] = False,
 ) -> None:
-    """Show runs side by side, or whether they are the same."""
-    from rich.console import Console
+    """Show runs side by side, or check that they are the same.
 
-    from launcher.study.compare import check_runs, differences
-    from launcher.study.side_by_side import side_by_side
+    --html, --csv and --rrd overwrite a file that exists.
+    """
+    from launcher.study.comparison.exact import exactness
+    from launcher.study.comparison.outputs import Outputs
+    from launcher.study.comparison.runs import read_runs
 
-    if len(runs) < 2:
-        raise ScenarioError("there is nothing to compare it with", key="RUN", expected="two run folders or more")
-    check_runs(runs)
-    Console(markup=False, emoji=False).print(side_by_side(runs))
-    if exact is None:
+    compared, outputs = read_runs(runs), Outputs(html, csv, rrd)
+    outputs.check(compared)
+    answer = None if exact is None else exactness(compared, exact)
+    if as_json:
+        from launcher.study.comparison.data import as_json as json_of
+
+        print(json_of(compared, answer))
+    else:
+        from launcher.study.side_by_side import show
+
+        show(compared)
+    for written in outputs.write(compared, answer):
+        print(written, file=sys.stderr)
+    if answer is None:
         return
-    found = [f"{other}: {what}" for other in runs[1:] for what in differences(runs[0], other, exact)]
-    for line in found:
-        print(line, file=sys.stderr)
-    if found:
+    for difference in answer.differences:
+        print(difference, file=sys.stderr)
+    if answer.differences:
         raise typer.Exit(1)
-    print(f"equal to within {exact:g}, and the fate of every frame is the same")
+    if not as_json:
+        print(answer.text)

@@ -176,9 +176,10 @@ class Run:
 
     @cached_property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """(from s, to s) of each gap in the data of some target, in which a straight line stands in for it."""
+        """(from s, to s) of each gap in the data of some target, up to the end; a straight line stands in for it."""
         found = [gap for path in self.site.paths.values() for gap in path.gaps]
-        return tuple((begin - self.origin_s, end - self.origin_s) for begin, end in found)
+        shifted = ((begin - self.origin_s, end - self.origin_s) for begin, end in found)
+        return tuple(gap for gap in shifted if gap[0] < self.metrics["end_s"])
 
     @property
     def bounded(self) -> bool:

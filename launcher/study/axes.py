@@ -154,7 +154,9 @@ def _values(key: str, text: str) -> tuple[Any, ...]:
     try:
         values = tomllib.loads(f"values = [{text}]")["values"]
     except tomllib.TOMLDecodeError:
-        parts = [part.strip() for part in _split(text)]
+        parts = _split(text)
+        if len(parts) == 1 and text.startswith("[") and text.endswith("]"):
+            parts = _split(text[1:-1])  # the whole array was given, with text that has no quotes
         if not all(parts):
             raise ScenarioError(f"an empty value in {text!r}", file=_VARY, key=key, expected=_EXAMPLE) from None
         return tuple(parse(f"{key}={part}")[1] for part in parts)
@@ -171,7 +173,7 @@ def _split(text: str) -> list[str]:
             parts.append("")
         else:
             parts[-1] += character
-    return parts
+    return [part.strip() for part in parts]
 
 
 def label(value: Any) -> str:

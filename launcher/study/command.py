@@ -64,7 +64,8 @@ def conduct(
         said = f"interrupted: {runs - left} of {runs} runs are done and kept in {folder.path}; "
         console.print(Text(said + "the same command goes on with the others"))
         raise typer.Exit(INTERRUPTED) from None
-    _table_console().print(rich_table(found.summary))
+    stdout = _table_console()
+    stdout.print(rich_table(found.summary, stdout))
     console.print(Text(f"study: {folder.path} ({PAGE}, summary.csv, study.csv, plots)"))
     console.print(Text(f"next: open {folder.path / PAGE}"))
 

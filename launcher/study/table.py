@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from rich import box
+from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
@@ -27,8 +30,14 @@ COLUMNS: Final = {
     "frames.lost": "frames lost",
 }
 """Figures that a table has, where any row does."""
-_IN_TERMINAL: Final = ("rmse.position",)
-"""Figures whose intervals a terminal has room for."""
+_WITH_INTERVAL: Final = ("tracked", "RMSE")
+"""Columns whose intervals a terminal has room for."""
+_FIRST_TO_GO: Final = (
+    *("median", "blackout", "with gaps", "latency, 95 %", "frames lost", "lost", "battery empty", "energy"),
+)
+"""Columns that a narrow terminal goes without."""
+_ANY: Final = 10_000
+"""Columns of text, more than any table has."""
 
 
 @dataclass(frozen=True)
@@ -112,21 +121,37 @@ def caption(summary: Summary) -> str:
         return f"Means over {runs} run{'s' * (runs != 1)}: too few for intervals, which need {FEWEST}."
     return (
         f"Means over {runs} runs (RMSE: of the runs' own RMSE), with 95 % confidence intervals: Student's t for means, "
-        "Wilson's for shares of runs. A figure without one is the same in all runs, but for digits that are not shown."
+        "Wilson's for shares of runs."
     )
 
 
-def rich_table(summary: Summary) -> Table:
-    """For a terminal: intervals of the share of tracked runs and of the RMSE."""
-    whole, shown = grid(summary), [key for key in COLUMNS if summary.told(key)]
-    table = Table(caption=caption(summary), caption_justify="left", box=box.SIMPLE_HEAD)
-    with_interval = {whole.head.index("tracked")}
-    with_interval |= {len(whole.head) - len(shown) + shown.index(key) for key in _IN_TERMINAL if key in shown}
-    for place, name in enumerate(whole.head):
-        table.add_column(name, justify="left" if place < whole.names else "right")
-    for row in whole.rows:
-        table.add_row(*(str(cell) if place in with_interval else cell.text for place, cell in enumerate(row)))
+def rich_table(summary: Summary, console: Console) -> Table:
+    """For a terminal: the columns that fit into its width, with intervals of the share of tracked runs and the RMSE."""
+    whole = grid(summary)
+    left_out: list[str] = []
+    table = _drawn(whole, left_out, caption(summary))
+    for name in _FIRST_TO_GO:
+        if _width(table, console) <= console.width:
+            break
+        left_out.append(name)
+        table = _drawn(whole, left_out, f"{caption(summary)} study.html has more columns.")
     return table
+
+
+def _drawn(whole: Grid, left_out: Sequence[str], said: str) -> Table:
+    table = Table(caption=said, caption_justify="left", box=box.SIMPLE_HEAD)
+    places = [place for place, name in enumerate(whole.head) if name.partition(" [")[0] not in left_out]
+    for place in places:
+        name = whole.head[place].replace(" [", "\n[").replace(".", ".\n")
+        table.add_column(name, justify="left" if place < whole.names else "right", no_wrap=True)
+    for row in whole.rows:
+        cells = ((row[place], whole.head[place].partition(" [")[0] in _WITH_INTERVAL) for place in places)
+        table.add_row(*(str(cell) if ends else cell.text for cell, ends in cells))
+    return table
+
+
+def _width(table: Table, console: Console) -> int:
+    return Measurement.get(console, console.options.update(max_width=_ANY), table).maximum
 
 
 def html_table(summary: Summary) -> str:

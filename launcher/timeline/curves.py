@@ -36,6 +36,18 @@ class Axis:
     legend: bool = True
 
 
+def axis_of(highest: npt.NDArray[np.float64], labels: Sequence[str], size: tuple[float, float] = PLOT) -> Axis:
+    """How to draw a plot of this width and height; ``highest`` (n,) is of its curves, in equal parts of the time."""
+    width = (_ENTRY[0] + _ENTRY[1] * max(map(len, labels))) / size[0]
+    height = (_ENTRY[2] + _ENTRY[3] * len(labels)) / size[1]
+    some = math.ceil(width * len(highest))
+    whole = 1.05 * float(np.max(highest)) or 1.0
+    if height > HIGHEST:
+        return Axis(whole, legend=False)
+    tops = [max(whole, float(np.max(beside)) / (1 - height)) for beside in (highest[-some:], highest[:some])]
+    return Axis(min(tops), left=tops[1] < tops[0])
+
+
 class Curves:
     """Hands values of curves to ``add`` as they come; those of a curve come in order of time."""
 
@@ -59,16 +71,7 @@ class Curves:
 
     def axis(self, plot: str, labels: Sequence[str]) -> Axis | None:
         """How to draw a plot whose legend has these labels; None of one without values."""
-        if plot not in self._highest:
-            return None
-        width = (_ENTRY[0] + _ENTRY[1] * max(map(len, labels))) / PLOT[0]
-        height = (_ENTRY[2] + _ENTRY[3] * len(labels)) / PLOT[1]
-        some, highest = math.ceil(width * BINS), self._highest[plot]
-        whole = 1.05 * float(np.max(highest)) or 1.0
-        if height > HIGHEST:
-            return Axis(whole, legend=False)
-        tops = [max(whole, float(np.max(beside)) / (1 - height)) for beside in (highest[-some:], highest[:some])]
-        return Axis(min(tops), left=tops[1] < tops[0])
+        return axis_of(self._highest[plot], labels) if plot in self._highest else None
 
     def _bin(self, t_ns: int) -> int:
         whole_ns = self._info.origin_ns + self._info.end_s * NS

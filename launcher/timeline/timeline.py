@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 import rerun_bindings
 
 from launcher.records import SENSES, FieldInfo, MessageRow
@@ -29,6 +30,8 @@ from launcher.timeline.scene import Seconds
 from trackfield.link.places import position
 from trackfield.role import NS, TrackPoint
 
+APPLICATION: Final = "trackfield"
+"""Whose recordings and layouts these are, for the viewer."""
 LAG_NS: Final = NS
 """How far calls may be out of order: pictures and sums are settled only up to this long before the newest."""
 
@@ -80,11 +83,12 @@ class Timeline:
         self._tracks = Tracks(info, self._add, self._static, self._picture.shown, self._curves)
         self._mark_ns = round(info.end_s / MARKS * NS)
         self._newest = self._flushes = self._marks = self._moves = 0
-        self._rec = rr.RecordingStream("trackfield", recording_id=info.run)
+        self._rec = rr.RecordingStream(APPLICATION, recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
         sink = rr.FileSink(to) if isinstance(to, pathlib.Path) else _server(to)
-        self._rec.set_sinks(sink, default_blueprint=views.layout(info, live=self._live))
+        self._rec.set_sinks(sink)
+        self._lay_out(views.layout(info, live=self._live))
         self._rec.send_recording_name(info.run)
         for static in scenery.parts(info):
             self._static(*static)
@@ -167,7 +171,7 @@ class Timeline:
         self._send(everything=True)
         if not self._live:
             axes = {plot: self._curves.axis(plot, views.labels(self._info, plot)) for plot in views.PLOTS}
-            self._rec.send_blueprint(views.layout(self._info, axes))  # in place of the first one
+            self._lay_out(views.layout(self._info, axes), instead=True)
         self._rec.flush(timeout_sec=5)
         if self._live:
             time.sleep(LINGER_S)
@@ -180,6 +184,16 @@ class Timeline:
     def _ns(self, t_s: float) -> int:
         """The emulated time of so many seconds after the first step."""
         return self._info.origin_ns + round(t_s * NS)
+
+    def _lay_out(self, blueprint: rrb.Blueprint, instead: bool = False) -> None:
+        """Sends a blueprint, ``instead`` of the one before; Rerun's own way to do so leaves two threads behind."""
+        made = rerun_bindings.new_blueprint(APPLICATION, make_default=False, make_thread_default=False)
+        stream = rr.RecordingStream._from_native(made)
+        stream.set_time("blueprint", sequence=0)
+        blueprint._log_to_stream(stream)
+        if kept := rerun_bindings.memory_recording(stream.to_native()):
+            rerun_bindings.send_blueprint(kept, instead, True, recording=self._rec.to_native())
+        stream.disconnect()
 
     def _static(self, path: str, *what: rr.AsComponents) -> None:
         self._rec.log(path, *what, static=True)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
 from urllib.parse import quote
 
+from launcher.files import check_writable
 from launcher.timeline.look import TIME
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.role import NS
@@ -46,7 +47,7 @@ def open_viewer(run: Path, web: bool = False) -> None:
     With ``web`` the viewer is served to browsers on this machine only; its address goes to stderr.
     Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not come up.
     """
-    file, port = str(_timeline(run)), free_port()
+    file, port = str(timeline_of(run)), free_port()
     page = free_port()
     if web:
         command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), file)
@@ -99,8 +100,8 @@ def picture(run: Path, png: Path, at_s: float | None = None) -> None:
     Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline, a time that the run
     does not have or a file that cannot be written, ``RunFailed`` if there is no driver or the viewer fails otherwise.
     """
-    timeline = _timeline(run)
-    _check_writable(png)
+    timeline = timeline_of(run)
+    check_writable(png, "--png")
     with headless(timeline) as (viewer, recording):
         first_s, last_s = _span(recording)
         if at_s is None:
@@ -132,8 +133,9 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
             raise RunFailed(f"no picture: {cause}", process="viewer", log=said) from error
 
 
-def _timeline(run: Path) -> Path:
-    file = run / "run.rrd"
+def timeline_of(run: Path) -> Path:
+    """The recording of a run folder, or the one that is named itself, as ``compare --rrd`` writes it."""
+    file = run if run.suffix == ".rrd" and run.is_file() else run / "run.rrd"
     if not file.is_file():
         raise ScenarioError("no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it")
     try:
@@ -144,17 +146,6 @@ def _timeline(run: Path) -> Path:
     if magic != MAGIC:
         raise ScenarioError("is no timeline", file=str(file), expected="the file that a run left")
     return file.resolve()
-
-
-def _check_writable(png: Path) -> None:
-    is_new = not png.exists()
-    try:
-        png.open("ab").close()
-    except OSError as error:
-        what = f"cannot be written ({error.strerror})"
-        raise ScenarioError(what, file=str(png), key="--png", expected="a file in a writable folder") from None
-    if is_new:
-        png.unlink()
 
 
 def _source(port: int) -> str:

@@ -84,27 +84,28 @@ def _times() -> rrb.DataframeView:
 
 def _links(info: FieldInfo) -> rrb.Spatial2DView:
     places = [(place.x, place.y) for place in info.places]
-    return _space("/", ["/links/**"], "Radio links (reception)", _bounds(places + look.beside_links(info)))
+    return space("/", ["/links/**"], "Radio links (reception)", bounds(places + look.beside_links(info)))
 
 
 def _field(info: FieldInfo) -> rrb.Spatial2DView:
     points = look.field_points(info)
     row = look.row_below(points, 2)
     room = 0.4 * (row[1][0] - row[0][0])  # for its words, which are as large in a small window
-    bounds = _bounds(points + [(x, y - room) for x, y in row])
-    return _space("/", ["/field/**"], "Field (E right, N up)", bounds, _trails(info))
+    box = bounds(points + [(x, y - room) for x, y in row])
+    return space("/", ["/field/**"], "Field (E right, N up)", box, _trails(info))
 
 
 def _closeup(info: FieldInfo, target: str) -> rrb.Spatial2DView:
     """The field again, seen from a frame that goes along with a target."""
     contents = ["/field/**", "- /field/legend/**", look.closeup_path(target) + "/**"]
     bounds = rrb.VisualBounds2D(x_range=(-WIDE, WIDE), y_range=(-1.0, 1.0))
-    return _space(look.closeup_path(target, "zoom"), contents, f"Close-up of {target}", bounds, _trails(info))
+    return space(look.closeup_path(target, "zoom"), contents, f"Close-up of {target}", bounds, _trails(info))
 
 
-def _space(
+def space(
     origin: str, contents: list[str], name: str, bounds: rrb.VisualBounds2D, overrides: Overrides | None = None
 ) -> rrb.Spatial2DView:
+    """A view of what lies in the plane, from ``origin``."""
     return rrb.Spatial2DView(
         origin=origin,
         contents=contents,
@@ -117,17 +118,18 @@ def _space(
 
 def _trails(info: FieldInfo) -> Overrides:
     """What is shown as far as it came, not as it is now."""
-    so_far = rrb.VisibleTimeRanges(
-        rrb.VisibleTimeRange(
-            look.TIME, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
-        )
-    )
     trails = [look.truth_path(truth.target, part) for truth in info.truths for part in ("path", "interpolated")]
     sources = [place.id for place in info.tagged(TRACKS)]
     for name in info.trackers:
         names = [(name,)] if len(sources) <= 1 else [(name, source) for source in sources]
         trails += [look.path("field", *parts, "track") for parts in names]
-    return dict.fromkeys(trails, so_far)
+    return dict.fromkeys(trails, so_far())
+
+
+def so_far() -> rrb.VisibleTimeRanges:
+    """All of an entity up to the time that is shown."""
+    start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
+    return rrb.VisibleTimeRanges(rrb.VisibleTimeRange(look.TIME, start=start, end=end))
 
 
 def _network(info: FieldInfo) -> rrb.GraphView:
@@ -136,7 +138,7 @@ def _network(info: FieldInfo) -> rrb.GraphView:
     return rrb.GraphView(
         origin="/network",
         name="Network",
-        visual_bounds=_bounds([(x, -y) for x, y in look.graph_positions(info).values()]),
+        visual_bounds=bounds([(x, -y) for x, y in look.graph_positions(info).values()]),
         force_link=rrba.ForceLink(enabled=False),
         force_many_body=rrba.ForceManyBody(enabled=False),
         force_position=rrba.ForcePosition(enabled=False),
@@ -177,7 +179,7 @@ def _whole_run(info: FieldInfo) -> rrb.TimeAxis:
     )
 
 
-def _bounds(points: Sequence[tuple[float, float]]) -> rrb.VisualBounds2D:
+def bounds(points: Sequence[tuple[float, float]]) -> rrb.VisualBounds2D:
     """The box around some points (y up), with a margin, for a view (y down)."""
     xs, ys = zip(*points, strict=True)
     margin = 0.05 * max(max(xs) - min(xs), max(ys) - min(ys)) + 5.0

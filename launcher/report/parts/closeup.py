@@ -19,7 +19,9 @@ from launcher.report.tracks import Array, Track
 SCALE: Final = 2.447746830680816
 """Of a standard deviation, to the ellipse that holds 95 %: the root of the chi-square point of 2 degrees of freedom."""
 AROUND: Final = 2
-"""Steps before and after that have their ellipses."""
+"""Steps before and after that have their ellipses,"""
+LED: Final = 10
+"""and that are shown."""
 MARGIN: Final = 1.6
 """Of the picture around what it is to show."""
 LEAST_MARK: Final = 0.02
@@ -68,7 +70,8 @@ def closeup(axes: Axes, chart: Axes, run: Run, ways: Mapping[str, Array]) -> Non
         axes.plot(*way.T, color=style.TRUTH, lw=5.0, alpha=0.45, zorder=2)
     for other in run.tracks:
         colour = style.colour(run, other.tracker)
-        axes.plot(*other.mean[:, :2].T, ".-", color=colour, lw=1.2, ms=4, zorder=4)
+        way = np.abs(other.t_s - track.t_s[worst]) <= (LED + 0.5) * run.step_s
+        axes.plot(*other.mean[way, :2].T, ".-", color=colour, lw=1.2, ms=4, zorder=4)
         near = np.flatnonzero(np.abs(other.t_s - track.t_s[worst]) <= (AROUND + 0.5) * run.step_s)
         ellipses(axes, other, near, colour, largest_m=2 * half)
     axes.plot(*track.truth[:, :2].T, "o", color="white", mec=style.TRUTH, ms=3, mew=0.9, zorder=3)

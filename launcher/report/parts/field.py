@@ -63,10 +63,10 @@ def field(run: Run) -> Figure:
     """The track over the field; what is near the paths, if the field is much larger; the largest error close by."""
     sensors = np.array(list(run.sensors.values()))
     points = IN_A_STEP * run.site.steps + 1
-    ways = {target: _along(path, path.start_s, path.end_s, points) for target, path in run.site.paths.items()}
+    ways = {target: along(path, path.start_s, path.end_s, points) for target, path in run.site.paths.items()}
     passed = np.vstack(list(ways.values()))
-    box = _box(np.vstack([passed, _at(run, run.frames.senders())]))
-    whole = _box(np.vstack([passed, sensors]))
+    box = framed(np.vstack([passed, _at(run, run.frames.senders())]))
+    whole = framed(np.vstack([passed, sensors]))
     aside = bool((np.ptp(whole, axis=0) > MUCH_LARGER * np.ptp(box, axis=0)).any())
     if not aside:
         box = whole
@@ -77,7 +77,7 @@ def field(run: Run) -> Figure:
     for track in run.tracks:
         _track(axes, run, track, box)
     _centres(axes, run)
-    _scale(axes, box)
+    scaled(axes, box)
     _legend(beside[0], axes)
     if aside:
         _map(beside[1], sensors, whole, box)
@@ -88,7 +88,7 @@ def field(run: Run) -> Figure:
 # --- the sheet --------------------------------------------------------------------------------------------------------
 
 
-def _box(points: Array) -> Array:
+def framed(points: Array) -> Array:
     """(2, 2) lower and upper corner of what is shown around these points."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.06 * float((high - low).max()) + 10.0
@@ -120,7 +120,7 @@ def _sheet(box: Array, *, aside: bool) -> tuple[Figure, Axes, list[Axes]]:
     return figure, axes, beside
 
 
-def _scale(axes: Axes, box: Array) -> None:
+def scaled(axes: Axes, box: Array) -> None:
     """What the map shows, in metres or kilometres."""
     axes.set(xlim=box[:, 0], ylim=box[:, 1], xlabel="east [m]", ylabel="north [m]", aspect="equal")
     if np.ptp(box, axis=0).max() > IN_KM:
@@ -231,10 +231,10 @@ def _truths(axes: Axes, run: Run, ways: Mapping[str, Array]) -> None:
     gaps = [(path, gap) for path in run.site.paths.values() for gap in path.gaps]
     for number, (path, gap) in enumerate(gaps):
         label = None if number else "truth interpolated"
-        axes.plot(*_along(path, *gap, IN_A_GAP).T, ":", color=style.GAP, lw=2.0, label=label, zorder=3)
+        axes.plot(*along(path, *gap, IN_A_GAP).T, ":", color=style.GAP, lw=2.0, label=label, zorder=3)
 
 
-def _along(path: Path, from_s: float, to_s: float, points: int) -> Array:
+def along(path: Path, from_s: float, to_s: float, points: int) -> Array:
     """(points, 2) where a target was between two times at which it was there, m."""
     return np.array([state[:2] for t in np.linspace(from_s, to_s, points) if (state := path.at(t))])
 

@@ -49,6 +49,7 @@ def _errors(axes: Axes, run: Run) -> None:
     known = known[np.isfinite(known) & (known > 0)]
     if wide(np.quantile(known, [0.05, 1.0]).tolist() if len(known) else []):
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
     else:
         axes.set_ylim(bottom=0.0)
     axes.set(xlim=(0.0, run.end_s), xlabel="emulated time [s]", ylabel="position error [m]")

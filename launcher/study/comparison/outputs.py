@@ -1,0 +1,58 @@
+"""The files of a comparison: whether they can be written, and writing them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from launcher.files import check_writable
+from launcher.study.comparison.exact import Exactness
+from launcher.study.comparison.runs import Compared
+from trackfield.errors import ScenarioError
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Where to write the page, the table and the recording; None: not at all."""
+
+    html: Path | None = None
+    csv: Path | None = None
+    rrd: Path | None = None
+
+    def check(self, compared: Compared) -> None:
+        """Raise ``ScenarioError`` for a file that cannot be written, is named twice, or is a file of a run."""
+        seen: dict[Path, str] = {}
+        for key, file in self._named():
+            whole = file.resolve()
+            if (other := seen.setdefault(whole, key)) != key:
+                raise ScenarioError(f"{other} names this file, too", file=str(file), key=key, expected="another file")
+            if whole.exists() and any(whole.is_relative_to(folder.resolve()) for folder in compared.folders):
+                expected = "a file that is not there yet, or one outside the runs"
+                raise ScenarioError("is a file of a run", file=str(file), key=key, expected=expected)
+            check_writable(file, key)
+
+    def write(self, compared: Compared, exact: Exactness | None) -> Iterator[str]:
+        """Write them, in place of files that are there; what was written, in words."""
+        if self.html is not None:
+            from launcher.study.comparison.page import as_page
+
+            yield _written("page", self.html, as_page(compared, exact).encode())
+        if self.csv is not None:
+            from launcher.study.comparison.data import as_csv
+
+            yield _written("table", self.csv, as_csv(compared).encode())
+        if self.rrd is not None:
+            from launcher.study.comparison.recording import write_recording
+
+            write_recording(compared, self.rrd)
+            yield f"recording: {self.rrd}"
+
+    def _named(self) -> Iterator[tuple[str, Path]]:
+        named = (("--html", self.html), ("--csv", self.csv), ("--rrd", self.rrd))
+        return ((key, file) for key, file in named if file is not None)
+
+
+def _written(what: str, file: Path, content: bytes) -> str:
+    file.write_bytes(content)
+    return f"{what}: {file}"

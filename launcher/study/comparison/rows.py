@@ -1,0 +1,177 @@
+"""The figures that people compare, a row each with a cell for each run, in groups."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from launcher.record.verdict import TRACKED, told
+from launcher.record.words import span
+from launcher.report.cells import NOTHING, number, percent
+from launcher.study.comparison.runs import Compared
+
+Cell = float | int | str | None
+Better = Literal["lower", "higher"]
+OF_ALL: Final = ("sent", "expected", "delivered", "late")
+"""Counts of frames that everybody looks for."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure of each run. ``better`` says which is the best, among the cells that ``judged`` names (none: all)."""
+
+    name: str
+    cells: tuple[Cell, ...]
+    better: Better | None = None
+    text: Callable[[Any], str] = number
+    judged: tuple[bool, ...] = ()
+
+    @property
+    def best(self) -> tuple[bool, ...]:
+        """(runs,) whether a cell is better than another and reads so; of equal ones each."""
+        judged = self.judged or (True,) * len(self.cells)
+        fair = [
+            (float(cell), text)
+            for cell, text, ok in zip(self.cells, self.said, judged, strict=True)
+            if ok and isinstance(cell, int | float)
+        ]
+        if not self.better or len({text for _, text in fair}) < 2:
+            return (False,) * len(self.cells)
+        _, best = min(fair) if self.better == "lower" else max(fair)
+        return tuple(ok and text == best for text, ok in zip(self.said, judged, strict=True))
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """(runs,) the cells in words."""
+        return tuple(_said(cell, self.text) for cell in self.cells)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows that belong together; a ``tracker``'s have its colour."""
+
+    title: str
+    rows: tuple[Row, ...]
+    tracker: str = ""
+
+
+def settings(compared: Compared) -> Group:
+    """The keys of the scenarios that are not the same in all runs."""
+    rows = (
+        Row(key, tuple(None if value is None else setting(value) for value in values))
+        for key, values in compared.settings.items()
+    )
+    return Group("settings that differ", tuple(rows))
+
+
+def setting(value: Any) -> str:
+    """A value of a scenario in words."""
+    return value if isinstance(value, str) else json.dumps(value, default=str)
+
+
+def figures(compared: Compared) -> list[Group]:
+    """What came of the runs; what is nothing in all runs is left out, but for what everybody looks for."""
+    sums: Better | None = "lower" if compared.same_length else None
+    groups = [
+        *(Group(name, tuple(_tracker(name, compared)), name) for name in compared.trackers),
+        Group("bound", tuple(_bounds(compared.metrics))),
+        Group("frames", tuple(_frames(compared.metrics))),
+        Group("network and energy", tuple(_costs(compared.metrics, sums))),
+        Group("machine", tuple(_machine(compared.metrics))),
+    ]
+    return [group for group in groups if group.rows]
+
+
+def _tracker(name: str, compared: Compared) -> Iterator[Row]:
+    """How far off one tracker was. Errors are judged where the target was tracked, and the same one in all runs."""
+    found = [metrics["trackers"].get(name) for metrics in compared.metrics]
+    tracked = tuple(t is not None and t["verdict"] == TRACKED for t in found)
+    lower: Better | None = "lower" if compared.same_target else None
+
+    def row(text: str, *path: str, better: Better | None = None, how: Callable[[Any], str] = number) -> Row:
+        return Row(text, tuple(_at(t, path) for t in found), better, how, tracked)
+
+    def pair(text: str, cells: Sequence[Any], words: str) -> Row:
+        both = (None if cell is None else words.format(*map(number, cell)) for cell in cells)
+        return Row(text, tuple(both))
+
+    yield Row("verdict", tuple(t and told(t) for t in found))
+    yield row("RMSE [m]", "rmse", "position", better=lower)
+    yield from _telling(row("RMSE / bound", "times_bound", better="lower"))
+    yield row("median error [m]", "median_error", better=lower)
+    yield from _telling(row("velocity RMSE [m/s]", "rmse", "velocity", better=lower))
+    yield pair("steps with a track", [t and (t["steps_tracked"], t["steps_expected"]) for t in found], "{} of {}")
+    yield Row("steps within lost_m", tuple(_at(t, ("share_within",)) for t in found), "higher", percent)
+    yield Row("longest time without a track [s]", tuple(_at(t, ("longest_blackout_s",)) for t in found), "lower")
+    yield from _telling(row("RMSE in gaps of the truth [m]", "gap", "rmse"))
+    yield from _telling(
+        row("mean NEES", "nees"), pair("NEES, 95 % band", [_at(t, ("nees_band",)) for t in found], "{} to {}")
+    )
+
+
+def _bounds(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:
+    names = {"trajectory": "with the reports of the run [m]", "position": "with every report in reach [m]"}
+    return _telling(*(_row(metrics, text, "bound", key) for key, text in names.items()))
+
+
+def _frames(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+    lost = [sum(m["frames"]["lost"].values()) + (m["frames"]["host_lost"] or 0) for m in metrics]
+    shares = (
+        n / m["frames"]["expected"] if m["frames"]["expected"] else None for n, m in zip(lost, metrics, strict=True)
+    )
+    yield from (_row(metrics, key, "frames", key) for key in OF_ALL)
+    yield Row("lost", tuple(lost))
+    yield Row("share lost", tuple(shares), "lower", percent)
+    causes = dict.fromkeys(cause for m in metrics for cause in m["frames"]["lost"])
+    yield from _telling(
+        *(_row(metrics, f"lost: {cause.replace('_', ' ')}", "frames", "lost", cause) for cause in causes)
+    )
+    yield from _telling(_row(metrics, "lost by the machine", "frames", "host_lost"))
+
+
+def _costs(metrics: Sequence[Mapping[str, Any]], sums: Better | None) -> list[Row]:
+    return _telling(
+        _row(metrics, "payload [bytes]", "bytes", "payload", better=sums),
+        _row(metrics, "on the air [bytes]", "bytes", "on_air", better=sums),
+        _row(metrics, "on the link, 95 % [ms]", "latency_ms", "link", "p95", better="lower"),
+        _row(metrics, "step to track, 95 % [ms]", "latency_ms", "to_track", "p95", better="lower"),
+        _row(metrics, "clock error, rms [ms]", "clock_error_ms", "rms", better="lower"),
+        _row(metrics, "energy [J]", "energy_j", "total", better=sums),
+        _row(metrics, "energy of the node that used most [J]", "energy_j", "max_node", better=sums),
+        _row(metrics, "first battery empty after", "lifetime_s", "first_death", better="higher", text=span),
+    )
+
+
+def _machine(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
+    drivers = _row(metrics, "driver", "driver")
+    if len(set(drivers.cells)) > 1:
+        yield drivers
+    yield _row(metrics, "events out of order (host late)", "timing", "host_late")
+
+
+def _row(
+    metrics: Sequence[Mapping[str, Any]],
+    name: str,
+    *path: str,
+    better: Better | None = None,
+    text: Callable[[Any], str] = number,
+) -> Row:
+    return Row(name, tuple(_at(m, path) for m in metrics), better, text)
+
+
+def _telling(*rows: Row) -> list[Row]:
+    return [row for row in rows if any(row.cells)]
+
+
+def _at(figures: Mapping[str, Any] | None, path: Sequence[str]) -> Any:
+    """The figure at this path; None where there is none."""
+    found: Any = figures
+    for key in path:
+        found = (found or {}).get(key)
+    return found
+
+
+def _said(cell: Cell, text: Callable[[Any], str]) -> str:
+    return NOTHING if cell is None else cell if isinstance(cell, str) else text(cell)

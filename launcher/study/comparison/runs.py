@@ -1,0 +1,131 @@
+"""The runs of a comparison as their folders tell them: figures, settings, and where their targets were."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow.parquet as pq
+
+from launcher.study.compare import check_runs
+from trackfield.errors import ScenarioError
+
+SAME_M: Final = 1e-6
+"""Two runs have the same target if it is no further apart at any step."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two or more finished runs; what has an entry for each run is in the order of ``folders``.
+
+    ``names`` are the names of the folders, with as many of their parents as tell them apart.
+    """
+
+    folders: tuple[Path, ...]
+    names: tuple[str, ...]
+    metrics: tuple[Mapping[str, Any], ...]
+    scenarios: tuple[Mapping[str, Any], ...]
+
+    @cached_property
+    def settings(self) -> dict[str, tuple[Any, ...]]:
+        """The value in each run of every key of the scenarios that differs; None where a scenario has no such key."""
+        flat = [dict(_flat(scenario)) for scenario in self.scenarios]
+        keys = dict.fromkeys(key for one in flat for key in one)
+        values = {key: tuple(one.get(key) for one in flat) for key in keys}
+        return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
+
+    @cached_property
+    def trackers(self) -> tuple[str, ...]:
+        """The trackers of all runs."""
+        return tuple(dict.fromkeys(name for metrics in self.metrics for name in metrics["trackers"]))
+
+    @cached_property
+    def groups(self) -> tuple[tuple[int, ...], ...]:
+        """The places of runs whose targets were at the same points at the steps that they have in common."""
+        found: list[list[int]] = []
+        for place, truth in enumerate(self._truths):
+            for group in found:
+                if _same(self._truths[group[0]], truth):
+                    group.append(place)
+                    break
+            else:
+                found.append([place])
+        return tuple(map(tuple, found))
+
+    @property
+    def same_target(self) -> bool:
+        """Whether the targets of all runs take the same paths."""
+        return len(self.groups) == 1
+
+    @cached_property
+    def lengths_s(self) -> tuple[float, ...]:
+        """How long there was a target in each run, s."""
+        return tuple(max((t_s for t_s, _ in truth), default=0.0) for truth in self._truths)
+
+    @property
+    def same_length(self) -> bool:
+        """Whether sums over a run mean the same in all of them."""
+        return len(set(self.lengths_s)) == 1
+
+    @cached_property
+    def _truths(self) -> list[dict[tuple[float, str], tuple[float, float]]]:
+        """Of each run the place (m) of each target that is known, by (t in s, target)."""
+        return [_truth(folder) for folder in self.folders]
+
+
+def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
+    """Read what every comparison needs; ``key`` is how the user knows the argument.
+
+    Raises ``ScenarioError`` for less than two runs, for one that is named twice, and for a folder that is none.
+    """
+    if len(folders) < 2:
+        raise ScenarioError("there is nothing to compare it with", key=key, expected="two run folders or more")
+    seen: dict[Path, Path] = {}
+    for folder in folders:
+        if other := seen.get(folder.resolve()):
+            what = f"{folder} is named twice" if folder == other else f"{folder} is the same run as {other}"
+            raise ScenarioError(what, key=key, expected="different runs")
+        seen[folder.resolve()] = folder
+    check_runs(folders)
+    return Compared(
+        tuple(folders),
+        names(folders),
+        tuple(json.loads((folder / "metrics.json").read_bytes()) for folder in folders),
+        tuple(tomllib.loads((folder / "scenario.toml").read_text(encoding="utf-8")) for folder in folders),
+    )
+
+
+def names(folders: Sequence[Path]) -> tuple[str, ...]:
+    """The last part of each path, or as many as it takes to tell them apart."""
+    parts = [folder.resolve().parts for folder in folders]
+    for count in range(1, max(map(len, parts)) + 1):
+        found = tuple("/".join(one[-count:]) for one in parts)
+        if len(set(found)) == len(found):
+            return found
+    return tuple(map(str, folders))
+
+
+def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """(key path, value) of each; a list is one value."""
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _truth(folder: Path) -> dict[tuple[float, str], tuple[float, float]]:
+    columns = ("t_s", "true_target", "true_x", "true_y")
+    table = pq.read_table(folder / "tracks.parquet", columns=list(columns))
+    rows = zip(*(table[name].to_pylist() for name in columns), strict=True)
+    return {(round(t_s, 6), target): (x, y) for t_s, target, x, y in rows if x is not None}
+
+
+def _same(a: Mapping[Any, tuple[float, float]], b: Mapping[Any, tuple[float, float]]) -> bool:
+    common = a.keys() & b.keys()
+    return bool(common) and all(abs(p - q) <= SAME_M for key in common for p, q in zip(a[key], b[key], strict=True))
