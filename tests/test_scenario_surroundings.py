@@ -174,7 +174,7 @@ N = {"nodes": ["n001"]}
             [{"kind": "restart", **N, "at_s": 3, "until_s": 3.9}],
             "faults[0].until_s: is 3.9; expected a time at least 1 s after at_s, which is 3",
         ),
-        ([{"kind": "bias", **N, "at_s": 3}], "faults[0].bias_deg: is 0, and so is bias_db; expected at least"),
+        ([{"kind": "bias", **N, "at_s": 3}], "faults[0].bias_deg: is 0, and so is bias_db; expected at"),
         ([{"kind": "bias", **N, "at_s": 3, "bias_deg": 181}], "faults[0].bias_deg: is 181; expected a number from -18"),
         ([{"kind": "bias", **N, "at_s": 3, "bias_db": 101}], "faults[0].bias_db: is 101; expected a number from -100 "),
         ([{"kind": "stuck", **N, "at_s": 3, "bias_db": 1}], "faults[0].bias_db: belongs to kind bias, not to stuck"),

@@ -224,7 +224,7 @@ def test_it_is_enough_that_one_of_them_comes_in_range() -> None:
         ({"targets": [{"path": "s4", "id": "a"}]}, "targets[0].path: unknown path 's4'; expected one of s1, s2"),
         (
             {"targets": [{**SECOND, "steps": 9}, {**LEGS, "id": "late", "waypoints": [[100, 0, 0], [200, 9, 9]]}]},
-            "targets[1].steps: the target is present from 100 s to 200 s, but the run ends after 9 s; expected at least",
+            "targets[1].steps: the target is present from 100 s to 200 s, but the run ends after 9 s; expected at",
         ),
     ],
 )  # fmt: skip
