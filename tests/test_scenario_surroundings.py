@@ -157,7 +157,7 @@ N = {"nodes": ["n001"]}
         ([{"kind": "kill", "at_s": 3, "nodes": "n001"}], 'faults[0].nodes: is "n001"; expected a list of at least 1'),
         ([{"kind": "kill", "at_s": 3, "nodes": [1]}], "faults[0].nodes: is 1; expected a list of at least 1, each a"),
         ([{"kind": "kill", "at_s": 3, "nodes": ["a", "a"]}], "faults[0].nodes: 'a' is given twice; expected each id o"),
-        ([{"kind": "kill", "at_s": 3, **N, "share": 0.1}], "faults[0].share: is given together with nodes; expected one"),
+        ([{"kind": "kill", "at_s": 3, **N, "share": 0.1}], "faults[0].share: is given together with nodes; expected"),
         ([{"kind": "kill", "at_s": 3, "share": 0}], "faults[0].share: is 0; expected a number above 0 and at most 1"),
         ([{"kind": "kill", "at_s": 3, "share": 1.1}], "faults[0].share: is 1.1; expected a number above 0 and at most"),
         ([{"kind": "kill", **N, "at_s": 3, "until_s": 4}], "faults[0].until_s: belongs to kind freeze or partition or"),
