@@ -34,7 +34,7 @@ class Contents(Section):
         json_schema_extra={"expected": "letters, digits, and _ . - between them"},
         description="the scenario's name; its run folders begin with it",
     )
-    seed: int = Field(default=1, ge=0, description="of every random draw; another seed gives another run")
+    seed: int = Field(default=1, ge=0, description="seed of every random draw; another gives another run")
     restart: Literal["never", "on-death"] = Field(
         default="never", description="whether a process that dies unplanned is started again"
     )

@@ -55,7 +55,7 @@ class SpacedSection(LayoutSection):
         default=None,
         ge=1,
         le=1_000_000,
-        description="approximate number of sensors at the same spacing; the extent follows from it",
+        description="approximate number of sensors at the same spacing; the size of the field follows from it",
     )
 
 

@@ -47,7 +47,7 @@ class PathSection(Section):
         default=None,
         ge=1,
         le=MAX_STEPS,
-        description="length of the run; the first target's counts; unset: end of the last path (s1 60, s2 75, s3 40 s)",
+        description="number of steps; the first target's counts; unset: to the last path's end (s1 60, s2 75, s3 40 s)",
     )
 
     def run(self, course: Course) -> tuple[int, Path]:

@@ -23,7 +23,7 @@ class Clocks(Section):
         default=True, description="nodes whose clocks are off ask the centre for the time, over the radio"
     )
     exchanges: int = Field(
-        default=8, ge=1, le=1000, description="request and reply pairs of a synchronisation; the quickest counts"
+        default=8, ge=1, le=1000, description="requests and replies of a synchronisation; the quickest pair counts"
     )
     resync_s: float = Field(
         default=60.0, gt=0, le=1e6, description="a node that stays awake synchronises again after this time"

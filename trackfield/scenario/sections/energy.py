@@ -17,6 +17,8 @@ class Energy(Section):
     device: Literal["cc2420", "cc2420-20dbm", "sx1276", "wifi11b"] | None = Field(
         default=None, description="device whose power figures are used; unset: that of link.radio, or else cc2420"
     )
-    battery_j: Joules | None = Field(default=None, description="of each sensor node; unset: mains, never empty")
-    centre_battery_j: Joules | None = Field(default=None, description="of the fusion centre; unset: mains, never empty")
+    battery_j: Joules | None = Field(default=None, description="battery of each sensor node; unset: mains, never empty")
+    centre_battery_j: Joules | None = Field(
+        default=None, description="battery of the fusion centre; unset: mains, never empty"
+    )
     sample_mj: float = Field(default=0.0, ge=0, le=1e9, description="energy of each reading of the sensor")

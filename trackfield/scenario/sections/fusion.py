@@ -18,7 +18,7 @@ class Fusion(Section):
     options: Options = Field(
         default=(),
         json_schema_extra={"expected": EXPECTED},
-        description="options by tracker; a new name is a variant of the tracker that its option tracker names",
+        description='options of single trackers; with tracker = "...", a new name is a variant of that tracker',
     )
     trackers: tuple[str, ...] = Field(
         default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
