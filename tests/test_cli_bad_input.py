@@ -165,7 +165,7 @@ TRACK = (
         ("nothing.gpx", "", ["not a GPX file", "expected a GPX file"]),
         ("wrong.csv", "time,east,north\n", ["has the columns time, east, north", "time,lat,lon or t_s,x,y"]),
         ("cell.csv", "t_s,x,y\n0,1,2\n1,here,2\n", ["cell.csv:3: x is 'here'", "metres"]),
-        ("single.csv", "t_s,x,y\n0,1,2\n", ["has a single fix", "a track of two at least"]),
+        ("single.csv", "t_s,x,y\n0,1,2\n", ["has a single fix", "a track of at least two"]),
         ("ride.kml", "<kml/>", ["unknown kind of track", "a .gpx or .csv file"]),
     ],
 )
@@ -189,8 +189,8 @@ def test_a_track_that_is_not_there_is_named(trackfield: Call, tmp_path: Path) ->
     [
         (["--from", "10:00", "--to", "10:05"], ["no fix inside the window", "times in 2025-03-03 08:00:00+00:00 to"]),
         (["--from", "08:01", "--to", "2025-03-03T08:00"], ["target.to: the window ends before it begins", "times in"]),
-        (["--from", "eight"], ["target.from: 'eight' is no time", "HH:MM[:SS] or an ISO date and time"]),
-        (["--to", "25:00"], ["target.to: '25:00' is no time", "HH:MM[:SS]"]),
+        (["--from", "eight"], ["target.from: 'eight' is not a time", "HH:MM[:SS] or an ISO date and time"]),
+        (["--to", "25:00"], ["target.to: '25:00' is not a time", "HH:MM[:SS]"]),
     ],
 )
 def test_a_window_with_nothing_in_it_names_the_files_times(

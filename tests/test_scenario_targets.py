@@ -237,7 +237,7 @@ def test_targets_that_do_not_go_together(data: dict[str, Any], message: str) -> 
 def test_a_window_of_another_track_is_told_with_its_number(tmp_path: Path) -> None:
     first, other = track(tmp_path / "a.csv", 50.0), track(tmp_path / "b.csv", 50.01)
     targets = [{"id": "a", "path": "file", "file": first}, {"id": "b", "path": "file", "file": other, "from": "x"}]
-    assert failure({"targets": targets}).startswith(f"{other}: targets[1].from: 'x' is no time; expected HH:MM[:SS]")
+    assert failure({"targets": targets}).startswith(f"{other}: targets[1].from: 'x' is not a time; expected HH:MM[:SS]")
 
 
 def test_each_is_told_with_its_line(tmp_path: Path) -> None:
