@@ -316,7 +316,7 @@ def test_what_is_no_time(straight: Path, when: str) -> None:
 
 def test_seconds_for_a_file_that_counts_seconds(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "t_s,x,y\n1,0,0\n2.5,1,0\n")
-    assert "'08:00' is no time; expected seconds" in failure(file, "08:00")
+    assert "'08:00' is not a time; expected seconds" in failure(file, "08:00")
 
 
 # --- real recordings --------------------------------------------------------------------------
