@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.reception import Shares, receptions
+from launcher.plan.reception import Shares, receptions, varies
 from launcher.records import SENSES, Plan
 from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
@@ -84,7 +83,8 @@ class Foresight:
 
     ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send.
 
-    ``receptions`` are by kind of message, reports first, on the links of those sensors alone. ``use_s`` is up to which
+    ``receptions`` are by kind of message, reports first, on the links of those sensors alone, at the times at which
+    they report; ``arriving`` is the share of all reports that may be expected to arrive. ``use_s`` is up to which
     age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has any. ``duty`` is who
     sends longest in any hour; None where no rule limits that.
     """
@@ -95,25 +95,16 @@ class Foresight:
     coverage: tuple[Coverage, ...]
     reports: Mapping[str, float]
     receptions: Mapping[str, Shares]
+    arriving: float
     trial: Trial
     use_s: float
     air_s: Array
     duty: Duty | None
 
-    @cached_property
-    def arriving(self) -> float:
-        """The share of all reports that may be expected to arrive."""
-        total = sum(self.reports.values())
-        return sum(n * self.arrives(id) for id, n in self.reports.items()) / total if total else 0.0
-
-    @cached_property
+    @property
     def of_use(self) -> float:
         """The share of the reports that arrive that are not too late."""
         return useful(self.trial, self.use_s)
-
-    def arrives(self, id: str) -> float:
-        """The share of a sensor's reports that arrive at its best hearer."""
-        return best(next(iter(self.receptions.values()), {}), id)
 
 
 def useful(trial: Trial, use_s: float) -> float:
@@ -135,11 +126,11 @@ def foresee(plan: Plan) -> Foresight:
     heard = _Heard.of(plan, positions)
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
-    used = {kind: _of(shares, reports) for kind, shares in receptions(plan, reports.keys()).items()}
+    used = receptions(plan, {ids[i]: heard.t_ns[heard.sensor == i].tolist() for i in senders.tolist()})
+    chance = _chances(plan, ids, heard, next(iter(used.values()), {}))
     trial = _trial(plan, ids, heard)
     use_s = max(plan.deadline_s, plan.max_age_s)
-    there = next(iter(used.values()), {})
-    share = np.array([best(there, id) if id in reports else 0.0 for id in ids]) * useful(trial, use_s)
+    share = chance * useful(trial, use_s)
     needs = _needs(plan, len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
     return Foresight(
@@ -149,6 +140,7 @@ def foresee(plan: Plan) -> Foresight:
         coverage=tuple(_coverage(plan, id, path, heard, positions, share, needs) for id, path in plan.paths.items()),
         reports=reports,
         receptions=used,
+        arriving=float(chance.mean()) if len(chance) else 0.0,
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
@@ -161,11 +153,6 @@ def _needs(plan: Plan, sensors: int) -> int:
     own = plan.tracking.get("sensor")
     needs = fix_sensors(make_sensor(**own)) if own else DOA_FIX
     return min(needs, sensors) if plan.tracking.get("prior") else needs
-
-
-def _of(shares: Shares, senders: Mapping[str, float]) -> Shares:
-    """The links from or to these."""
-    return {link: share for link, share in shares.items() if link[0] in senders or link[1] in senders}
 
 
 @dataclass(frozen=True)
@@ -224,18 +211,33 @@ def _rows(
     return t_ns, np.full(len(sensor), number), sensor, far
 
 
+def _chances(plan: Plan, ids: list[str], heard: _Heard, shares: Shares) -> Array:
+    """(n,) the probability that each report arrives at its best receiver, of links with these ``shares``."""
+    if not varies(plan):
+        return np.array([best(shares, id) for id in ids])[heard.sensor]
+    link, message = _link(plan), plan.flows[0].message
+    kind, size = kind_of(message).name, len(encode(message))
+    receivers = {id: [dst for src, dst in shares if src == id] for id in ids}
+    return np.array(
+        [
+            max(link.reception(ids[i], dst, size, kind, t_ns) for dst in receivers[ids[i]])
+            for i, t_ns in zip(heard.sensor.tolist(), heard.t_ns.tolist(), strict=True)
+        ]
+    )
+
+
 def _coverage(plan: Plan, id: str, path: Path, heard: _Heard, positions: Array, share: Array, needs: int) -> Coverage:
-    """The coverage of one target, for sensors whose reports arrive in time with these probabilities (sensors,)."""
+    """The coverage of one target, if reports arrive in time with these probabilities (n,)."""
     there = [(t, state[:2]) for t in heard.times if (state := path.at(t / NS)) is not None]
     times, points = np.array([t for t, _ in there], np.int64), np.reshape([point for _, point in there], (-1, 2))
     mine = heard.target == list(plan.paths).index(id)
-    step, sensor = np.searchsorted(times, heard.t_ns[mine]), heard.sensor[mine]
+    step, share = np.searchsorted(times, heard.t_ns[mine]), share[mine]
     in_reach = np.bincount(step, minlength=len(times))
-    order = np.lexsort((-share[sensor], step))
+    order = np.lexsort((-share, step))
     rank = np.arange(len(step)) - np.repeat(np.cumsum(in_reach) - in_reach, in_reach)
     best = rank < MOST_SENSORS
     chances = np.zeros((len(times), min(int(in_reach.max(initial=0)), MOST_SENSORS)))
-    chances[step[order][best], rank[best]] = share[sensor[order]][best]
+    chances[step[order][best], rank[best]] = share[order][best]
     margin = np.maximum(points - positions.max(axis=0), positions.min(axis=0) - points).max(axis=1)
     return Coverage(id, (times - plan.origin_ns) / NS, in_reach, at_least(needs, chances), margin > 0.0)
 

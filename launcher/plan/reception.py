@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from launcher.records import Flow, Plan
@@ -18,21 +18,28 @@ Shares = dict[tuple[str, str], float]
 """By sender and hearer."""
 
 
-def receptions(plan: Plan, ends: Collection[str] | None = None) -> dict[str, Shares]:
+def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> dict[str, Shares]:
     """The share of its messages that each link in use may expect to carry, by kind of message, reports first.
 
-    Of who moves, the mean over the run. ``ends`` are those whose links are asked for; None: all.
+    If any process moves, the mean over time. ``when`` are the instants (ns) that count for the links of each of its
+    processes, and other links are left out; None: all links, over the run.
     """
-    return {kind_of(flow.message).name: _shares(plan, flow, ends) for flow in plan.flows}
+    return {kind_of(flow.message).name: _shares(plan, flow, when) for flow in plan.flows}
 
 
-def _shares(plan: Plan, flow: Flow, ends: Collection[str] | None) -> Shares:
+def varies(plan: Plan) -> bool:
+    """Whether links change during the run, since a process moves."""
+    return any(p.legs for p in plan.processes)
+
+
+def _shares(plan: Plan, flow: Flow, when: Mapping[str, Sequence[int]] | None) -> Shares:
     link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
     kind, size = kind_of(flow.message).name, len(encode(flow.message))
-    moving = any(p.legs for p in plan.processes)
-    times = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if moving else [0]
-    return {
-        (src, dst): sum(link.reception(src, dst, size, kind, at) for at in times) / len(times)
-        for src, dst in flow.pairs
-        if ends is None or src in ends or dst in ends
-    }
+    always = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if varies(plan) else [0]
+    shares: Shares = {}
+    for src, dst in flow.pairs:
+        times = always if when is None else when.get(src, when.get(dst, ()))
+        some = times[:: -(-len(times) // INSTANTS) or 1] if varies(plan) else times[:1]
+        if some:
+            shares[src, dst] = sum(link.reception(src, dst, size, kind, at) for at in some) / len(some)
+    return shares

@@ -1,0 +1,71 @@
+"""What ``validate`` expects of the reports of a run, and what then becomes of them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import pytest
+
+from launcher.plan.prepare import load, planned
+from launcher.record.ledger import Ledger
+from tests.command_line import Call, trackfield
+from tests.simulated import simulated
+
+__all__ = ["trackfield"]
+
+DRIVES = ("fusion.path=[[0,-200,0],[60,200,0]]", "target.waypoints=[[0,-200,0],[60,200,0]]")
+REPORTS = re.compile(r"reports: (?:about|up to) (\d+) from .*; ([\d.]+)% arrive, ([\d.]+)% of those in time")
+
+
+@dataclass(frozen=True)
+class Reports:
+    """How many are sent, arrive, and arrive in time, and in which share of the steps enough do for a fix."""
+
+    sent: float
+    arrived: float
+    in_time: float
+    fixes: float
+
+
+def validated(trackfield: Call, *settings: str) -> tuple[Reports, str]:
+    """What ``validate`` expects, and all that it says."""
+    said = trackfield("validate", "zhai-spcpf", *(part for setting in settings for part in ("--set", setting)))
+    assert said.code == 0, said.err
+    reports, fixes = REPORTS.search(said.err), re.search(r"in time in (?:up to )?(\d+)%", said.err)
+    assert reports
+    assert fixes
+    sent, arrived, in_time = (float(figure) for figure in reports.groups())
+    return Reports(sent, sent * arrived / 100, sent * arrived * in_time / 1e4, int(fixes[1]) / 100), said.err
+
+
+def happened(*settings: str, use_s: float = 0.3) -> Reports:
+    """What becomes of the reports in a run, if they can be used up to this age."""
+    ledger, _ = simulated(planned(load("zhai-spcpf", settings=settings, trackers=["ekf"])))
+    assert isinstance(ledger, Ledger)
+    rows = [row for row in ledger.rows if row.kind == "doa" and row.step is not None]
+    arrived = [(row.step, row.due_ns / 1e9 - row.step) for row in rows if row.delivered and row.due_ns and row.step]
+    in_time = [step for step, age_s in arrived if age_s <= use_s]
+    fixes = sum(in_time.count(step) >= 2 for step in set(in_time)) / 60
+    return Reports(len(rows), len(arrived), len(in_time), fixes)
+
+
+def test_a_centre_that_drives_beside_the_target_gets_all_reports(trackfield: Call) -> None:
+    """Over the whole run each of these links carries less than half, but all of it while its sensor reports."""
+    settings = (*DRIVES, "link.model=ideal", "link.range_m=80")
+    expected, text = validated(trackfield, *settings)
+    assert "reports may be expected to arrive" not in text
+    assert "11 sensor nodes that will report: mean 100.0%, worst 100.0% (" in text
+    found = happened(*settings)
+    assert expected.sent == expected.arrived == expected.in_time == found.in_time == 110
+    assert expected.fixes == pytest.approx(found.fixes, abs=0.005)
+
+
+def test_a_centre_that_drives_away_from_the_target_gets_few(trackfield: Call) -> None:
+    settings = ("fusion.path=[[0,0,0],[60,100,400]]", "link.model=ideal", "link.range_m=120")
+    expected, text = validated(trackfield, *settings)
+    found = happened(*settings)
+    assert expected.arrived == pytest.approx(found.arrived, abs=0.5)
+    assert 0 < found.arrived < 0.5 * found.sent
+    assert f"; {found.arrived} of {found.sent} reports may be expected to arrive, " in text
+    assert expected.fixes == pytest.approx(found.fixes, abs=0.005)
