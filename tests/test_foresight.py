@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
@@ -68,4 +69,19 @@ def test_a_centre_that_drives_away_from_the_target_gets_few(trackfield: Call) ->
     assert expected.arrived == pytest.approx(found.arrived, abs=0.5)
     assert 0 < found.arrived < 0.5 * found.sent
     assert f"; {found.arrived} of {found.sent} reports may be expected to arrive, " in text
+    assert expected.fixes == pytest.approx(found.fixes, abs=0.005)
+
+
+@pytest.mark.parametrize(("until_s", "arrive"), [(2, 4), (31, 121)])
+def test_a_trace_is_expected_to_lose_what_it_loses(trackfield: Call, tmp_path: Path, until_s: int, arrive: int) -> None:
+    """Half of its lines say received, for a small or a large part of the run."""
+    lines = [f"n{i:03},fusion,{t_s},{int(t_s == 0)},2" for i in range(121) for t_s in (0, until_s)]
+    (tmp_path / "radio.csv").write_text("\n".join(["src,dst,t_s,received,delay_ms", *lines]))
+    settings = ("link.model=trace", f"link.file={tmp_path / 'radio.csv'}")
+    expected, text = validated(trackfield, *settings)
+    found = happened(*settings)
+    assert found.arrived == arrive
+    shares = {share for *_, share in planned(load("zhai-spcpf", settings=settings)).info.receptions}
+    assert list(shares) == pytest.approx([until_s / 61], abs=0.02)
+    assert f"; {arrive} of 241 reports may be expected to arrive, " in text
     assert expected.fixes == pytest.approx(found.fixes, abs=0.005)

@@ -21,15 +21,15 @@ Shares = dict[tuple[str, str], float]
 def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> dict[str, Shares]:
     """The share of its messages that each link in use may expect to carry, by kind of message, reports first.
 
-    If any process moves, the mean over time. ``when`` are the instants (ns) that count for the links of each of its
+    Of links that change over time, the mean. ``when`` are the instants (ns) that count for the links of each of its
     processes, and other links are left out; None: all links, over the run.
     """
     return {kind_of(flow.message).name: _shares(plan, flow, when) for flow in plan.flows}
 
 
 def varies(plan: Plan) -> bool:
-    """Whether links change during the run, since a process moves."""
-    return any(p.legs for p in plan.processes)
+    """Whether links change during the run: a process moves, or a trace is replayed."""
+    return plan.run.link["model"] == "trace" or any(p.legs for p in plan.processes)
 
 
 def _shares(plan: Plan, flow: Flow, when: Mapping[str, Sequence[int]] | None) -> Shares:
