@@ -85,3 +85,24 @@ def test_a_trace_is_expected_to_lose_what_it_loses(trackfield: Call, tmp_path: P
     assert list(shares) == pytest.approx([until_s / 61], abs=0.02)
     assert f"; {arrive} of 241 reports may be expected to arrive, " in text
     assert expected.fixes == pytest.approx(found.fixes, abs=0.005)
+
+
+@pytest.mark.parametrize(("age_s", "late"), [(3, "90%"), (5, "80%")])
+def test_reports_wait_for_the_radio_of_their_own_node(trackfield: Call, age_s: int, late: str) -> None:
+    """A report takes the radio for 2.64 s, and the next one comes after 1 s. The last one arrives after the run."""
+    settings = ("link.radio=lora868", "link.sf=12", f"fusion.max_age_s={age_s}")
+    expected, text = validated(trackfield, *settings)
+    found = happened(*settings, use_s=age_s)
+    assert expected.in_time == pytest.approx(found.in_time + 1, abs=0.5)
+    assert expected.fixes == pytest.approx(found.fixes, abs=0.005)
+    assert f"{late} of the reports that arrive are too late (delay 9.19 s, " in text
+
+
+def test_reports_that_find_the_queue_full_do_not_arrive(trackfield: Call) -> None:
+    settings = ("link.radio=lora868", "link.sf=12", "link.queue=2", "fusion.max_age_s=60")
+    expected, _ = validated(trackfield, *settings)
+    ledger, _ = simulated(planned(load("zhai-spcpf", settings=settings, trackers=["ekf"])))
+    assert isinstance(ledger, Ledger)
+    dropped = sum(row.outcome == "overflow" for row in ledger.rows)
+    assert dropped > 50
+    assert expected.sent - expected.arrived == pytest.approx(dropped, abs=0.5)

@@ -67,6 +67,11 @@ class Trial:
     ack_s: Array
     busy_s: Array
 
+    def in_time(self, left_s: Array) -> Array:
+        """(n,) the shares of the frames that arrive that take no longer than ``left_s`` (n,); 1 if none arrives."""
+        arrived = np.sort(self.delay_s[np.isfinite(self.delay_s)])
+        return np.searchsorted(arrived, left_s, side="right") / len(arrived) if len(arrived) else np.ones(len(left_s))
+
 
 @dataclass(frozen=True)
 class Duty:
@@ -84,9 +89,10 @@ class Foresight:
     ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send.
 
     ``receptions`` are by kind of message, reports first, on the links of those sensors alone, at the times at which
-    they report; ``arriving`` is the share of all reports that may be expected to arrive. ``use_s`` is up to which
-    age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has any. ``duty`` is who
-    sends longest in any hour; None where no rule limits that.
+    they report. ``arriving`` is the share of all reports that may be expected to arrive, ``of_use`` the share of those
+    that are not too late, ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes
+    for the radio. ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of
+    each step that has any. ``duty`` is who sends longest in any hour; None where no rule limits that.
     """
 
     needs: int
@@ -96,21 +102,12 @@ class Foresight:
     reports: Mapping[str, float]
     receptions: Mapping[str, Shares]
     arriving: float
+    of_use: float
+    delay_s: Array
     trial: Trial
     use_s: float
     air_s: Array
     duty: Duty | None
-
-    @property
-    def of_use(self) -> float:
-        """The share of the reports that arrive that are not too late."""
-        return useful(self.trial, self.use_s)
-
-
-def useful(trial: Trial, use_s: float) -> float:
-    """The share of the arriving frames of a trial that are no older than ``use_s``; 1 if none arrives."""
-    arrived = trial.delay_s[np.isfinite(trial.delay_s)]
-    return float(np.mean(arrived <= use_s)) if len(arrived) else 1.0
 
 
 def best(shares: Shares, id: str) -> float:
@@ -126,11 +123,17 @@ def foresee(plan: Plan) -> Foresight:
     heard = _Heard.of(plan, positions)
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
-    used = receptions(plan, {ids[i]: heard.t_ns[heard.sensor == i].tolist() for i in senders.tolist()})
-    chance = _chances(plan, ids, heard, next(iter(used.values()), {}))
-    trial = _trial(plan, ids, heard)
+    rows = len(heard.sensor)
+    some = np.unique(np.linspace(0, rows - 1, min(rows, MOST_FRAMES)).round().astype(int))
+    trial = _trial(plan, ids, heard, some)
+    wait_s = _waits(plan, heard, trial)
+    sent = np.isfinite(wait_s)
+    leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
+    used = receptions(plan, {ids[i]: leaves_ns[heard.sensor == i].tolist() for i in senders.tolist()})
+    chance = _chances(plan, ids, heard, leaves_ns, next(iter(used.values()), {})) * sent
     use_s = max(plan.deadline_s, plan.max_age_s)
-    share = chance * useful(trial, use_s)
+    share = chance * trial.in_time(use_s - wait_s)
+    delay_s = trial.delay_s + wait_s[some]
     needs = _needs(plan, len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
     return Foresight(
@@ -141,6 +144,8 @@ def foresee(plan: Plan) -> Foresight:
         reports=reports,
         receptions=used,
         arriving=float(chance.mean()) if len(chance) else 0.0,
+        of_use=float(share.sum() / chance.sum()) if chance.any() else 1.0,
+        delay_s=delay_s[np.isfinite(delay_s)],
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
@@ -211,8 +216,23 @@ def _rows(
     return t_ns, np.full(len(sensor), number), sensor, far
 
 
-def _chances(plan: Plan, ids: list[str], heard: _Heard, shares: Shares) -> Array:
-    """(n,) the probability that each report arrives at its best receiver, of links with these ``shares``."""
+def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:
+    """(n,) how long (s) each report waits until its sender's radio is free; infinite if the queue is full by then."""
+    busy_s, wait_s = float(trial.busy_s.mean()) if len(trial.busy_s) else 0.0, np.zeros(len(heard.t_ns))
+    if busy_s <= plan.step_ns / NS:
+        return wait_s
+    free_s: dict[int, float] = {}
+    for row, (sensor, t_s) in enumerate(zip(heard.sensor.tolist(), (heard.t_ns / NS).tolist(), strict=True)):
+        wait_s[row] = max(free_s.get(sensor, 0.0) - t_s, 0.0)
+        if wait_s[row] > plan.run.queue * busy_s:
+            wait_s[row] = np.inf
+        else:
+            free_s[sensor] = t_s + wait_s[row] + busy_s * heard.every
+    return wait_s
+
+
+def _chances(plan: Plan, ids: list[str], heard: _Heard, leaves_ns: NDArray[np.int64], shares: Shares) -> Array:
+    """(n,) the probability that each report, sent then, arrives at its best receiver; links have these ``shares``."""
     if not varies(plan):
         return np.array([best(shares, id) for id in ids])[heard.sensor]
     link, message = _link(plan), plan.flows[0].message
@@ -221,7 +241,7 @@ def _chances(plan: Plan, ids: list[str], heard: _Heard, shares: Shares) -> Array
     return np.array(
         [
             max(link.reception(ids[i], dst, size, kind, t_ns) for dst in receivers[ids[i]])
-            for i, t_ns in zip(heard.sensor.tolist(), heard.t_ns.tolist(), strict=True)
+            for i, t_ns in zip(heard.sensor.tolist(), leaves_ns.tolist(), strict=True)
         ]
     )
 
@@ -253,13 +273,12 @@ def at_least(needs: int, chances: Array) -> Array:
     return so_many[:, needs]
 
 
-def _trial(plan: Plan, ids: list[str], heard: _Heard) -> Trial:
-    """Some of the reports to come, as the link would treat them."""
-    if not plan.flows or not len(heard.sensor):
+def _trial(plan: Plan, ids: list[str], heard: _Heard, some: Indices) -> Trial:
+    """The reports of ``some`` rows, as the link would treat them."""
+    if not plan.flows or not len(some):
         return Trial(*np.empty((4, 0)))
     link, flow = _link(plan), plan.flows[0]
     kind, size, hearer = kind_of(flow.message).name, len(encode(flow.message)), dict(flow.pairs)
-    some = np.unique(np.linspace(0, len(heard.sensor) - 1, MOST_FRAMES).astype(int))
     fates = [
         link.fate(ids[i], hearer[ids[i]], kind, t_ns, 0, size)
         for i, t_ns in zip(heard.sensor[some].tolist(), heard.t_ns[some].tolist(), strict=True)

@@ -218,10 +218,9 @@ def _fix(seen: Foresight, what: str = "") -> str:
 
 def _delays(seen: Foresight) -> str:
     """How long reports take."""
-    delays = seen.trial.delay_s[np.isfinite(seen.trial.delay_s)]
-    if not len(delays):
+    if not len(seen.delay_s):
         return "none arrives"
-    median, most = np.quantile(delays, (0.5, 0.95))
+    median, most = np.quantile(seen.delay_s, (0.5, 0.95))
     same = most < 1.01 * median
     return f"delay {_time(float(median))}{'' if same else f', 95% within {_time(float(most))}'}"
 
