@@ -106,3 +106,27 @@ def test_reports_that_find_the_queue_full_do_not_arrive(trackfield: Call) -> Non
     dropped = sum(row.outcome == "overflow" for row in ledger.rows)
     assert dropped > 50
     assert expected.sent - expected.arrived == pytest.approx(dropped, abs=0.5)
+
+
+def test_of_an_adaptive_threshold_the_lowest_is_looked_at_and_that_is_said(trackfield: Call) -> None:
+    """The centre raises it at once, so that a run has a small part of these reports."""
+    expected, text = validated(trackfield, "sensor.threshold=adaptive")
+    found = happened("sensor.threshold=adaptive")
+    assert found.sent < 0.1 * expected.sent
+    assert found.fixes < 0.2 < expected.fixes
+    coverage, reports = text.splitlines()[1:3]
+    assert " within 126 m of the target, the reach at the lowest threshold, in 60 of 60 steps (" in coverage
+    assert coverage.endswith(" enough reports for a fix (2) in time in up to 100%")
+    assert reports.startswith("reports: up to 1176 from 64 sensor nodes, at the lowest threshold; ")
+    assert text.splitlines()[-1] == "valid"
+
+
+def test_an_adaptive_threshold_is_not_warned_of_a_channel_that_is_full_at_the_lowest_one(trackfield: Call) -> None:
+    radio = ("link.radio=lora868", "link.sf=7")
+    _, fixed = validated(trackfield, *radio)
+    assert "warning: the reports of a step take " in fixed
+    _, adaptive = validated(trackfield, *radio, "sensor.threshold=adaptive")
+    assert "warning: the reports of a step take " not in adaptive
+    assert "duty cycle of" not in adaptive
+    _, lossy = validated(trackfield, "sensor.threshold=adaptive", "link.loss=0.95")
+    assert re.search(r"warning: less than 50% of doa.*; up to \d+ of 1176 reports .* in up to \d+ of 60 steps", lossy)

@@ -19,6 +19,7 @@ from trackfield.link.models import Link, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 from trackfield.wire.codec import encode
+from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
 from trackfield.world.path import Path
 from trackfield.world.sensors import fix_sensors, make_sensor
@@ -86,7 +87,8 @@ class Duty:
 class Foresight:
     """See the module. Of the run's ``steps``, ``every`` so manieth was looked at.
 
-    ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send.
+    ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send. With an ``adaptive``
+    threshold everything is what comes at the lowest one: no more than that can be expected, and nothing waits.
 
     ``receptions`` are by kind of message, reports first, on the links of those sensors alone, at the times at which
     they report. ``arriving`` is the share of all reports that may be expected to arrive, ``of_use`` the share of those
@@ -98,6 +100,7 @@ class Foresight:
     needs: int
     steps: int
     every: int
+    adaptive: bool
     coverage: tuple[Coverage, ...]
     reports: Mapping[str, float]
     receptions: Mapping[str, Shares]
@@ -140,6 +143,7 @@ def foresee(plan: Plan) -> Foresight:
         needs=needs,
         steps=heard.steps,
         every=heard.every,
+        adaptive=_adaptive(plan),
         coverage=tuple(_coverage(plan, id, path, heard, positions, share, needs) for id, path in plan.paths.items()),
         reports=reports,
         receptions=used,
@@ -151,6 +155,11 @@ def foresee(plan: Plan) -> Foresight:
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
         duty=_duty(plan, ids, heard, trial),
     )
+
+
+def _adaptive(plan: Plan) -> bool:
+    """Whether the centre sets the sensors' threshold."""
+    return any(isinstance(flow.message, Threshold) for flow in plan.flows)
 
 
 def _needs(plan: Plan, sensors: int) -> int:
@@ -219,7 +228,7 @@ def _rows(
 def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:
     """(n,) how long (s) each report waits until its sender's radio is free; infinite if the queue is full by then."""
     busy_s, wait_s = float(trial.busy_s.mean()) if len(trial.busy_s) else 0.0, np.zeros(len(heard.t_ns))
-    if busy_s <= plan.step_ns / NS:
+    if busy_s <= plan.step_ns / NS or _adaptive(plan):
         return wait_s
     free_s: dict[int, float] = {}
     for row, (sensor, t_s) in enumerate(zip(heard.sensor.tolist(), (heard.t_ns / NS).tolist(), strict=True)):

@@ -37,16 +37,18 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
     for one in seen.coverage:
         mean = one.in_reach.mean() if len(one.in_reach) else 0.0
         yield (
-            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')} within {_metres(plan.reach_m)} of the target in "
+            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')} within {_metres(plan.reach_m)} of the target"
+            f"{', the reach at the lowest threshold,' if seen.adaptive else ''} in "
             f"{_steps(seen, one, _enough(one, seen.needs))} ({mean:.1f} on average), {_fix(seen, ' reports')} in time "
-            f"in {_fixed(one):.0%}"
+            f"in {_at_most(seen)}{_fixed(one):.0%}"
         )
     if not seen.reports:
         return
     senders = f"{len(seen.reports)} sensor node{'s' * (len(seen.reports) != 1)}"
     yield (
-        f"reports: about {_total(seen):.0f} from {senders}; {seen.arriving:.1%} arrive, {seen.of_use:.1%} of those in "
-        f"time ({_delays(seen)}; {_limit(plan)})"
+        f"reports: {_at_most(seen) or 'about '}{_total(seen):.0f} from {senders}"
+        f"{', at the lowest threshold' if seen.adaptive else ''}; {seen.arriving:.1%} arrive, "
+        f"{seen.of_use:.1%} of those in time ({_delays(seen)}; {_limit(plan)})"
     )
     if len(seen.air_s) and seen.air_s.max() > 0:
         yield (
@@ -63,7 +65,7 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
 def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
     """Steps in which too few sensors are in reach, whatever the radio does."""
     enough, nobody, who = _enough(one, seen.needs), one.in_reach == 0, f"the target{_whose(seen, one)}"
-    few = f"{_fix(seen)} in {_steps(seen, one, enough)}"
+    few = f"{_fix(seen)} in {_at_most(seen)}{_steps(seen, one, enough)}"
     if len(nobody) and nobody.mean() >= FEW:
         begin, lasts = _longest(one, nobody, plan.step_ns / NS)
         what = f"{who} leaves the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
@@ -107,7 +109,8 @@ def _lost(seen: Foresight) -> Iterator[str]:
         yield (
             f"less than {POOR:.0%} of {', '.join(kinds)} arrive on the links of {len(ids)} of the {len(seen.reports)} "
             f"sensor nodes that will report (worst: {' to '.join(worst)}, {poor[worst]:.0%}); "
-            f"{seen.arriving * total:.0f} of {total:.0f} reports may be expected to arrive{_consequence(seen)}"
+            f"{_at_most(seen)}{seen.arriving * total:.0f} of {total:.0f} reports may be expected to arrive"
+            f"{_consequence(seen)}"
         )
 
 
@@ -139,14 +142,14 @@ def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
     if _fixed(one) < COVERED:
         yield (
             f"{seen.arriving * seen.of_use:.0%} of the reports{_whose(seen, one)} may be expected to arrive in time, "
-            f"{_fix(seen)} in {_steps(seen, one, _fixed(one))}"
+            f"{_fix(seen)} in {_at_most(seen)}{_steps(seen, one, _fixed(one))}"
         )
 
 
 def _consequence(seen: Foresight) -> str:
     """What losses and delays leave of the coverage."""
     least = min(seen.coverage, key=_fixed)
-    return f", {_fix(seen)} in {_steps(seen, least, _fixed(least))}"
+    return f", {_fix(seen)} in {_at_most(seen)}{_steps(seen, least, _fixed(least))}"
 
 
 def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
@@ -162,7 +165,7 @@ def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
     """Reports of a step that one channel cannot carry: the models know no collisions."""
-    if not len(seen.air_s):
+    if not len(seen.air_s) or seen.adaptive:
         return
     air_s, step_s = float(np.mean(seen.air_s)), plan.step_ns / NS
     for limit_s, what in ((step_s, f"a step lasts {_time(step_s)}"), (seen.use_s, _limit(plan))):
@@ -176,7 +179,7 @@ def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
     """Radios that by law may not send so much."""
-    if seen.duty and seen.duty.seconds > _allowed_s(plan):
+    if seen.duty and seen.duty.seconds > _allowed_s(plan) and not seen.adaptive:
         yield (
             f"{_sends(seen.duty)} in an hour, and in the band of {plan.run.link['radio']} {_allowed_s(plan):.0f} s are "
             f"allowed, a duty cycle of {_allowed_s(plan) / HOUR_S:.0%} (link models leave it out)"
@@ -203,6 +206,11 @@ def _total(seen: Foresight) -> float:
 def _whose(seen: Foresight, one: Coverage) -> str:
     """The target's id, if there are several."""
     return f" {one.target}" if len(seen.coverage) > 1 else ""
+
+
+def _at_most(seen: Foresight) -> str:
+    """An adaptive threshold is higher than the lowest one, for most of the time."""
+    return "up to " if seen.adaptive else ""
 
 
 def _steps(seen: Foresight, one: Coverage, share: float) -> str:
