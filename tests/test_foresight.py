@@ -98,6 +98,17 @@ def test_reports_wait_for_the_radio_of_their_own_node(trackfield: Call, age_s: i
     assert f"{late} of the reports that arrive are too late (delay 9.19 s, " in text
 
 
+def test_the_waits_of_a_run_of_which_some_steps_are_looked_at(
+    trackfield: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = ("link.radio=lora868", "link.sf=12", "fusion.max_age_s=5")
+    exact, _ = validated(trackfield, *settings)
+    monkeypatch.setattr("launcher.plan.foresight.MOST_REPORTS", 121)
+    about, text = validated(trackfield, *settings)
+    assert "in about 60 of 60 steps" in text
+    assert about.in_time == pytest.approx(exact.in_time, rel=0.3)
+
+
 def test_reports_that_find_the_queue_full_do_not_arrive(trackfield: Call) -> None:
     settings = ("link.radio=lora868", "link.sf=12", "link.queue=2", "fusion.max_age_s=60")
     expected, _ = validated(trackfield, *settings)

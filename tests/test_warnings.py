@@ -112,9 +112,16 @@ def test_reports_that_one_channel_cannot_carry_in_time(trackfield: Call) -> None
 
 def test_a_target_that_leaves_the_field(trackfield: Call) -> None:
     assert validated(trackfield, "zhai-spcpf", "--nodes", "25") == [
-        "the target leaves the field: no sensor is within 56 m of it in 29 of 60 steps (the longest time from t = 32 s "
-        "on for 29 s), enough for a fix (2) in 26 of 60 steps"
+        "the target is outside the field: no sensor is within 56 m of it in 29 of 60 steps (the longest time from t = "
+        "32 s on for 29 s), enough for a fix (2) in 26 of 60 steps"
     ]
+
+
+def test_a_target_that_comes_from_outside(trackfield: Call) -> None:
+    """It does not leave, and is there at the end."""
+    gone, *_ = validated(trackfield, "zhai-spcpf", "--set", "target.waypoints=[[0,-600,0],[60,250,0]]")
+    assert gone.startswith("the target is outside the field: no sensor is within 56 m of it in ")
+    assert " from t = 1 s on " in gone
 
 
 def test_a_field_with_gaps(trackfield: Call) -> None:
@@ -148,13 +155,37 @@ def test_links_that_do_not_reach_and_a_run_that_says_so_first(trackfield: Call) 
 
 def test_a_link_that_loses_half(trackfield: Call) -> None:
     (weak,) = validated(trackfield, "zhai-spcpf", "--set", "link.loss=0.5")
-    assert weak == "50% of the reports may be expected to arrive in time, enough for a fix (2) in 41 of 60 steps"
+    assert weak == "50% of all reports may be expected to arrive in time, enough for a fix (2) in 41 of 60 steps"
+
+
+def test_the_reports_of_several_targets_are_counted_together(trackfield: Call) -> None:
+    other = "targets=[{id='second', path='waypoints', waypoints=[[0, 0, 0], [60, 400, 0]]}]"
+    found = validated(trackfield, "zhai-spcpf", "--set", other, "--set", "link.loss=0.5")
+    whole = r"50% of all reports may be expected to arrive in time, enough for a fix \(2\) of (\w+) in \d+ of 60 steps"
+    assert {match[1] for line in found if (match := re.fullmatch(whole, line))} == {"target", "second"}
+    (lost,) = validated(trackfield, "zhai-spcpf", "--set", other, "--set", "link.loss=0.6")
+    assert re.search(r" reports may be expected to arrive, enough for a fix \(2\) of (target|second) in \d+ of", lost)
+
+
+@pytest.mark.parametrize("arguments", [["--nodes", "25"], ["--set", "link.loss=0.5"], ["--set", "link.loss=0.6"]])
+def test_figures_of_some_of_the_steps_are_about_right(
+    trackfield: Call, monkeypatch: pytest.MonkeyPatch, arguments: list[str]
+) -> None:
+    """Of a run of very many reports, not all steps are looked at."""
+    (exact,) = validated(trackfield, "zhai-spcpf", *arguments)
+    monkeypatch.setattr("launcher.plan.foresight.MOST_REPORTS", 80)
+    (about,) = validated(trackfield, "zhai-spcpf", *arguments)
+    counts = re.compile(r"(about )?(\d+) of (\d+) (?:steps|reports)")
+    assert {said for said, *_ in counts.findall(exact)} == {""}
+    assert {said for said, *_ in counts.findall(about)} == {"about "}
+    for (_, n, _), (_, m, _) in zip(counts.findall(exact), counts.findall(about), strict=True):
+        assert int(m) == pytest.approx(int(n), rel=0.15)
 
 
 def test_several_targets_are_told_apart(trackfield: Call) -> None:
     away = "targets=[{id='far', path='waypoints', waypoints=[[0, 400, 400], [60, 4000, 400]]}]"
     (gone,) = validated(trackfield, "zhai-spcpf", "--set", away)
-    assert gone.startswith("the target far leaves the field: ")
+    assert gone.startswith("the target far is outside the field: ")
 
 
 def test_sensors_of_a_users_own_say_how_many_a_fix_takes() -> None:
@@ -229,7 +260,7 @@ def test_a_script_gets_json(trackfield: Call) -> None:
     assert (said.code, said.err) == (0, "")
     found = json.loads(said.out)
     assert found["valid"] is True
-    assert found["warnings"][0].startswith("the target leaves the field")
+    assert found["warnings"][0].startswith("the target is outside the field")
     assert found["summary"][0].startswith("coverage: ")
     said = trackfield("validate", "zhai-spcpf", "--set", "link.loss=2", "--set", "seed=-1", "--json")
     assert said.code == 2

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MOST_REPORTS: Final = 200_000
-"""Of a run with more reports, only every so manieth step is looked at."""
+"""Of a run with more reports, only every n-th step is looked at."""
 MOST_FRAMES: Final = 1000
 """So many frames are sent on trial to learn what a report takes."""
 MOST_SENSORS: Final = 64
@@ -85,7 +85,7 @@ class Duty:
 
 @dataclass(frozen=True)
 class Foresight:
-    """See the module. Of the run's ``steps``, ``every`` so manieth was looked at.
+    """See the module. Of the run's ``steps``, one in ``every`` was looked at.
 
     ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send. With an ``adaptive``
     threshold everything is what comes at the lowest one: no more than that can be expected, and nothing waits.
@@ -173,7 +173,7 @@ def _needs(plan: Plan, sensors: int) -> int:
 class _Heard:
     """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
 
-    A sensor reports the nearest target. Looked at are the instants ``times``, ``every`` so manieth of ``steps``.
+    A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``.
     """
 
     t_ns: NDArray[np.int64]

@@ -68,7 +68,9 @@ def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
     few = f"{_fix(seen)} in {_at_most(seen)}{_steps(seen, one, enough)}"
     if len(nobody) and nobody.mean() >= FEW:
         begin, lasts = _longest(one, nobody, plan.step_ns / NS)
-        what = f"{who} leaves the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
+        what = (
+            f"{who} is outside the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
+        )
         yield (
             f"{what}: no sensor is within {_metres(plan.reach_m)} of it in {_steps(seen, one, float(nobody.mean()))} "
             f"(the longest time from t = {begin:g} s on for {lasts:g} s){f', {few}' if seen.needs > 1 else ''}"
@@ -109,8 +111,8 @@ def _lost(seen: Foresight) -> Iterator[str]:
         yield (
             f"less than {POOR:.0%} of {', '.join(kinds)} arrive on the links of {len(ids)} of the {len(seen.reports)} "
             f"sensor nodes that will report (worst: {' to '.join(worst)}, {poor[worst]:.0%}); "
-            f"{_at_most(seen)}{seen.arriving * total:.0f} of {total:.0f} reports may be expected to arrive"
-            f"{_consequence(seen)}"
+            f"{_at_most(seen)}{_about(seen)}{seen.arriving * total:.0f} of {total:.0f} reports may be expected to "
+            f"arrive{_consequence(seen)}"
         )
 
 
@@ -141,15 +143,20 @@ def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
     """Losses that none of the others names."""
     if _fixed(one) < COVERED:
         yield (
-            f"{seen.arriving * seen.of_use:.0%} of the reports{_whose(seen, one)} may be expected to arrive in time, "
-            f"{_fix(seen)} in {_at_most(seen)}{_steps(seen, one, _fixed(one))}"
+            f"{seen.arriving * seen.of_use:.0%} of all reports may be expected to arrive in time, {_fixes(seen, one)}"
         )
 
 
 def _consequence(seen: Foresight) -> str:
     """What losses and delays leave of the coverage."""
     least = min(seen.coverage, key=_fixed)
-    return f", {_fix(seen)} in {_at_most(seen)}{_steps(seen, least, _fixed(least))}"
+    return f", {_fixes(seen, least)}"
+
+
+def _fixes(seen: Foresight, one: Coverage) -> str:
+    """In how many steps enough reports arrive in time, of which target if there are several."""
+    of = f" of{_whose(seen, one)}" if _whose(seen, one) else ""
+    return f"{_fix(seen)}{of} in {_at_most(seen)}{_steps(seen, one, _fixed(one))}"
 
 
 def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
@@ -213,10 +220,15 @@ def _at_most(seen: Foresight) -> str:
     return "up to " if seen.adaptive else ""
 
 
+def _about(seen: Foresight) -> str:
+    """Figures are extrapolated if not all steps were looked at."""
+    return "about " if seen.every > 1 else ""
+
+
 def _steps(seen: Foresight, one: Coverage, share: float) -> str:
     """A share of a target's steps, as a number of them."""
     steps = min(len(one.t_s) * seen.every, seen.steps)
-    return f"{share * steps:.0f} of {steps} steps"
+    return f"{_about(seen)}{share * steps:.0f} of {steps} steps"
 
 
 def _fix(seen: Foresight, what: str = "") -> str:
