@@ -88,7 +88,7 @@ def test_reports_that_come_after_the_deadline(trackfield: Call) -> None:
     late, queue, channel, duty = validated(trackfield, "zhai-spcpf", *LORA)
     assert late == (
         "100% of the reports that arrive are too late (delay 2.64 s; fusion.deadline_s is 300 ms), enough for a fix "
-        "(2) in 0 of 60 steps; it takes a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
+        "(2) in 0 of 60 steps; use a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
     )
     assert queue.startswith("a report takes its node's radio 2.64 s, and a step lasts 1 s: ")
     assert channel.startswith("the reports of a step take 10.6 s on air if none collide, and a step lasts 1 s: ")
@@ -109,8 +109,8 @@ def test_reports_that_one_channel_cannot_carry_in_time(trackfield: Call) -> None
 
 def test_a_target_that_leaves_the_field(trackfield: Call) -> None:
     assert validated(trackfield, "zhai-spcpf", "--nodes", "25") == [
-        "the target leaves the field: no sensor is within 56 m of it in 29 of 60 steps (the longest time from t = 32 s "
-        "on for 29 s), enough for a fix (2) in 26 of 60 steps"
+        "the target leaves the field: no sensor is within 56 m of it in 29 of 60 steps (longest: 29 s from t = 32 s "
+        "on), enough for a fix (2) in 26 of 60 steps"
     ]
 
 
@@ -195,8 +195,8 @@ def test_all_that_is_wrong_is_told_at_once(trackfield: Call, tmp_path: Path) -> 
     said = trackfield("validate", "mine.toml", *options, "--virtual", "--speed", "5", "--connect", "x")
     assert (said.code, said.out) == (2, "")
     assert sorted(line.partition(";")[0] for line in said.err.removeprefix("trackfield: ").splitlines()) == [
+        "--connect: a run in virtual time uses no router",
         "--connect: is 'x'",
-        "--connect: nothing goes over a router in virtual time",
         "--from, --to: there is no track to cut",
         "--speed: virtual time goes as fast as the machine can",
         "fusion.trackers: unknown tracker 'nope'",
@@ -241,10 +241,10 @@ def test_a_script_gets_json(trackfield: Call) -> None:
     ("options", "parts"),
     [
         (["--virtual", "--speed", "5"], ["--speed: virtual time goes as fast as", "it without --virtual"]),
-        (["--virtual", "--connect", "tcp/127.0.0.1:7447"], ["--connect: nothing goes over a router"]),
+        (["--virtual", "--connect", "tcp/127.0.0.1:7447"], ["--connect: a run in virtual time uses no router"]),
         (["--virtual", "--live"], ["--live: a run in virtual time is over at once"]),
         (["--virtual", "--external"], ["--external: there are no processes in virtual time"]),
-        (["--external"], ["--external: nobody can find a router of our own", "--connect beside it"]),
+        (["--external"], ["--external: other processes cannot find the run's own router", "--connect as well"]),
         (["--seed", "3", "--set", "seed=4"], ["seed: is set twice", "either --set seed=... or --seed"]),
         (["--link", "ideal", "--set", "link.model=fixed"], ["link.model: is set twice", "--link"]),
         (["--tracker", "ekf", "--set", "fusion.trackers=['ukf']"], ["fusion.trackers: is set twice"]),
@@ -277,6 +277,6 @@ def test_validate_looks_at_the_folder_too_and_leaves_it(trackfield: Call, tmp_pa
     (tmp_path / "old" / "notes.txt").write_text("mine")
     said = trackfield("validate", "zhai-spcpf", "--out", "old")
     assert said.code == 2
-    assert "old: --out: the folder has something in it; expected an empty or new one" in said.err
+    assert "old: --out: the folder is not empty; expected an empty or new one" in said.err
     assert trackfield("validate", "zhai-spcpf", "--out", "new").code == 0
     assert [file.name for file in tmp_path.iterdir()] == ["old"]

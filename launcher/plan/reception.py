@@ -1,4 +1,4 @@
-"""How well a plan's radio carries what its processes say to each other."""
+"""The share of the messages between a plan's processes that the radio delivers."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of
 
 INSTANTS: Final = 50
-"""At how many instants of a run the links of somebody who moves are looked at."""
+"""The number of instants of a run at which links are evaluated, if any process moves."""
 
 Shares = dict[tuple[str, str], float]
-"""By sender and hearer."""
+"""By sender and receiver."""
 
 
 def receptions(plan: Plan, ends: Collection[str] | None = None) -> dict[str, Shares]:
-    """The share of its messages that each link in use may expect to carry, by kind of message, reports first.
+    """The share of its messages that each link in use is expected to deliver, by kind of message, reports first.
 
-    Of who moves, the mean over the run. ``ends`` are those whose links are asked for; None: all.
+    If any process moves, it is the mean over the run. ``ends`` are the places whose links are asked for; None: all.
     """
     return {kind_of(flow.message).name: _shares(plan, flow, ends) for flow in plan.flows}
 
