@@ -1,4 +1,4 @@
-"""How sure a figure is that comes from some runs: its interval, and what that lets one say."""
+"""Confidence intervals of figures over runs, and the conclusions that they allow."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Interval(NamedTuple):
     high: float | None
 
     def at_most(self, limit: float) -> bool | None:
-        """Whether the figure is; None if the interval has the limit in it."""
+        """Whether the figure is at most the limit; None if the interval has the limit in it."""
         if self.low is None or self.high is None:
             return None
         if self.high <= limit:
@@ -32,7 +32,7 @@ class Interval(NamedTuple):
         return False if self.low > limit else None
 
     def above(self, limit: float) -> bool | None:
-        """The contrary of ``at_most``."""
+        """The opposite of ``at_most``."""
         answer = self.at_most(limit)
         return None if answer is None else not answer
 
@@ -55,7 +55,7 @@ def any_of(answers: Iterable[bool | None]) -> bool | None:
 
 
 def positive(statistic: Weighted, runs: int) -> Interval:
-    """Of an error, a variance, a ratio: jackknife over the runs, Student's t on the logarithm.
+    """The interval of an error, a variance or a ratio: jackknife over the runs, Student's t on the logarithm.
 
     A statistic of several trackers or cases leaves out the same run of all: it is paired by seed.
     """
@@ -72,7 +72,7 @@ def positive(statistic: Weighted, runs: int) -> Interval:
 
 
 def share(hits: int, of: int) -> Interval:
-    """Of the runs in which something is so: Clopper and Pearson's, exact."""
+    """The share of ``hits`` in ``of`` runs, with the exact interval of Clopper and Pearson."""
     found = stats.binomtest(hits, of).proportion_ci(CONFIDENCE, method="exact")
     return Interval(hits / of, float(found.low), float(found.high))
 
@@ -80,7 +80,7 @@ def share(hits: int, of: int) -> Interval:
 def share_of_steps(shares: Array) -> Interval:
     """The mean of shares (R,) of the steps of a run: Student's t over runs.
 
-    Where all runs are alike, no spread is known: the interval is that of so many hits or none, which is wider.
+    If all runs are alike, their spread is unknown: the interval is that of ``share``, which is wider.
     """
     value, runs = float(shares.mean()), len(shares)
     if np.ptp(shares) == 0:
@@ -91,7 +91,7 @@ def share_of_steps(shares: Array) -> Interval:
 
 
 def median(values: Array) -> Interval:
-    """Of values (R,): by their order, whatever their distribution. It takes six."""
+    """The median of values (R,), with an interval from their order, for any distribution; it takes six values."""
     ends: Any = stats.quantile_test(values, q=float(np.median(values)), p=0.5).confidence_interval(CONFIDENCE)
     low, high = (None if np.isnan(end) else float(end) for end in (ends.low, ends.high))
     return Interval(float(np.median(values)), low, high)
