@@ -37,6 +37,7 @@ study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, the
 
 bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)
 	$(BIN)/python -m bench.scale
+	$(BIN)/python -m bench.memory
 	$(BIN)/python -m bench.latency
 	$(BIN)/python -m bench.start
 	$(BIN)/python -m bench.recorder

@@ -178,7 +178,7 @@ def study(
     a Dask cluster. A terminal shows progress. Raises ``ScenarioError``.
     """
     with _arguments():
-        return run_study(_scenario(scenario), seeds, vary, n_jobs, None if out is None else Path(out))
+        return run_study(_scenario(scenario), seeds, vary, n_jobs=n_jobs, out=None if out is None else Path(out))
 
 
 def open(folder: Folder) -> Result:

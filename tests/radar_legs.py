@@ -50,7 +50,7 @@ class Leg(NamedTuple):
 def leg(file: Path, start: str, runs: int, n_jobs: int = -1) -> Leg:
     """Ten minutes from ``start``, with ``n_jobs`` as of ``study``. Raises ``ScenarioError`` if the file has none."""
     scenario = load("radar", target=file, start=start, end=ten_minutes_on(start))
-    results = study(scenario, range(1, runs + 1), n_jobs).results
+    results = study(scenario, range(1, runs + 1), n_jobs=n_jobs).results
     names = scenario.fusion.trackers
     found = {name: np.array([run.metrics.trackers[name].rmse.position for run in results], float) for name in names}
     bounds = np.array([run.metrics.bound.trajectory for run in results], float)

@@ -290,7 +290,7 @@ def test_a_study_shows_itself_and_draws_what_varies() -> None:
     assert {axes.get_xlabel() for axes in study.plot("tracker").axes} == {"", "tracker"}
     assert study.pareto("bytes.on_air").axes[0].get_xlabel() == "bytes on the air [bytes]   (less is better)"
     with pytest.raises(
-        tf.ScenarioError, match=r"axis: 'link.loss' is not varied; expected one of field\.spacing_m, tracker"
+        tf.ScenarioError, match=r"axis: .link.loss. is not varied; expected one of field\.spacing_m, tracker"
     ):
         study.plot("link.loss")
 

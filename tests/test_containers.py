@@ -118,7 +118,7 @@ def seen(image: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Seen]
     try:
         field.up(25)
         launcher = field.launch()
-        until(lambda: "t = " in field.said(), timeout=60)
+        until(lambda: "\nt = " in field.said(), timeout=60)
         time.sleep(5)  # steps in which all report
         killed, restarted, paused, cut = field.hosts("node")[:4]
         network = field.network("field")

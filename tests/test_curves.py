@@ -81,8 +81,8 @@ def outage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = run(
         tmp_path_factory.mktemp("run") / "outage",
         f"faults=[{faults}]",
-        "target.steps=20",
         scenario="zhai-spcpf",
+        steps=20,
     )
     return folder / "run.rrd"
 

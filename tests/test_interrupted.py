@@ -45,9 +45,19 @@ def test_a_run_ends_early_and_leaves_a_whole_folder(
     assert pq.read_table(folder / "tracks.parquet")["step"].to_pylist()[-1] < 40
     assert pq.read_table(folder / "messages.parquet").num_rows == metrics["frames"]["expected"] == 100
     assert "The run ended early, " in read(folder).text
-    assert trackfield("compare", "mine", "mine", "--exact", "0").code == 0
     assert trackfield("report", "mine").code == 0
     assert trackfield("replay", "mine", "--out", "again").code == 0
+    assert trackfield("compare", "mine", "again", "--exact", "1e-9").code == 0
+    interrupt_in("launcher.study.replay", "_fuse", monkeypatch)
+    assert trackfield("replay", "mine", "--out", "third").code == 130
+    assert not Path("third").exists()
+
+
+def test_a_replay_without_late_reports_says_that_there_were_none(trackfield: Call) -> None:
+    assert trackfield(*RUN, "--set", "target.steps=3", "--quiet").code == 0
+    said = trackfield("replay", "mine", "--drop-late", "--out", "again")
+    assert said.code == 0
+    assert "note: no report of the run was late (frames.late): --drop-late changes nothing" in said.err
 
 
 def test_one_while_the_run_is_planned_leaves_nothing(

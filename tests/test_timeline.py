@@ -445,6 +445,43 @@ def test_a_tracker_that_lost_its_target_leaves_the_picture(small: Small) -> None
     assert read(file, "/plots/error/one", "Scalars:scalars") == [(1.0, [5.0])]
 
 
+@pytest.mark.parametrize("late", [False, True])
+def test_a_tracker_whose_process_dies_leaves_the_picture_at_once(small: Small, late: bool) -> None:
+    """Also if the death is told of late; what its next life says of times before itself is drawn as a line only."""
+
+    def calls(timeline: Timeline) -> None:
+        here = (3.0, 4.0, 0.0, 0.0)
+        points = [dataclasses.replace(track_point(step, here), source="fusion") for step in range(1, 7)]
+        timeline.estimate(points[0], (0.0, 0.0))
+        timeline.estimate(points[1], (0.0, 0.0))
+        if not late:
+            timeline.death(2_200 * MS, "fusion", "killed")
+        timeline.state(4_900 * MS, "fusion", "waiting")
+        if late:
+            timeline.death(2_200 * MS, "fusion", "killed")
+        timeline.estimate(points[3], (0.0, 0.0))
+        timeline.estimate(points[4], (0.0, 0.0))
+
+    file = small(calls)
+    at = read(file, "/field/one/position", "Points2D:positions")
+    assert [(t, len(value)) for t, value in at] == [(1.0, 1), (2.0, 1), (2.2, 0), (5.0, 1)]
+    assert [t for t, _ in read(file, "/field/one/track", "LineStrips2D:strips") if t] == [2.0, 5.0]
+
+
+def test_a_tracker_that_says_nothing_for_a_while_leaves_the_picture(small: Small) -> None:
+    def calls(timeline: Timeline) -> None:
+        for step in (1, 2, 6, 7):
+            timeline.estimate(track_point(step, (float(step), 0.0, 0.0, 0.0)), (0.0, 0.0))
+        timeline.flush()
+
+    file = small(calls)
+    at = read(file, "/field/one/position", "Points2D:positions")
+    assert [(t, len(value)) for t, value in at] == [(1.0, 1), (2.0, 1), (3.5, 0), (6.0, 1), (7.0, 1)]
+    assert [t for t, _ in read(file, "/field/one/track", "LineStrips2D:strips") if t] == [2.0, 7.0]
+    errors = read(file, "/plots/error/one", "Scalars:scalars")
+    assert [t for t, (value,) in errors if math.isnan(value)] == [3.5]
+
+
 def test_trackers_have_colours_of_their_own(small: Small) -> None:
     def calls(timeline: Timeline) -> None:
         for tracker in ("one", "two", "unannounced"):

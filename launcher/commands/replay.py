@@ -29,7 +29,7 @@ def replay(
     outcome = fuse(run, tracker or (), drop_late=drop_late, out=out, command=sys.argv)
     if as_json:
         print(json.dumps(outcome.metrics, indent=2))
-    for caveat in caveats(outcome.metrics):
+    for caveat in caveats(outcome.metrics, drop_late=drop_late):
         note(caveat)
     conclude(outcome)
     raise typer.Exit(outcome.exit_code)

@@ -23,21 +23,19 @@ INTERRUPTED: Final = 128 + signal.SIGINT
 @command
 def run(request: Request) -> None:
     """Run a scenario and leave a run folder with its timeline, tables, metrics and report."""
-    from launcher.record.folder import discard, keep, prepare_folder
+    from launcher.record.folder import keep, prepare_folder, whole_or_none
     from launcher.show import announce, conclude, warn
 
-    folder = None
     try:
         scenario, plan = request.prepared()
         folder = prepare_folder(request.out, scenario.name, scenario.seed)
-        keep(scenario, folder)
-        if not request.quiet:
-            announce(plan)
-            warn(plan)
-        outcome = _carried_out(request, plan, folder)
-    except KeyboardInterrupt:  # a run that has begun ends early instead
-        if folder is not None:
-            discard(folder)
+        with whole_or_none(folder):
+            keep(scenario, folder)
+            if not request.quiet:
+                announce(plan)
+                warn(plan)
+            outcome = _carried_out(request, plan, folder)
+    except KeyboardInterrupt:
         print("trackfield: interrupted before the run began; there is no run folder", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     if request.as_json:

@@ -53,9 +53,14 @@ def check_folder(folder: Path) -> None:
             raise PermissionError(EACCES, os.strerror(EACCES))
 
 
-def discard(folder: Path) -> None:
-    """Remove the folder of a run that never began."""
-    shutil.rmtree(folder, ignore_errors=True)
+@contextmanager
+def whole_or_none(folder: Path) -> Iterator[None]:
+    """Remove the folder if filling it is interrupted; a run that has begun ends early instead."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 @contextmanager

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, Final, NamedTuple
+from functools import cache
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -92,6 +93,12 @@ def share_of_steps(shares: Array) -> Interval:
 
 def median(values: Array) -> Interval:
     """The median of values (R,), with an interval from their order, for any distribution; it takes six values."""
-    ends: Any = stats.quantile_test(values, q=float(np.median(values)), p=0.5).confidence_interval(CONFIDENCE)
-    low, high = (None if np.isnan(end) else float(end) for end in (ends.low, ends.high))
+    rank, ordered = _rank(len(values)), np.sort(values).tolist()
+    low, high = (ordered[rank - 1], ordered[-rank]) if rank else (None, None)
     return Interval(float(np.median(values)), low, high)
+
+
+@cache
+def _rank(runs: int) -> int:
+    """The rank, from either end and from 1, of the ends of the median's interval; 0 if there are too few values."""
+    return int(stats.binom.ppf((1 - CONFIDENCE) / 2, runs, 0.5))

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
-from launcher.record.folder import keep, prepare_folder, write_manifest
+from launcher.record.folder import keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import METRICS, Journal
 from launcher.record.ledger import Ledger
 from launcher.record.measures import RunFigures
@@ -60,10 +60,11 @@ def replay(
     fusions = read_fusions(run / "tracks.parquet")
     plan = planned(scenario)
     folder = prepare_folder(out, scenario.name, scenario.seed)
-    keep(scenario, folder)
-    write_manifest(folder, plan, command, None)
-    anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
-    shutil.copyfile(run / "messages.parquet", folder / "messages.parquet")
+    with whole_or_none(folder):
+        keep(scenario, folder)
+        write_manifest(folder, plan, command, None)
+        anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
+        shutil.copyfile(run / "messages.parquet", folder / "messages.parquet")
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
@@ -71,9 +72,11 @@ def replay(
     return replace(close_folder(folder, metrics, [], []), complaints=())
 
 
-def caveats(metrics: Metrics) -> list[str]:
-    """Why a replay of a run with these metrics may differ from the run with the same trackers."""
+def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
+    """Why a replay may differ from the run with these metrics though nothing was changed, or be the same."""
     said = []
+    if drop_late and not metrics["frames"]["late"]:
+        said.append("no report of the run was late (frames.late): --drop-late changes nothing")
     if dropped := metrics["recorder"]["dropped"]:
         said.append(f"{dropped} frames of the run never reached the recorder (recorder.dropped): the replay lacks them")
     if late := metrics["timing"]["host_late"]:

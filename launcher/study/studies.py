@@ -111,6 +111,7 @@ def study(
     scenario: Scenario,
     seeds: Iterable[int],
     vary: Mapping[str, Iterable[Any]] | None = None,
+    *,
     n_jobs: int = -1,
     out: Path | None = None,
 ) -> Study:

@@ -61,8 +61,8 @@ def _tenth(results: Results[Score]) -> Claim:
     open_yet = as_set_up is None or (as_set_up and elsewhere is None)
     return Claim(
         "A tenth of the particles suffices",
-        "SP-CPF(200) errs no more than bootstrap(2000), over all runs and in most of them, in s1 to s3; in part: but "
-        "not where the bootstrap's prior (s1) or model (s2, s3) suits it",
+        "the error of SP-CPF(200) is at most that of bootstrap(2000), over all runs and in most of them, in s1 to s3; "
+        "in part: but not where the bootstrap's prior (s1) or model (s2, s3) suits it",
         f"error of SP-CPF(200) over that of bootstrap(2000), share of the runs in which it is at most 1: "
         f"{'; '.join(map(duel, (*PATHS, *CAUSES)))}. SP-CPF(2000) in s1: {_times(more)} m",
         verdict(None) if open_yet else part if as_set_up else "does not hold",
@@ -102,7 +102,8 @@ def _similar(results: Results[Score]) -> Claim:
     }
     return Claim(
         "At 78 % the estimates are similar to those at 75 %",
-        "with either weights for steps with a single sensor, SP-CPF errs at most 1.25 times as much in s1, s2 and s3",
+        "with either weights for steps with a single sensor, the error of SP-CPF is at most 1.25 times as large in s1, "
+        "s2 and s3",
         f"error over that at 75 %: {'; '.join(f'{name} {_told(some)}' for name, some in found.items())}",
         verdict(any_of(all_of(one.at_most(SIMILAR) for one in some.values()) for some in found.values())),
     )
@@ -171,7 +172,7 @@ def _radar(results: Results[Score]) -> Claim:
     errors = {name: results.scores["radar"][name].position for name in (*WEIGHTS, *RADAR_RIVALS, "predict-only")}
     return Claim(
         "With a single radar, closer than EKF and bootstrap",
-        "with either weights for a single sensor, SP-CPF errs less than both",
+        "with either weights for a single sensor, the error of SP-CPF is less than that of both",
         f"ratio of errors: {'; '.join(f'{name} {_told(some)}' for name, some in found.items())}; "
         + ", ".join(f"{name} {error:.0f} m" for name, error in errors.items()),
         verdict(any_of(all_of(one.at_most(1) for one in some.values()) for some in found.values())),

@@ -155,11 +155,13 @@ def rmses(records: Records, results: Results[Score], case: str, trackers: Sequen
             if case == "s1":
                 published, colour = TABLE_1[tracker][("mean_x", "mean_y")[column]], LOOK[tracker]["color"]
                 axes.axhline(published, color=colour, lw=0.9, ls=":")
-                place, side = (times[0], "left") if tracker == "bootstrap" else (times[-1], "right")  # off the curves
+                beside = 1.02 * times[-1]  # where no curve is
                 axes.text(
-                    *(place, published, f"published mean {published:.1f}"),
-                    **{"ha": side, "va": "bottom", "fontsize": 7.5, "color": colour},
+                    *(beside, published, f"published\nmean {published:.1f}"),
+                    **{"ha": "left", "va": "center", "fontsize": 7.5, "color": colour},
+                    bbox={"fc": "white", "ec": "none", "pad": 0.5},
                 )
+                axes.set_xlim(right=1.25 * times[-1])
     for axis, axes in zip("xy", panels, strict=True):
         axes.set(xlabel="time, s", ylabel=f"RMSE {axis}, m")
         if len(trackers) > 1:

@@ -13,7 +13,7 @@ TITLES: Final = {
     "costs": "What trackers cost, in s1",
     "scenarios": "Scenarios 1 to 3, 75 %",
     "thresholds": "Thresholds",
-    "network": "What the network does for it",
+    "network": "Reports, frames and energy",
     "nominals": "Filters in the bank, N, in s1",
     "particles": "Particles, Ns, in s1",
     "radar": f"One radar (with bearings at most {RADAR_SHARE:g} of what predicting alone leaves)",
