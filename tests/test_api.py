@@ -353,7 +353,7 @@ def some_folder() -> str:
         (lambda: tf.run(SMALL, speed=0), "^speed: is 0; expected more than 0"),
         (lambda: tf.run(SMALL, out=some_folder()), "^full: out: the folder is not empty; expected an empty"),
         (lambda: tf.study(SMALL, [1], out=some_folder()), "^full: out: the folder is not empty"),
-        (lambda: tf.study(SMALL, []), "seeds: there are none; expected one or more"),
+        (lambda: tf.study(SMALL, []), "seeds: none given; expected one or more"),
         (lambda: tf.run(SMALL.set("fusion.trackers", ["spcfp"])), "unknown tracker .*spcpf"),
         (lambda: SMALL.set("link.modle", "ideal"), "link.modle: unknown; did you mean model"),
         (lambda: tf.open("nowhere"), "nowhere: has no metrics.json; expected the folder of a finished run"),
