@@ -229,8 +229,8 @@ def test_all_that_is_wrong_is_told_at_once(trackfield: Call, tmp_path: Path) -> 
     said = trackfield("validate", "mine.toml", *options, "--virtual", "--speed", "5", "--connect", "x")
     assert (said.code, said.out) == (2, "")
     assert sorted(line.partition(";")[0] for line in said.err.removeprefix("trackfield: ").splitlines()) == [
+        "--connect: a run in virtual time uses no router",
         "--connect: is 'x'",
-        "--connect: nothing goes over a router in virtual time",
         "--from, --to: there is no track to cut",
         "--speed: virtual time goes as fast as the machine can",
         "fusion.trackers: unknown tracker 'nope'",
@@ -275,10 +275,10 @@ def test_a_script_gets_json(trackfield: Call) -> None:
     ("options", "parts"),
     [
         (["--virtual", "--speed", "5"], ["--speed: virtual time goes as fast as", "it without --virtual"]),
-        (["--virtual", "--connect", "tcp/127.0.0.1:7447"], ["--connect: nothing goes over a router"]),
+        (["--virtual", "--connect", "tcp/127.0.0.1:7447"], ["--connect: a run in virtual time uses no router"]),
         (["--virtual", "--live"], ["--live: a run in virtual time is over at once"]),
         (["--virtual", "--external"], ["--external: there are no processes in virtual time"]),
-        (["--external"], ["--external: nobody can find a router of our own", "--connect beside it"]),
+        (["--external"], ["--external: other processes cannot find the run's own router", "--connect as well"]),
         (["--seed", "3", "--set", "seed=4"], ["seed: is set twice", "either --set seed=... or --seed"]),
         (["--link", "ideal", "--set", "link.model=fixed"], ["link.model: is set twice", "--link"]),
         (["--tracker", "ekf", "--set", "fusion.trackers=['ukf']"], ["fusion.trackers: is set twice"]),
@@ -311,6 +311,6 @@ def test_validate_looks_at_the_folder_too_and_leaves_it(trackfield: Call, tmp_pa
     (tmp_path / "old" / "notes.txt").write_text("mine")
     said = trackfield("validate", "zhai-spcpf", "--out", "old")
     assert said.code == 2
-    assert "old: --out: the folder has something in it; expected an empty or new one" in said.err
+    assert "old: --out: the folder is not empty; expected an empty or new one" in said.err
     assert trackfield("validate", "zhai-spcpf", "--out", "new").code == 0
     assert [file.name for file in tmp_path.iterdir()] == ["old"]

@@ -1,6 +1,6 @@
-"""What a plan promises before it is run: who can sense the target when, and what the radio makes of the reports.
+"""What to expect of a plan before it is run: which sensors have the target in reach, and which reports arrive.
 
-Everything here is computed from the true paths and places, as a designer knows them; planned faults are left out.
+All of it is computed from the true paths and places; planned faults are left out.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ Indices = NDArray[np.intp]
 MOST_REPORTS: Final = 200_000
 """Of a run with more reports, only every n-th step is looked at."""
 MOST_FRAMES: Final = 1000
-"""So many frames are sent on trial to learn what a report takes."""
+"""Frames sent on trial, at most, to learn the delay and air time of a report."""
 MOST_SENSORS: Final = 64
-"""Of more sensors in reach of a target, those with the best links count."""
+"""If more sensors have a target in reach, those with the best links count."""
 DOA_FIX: Final = 2
 """Two bearings give a position."""
 
@@ -44,7 +44,7 @@ DOA_FIX: Final = 2
 class Coverage:
     """A target at the steps at which it is there: ``t_s`` (n,) since the first step, ``in_reach`` (n,) sensors.
 
-    ``fixed`` (n,) is the probability that as many reports as a fix needs arrive and are of use; ``outside`` (n,)
+    ``fixed`` (n,) is the probability that as many reports as a fix needs arrive in time; ``outside`` (n,)
     whether the target is out of the rectangle around all sensors.
     """
 
@@ -60,7 +60,7 @@ class Trial:
     """Frames sent on trial, one a row: ``delay_s`` (n,) until they arrive, NaN for those that are lost.
 
     ``air_s`` (n,) is how long they are on air with repeats, ``ack_s`` (n,) their acknowledgements, ``busy_s`` (n,) how
-    long the sender's radio is taken; all of them 0 of a link that knows no radio.
+    long the sender's radio is taken; all of them are 0 for a link without a radio.
     """
 
     delay_s: Array
@@ -76,7 +76,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Duty:
-    """Who sends ``what`` for so long (s) in the busiest hour."""
+    """The node ``id`` sends ``what`` for so many ``seconds`` in its busiest hour."""
 
     id: str
     what: str
@@ -114,12 +114,12 @@ class Foresight:
 
 
 def best(shares: Shares, id: str) -> float:
-    """What arrives of a sender's messages at whoever hears it best."""
+    """The share of a sender's messages that arrives at its best receiver."""
     return max((share for (src, _), share in shares.items() if src == id), default=0.0)
 
 
 def foresee(plan: Plan) -> Foresight:
-    """What this plan promises."""
+    """What to expect of this plan."""
     sensors = plan.info.tagged(SENSES)
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
@@ -163,7 +163,7 @@ def _adaptive(plan: Plan) -> bool:
 
 
 def _needs(plan: Plan, sensors: int) -> int:
-    """How many sensors a fix takes. A field of fewer that starts from a prior goes by the reports of those it has."""
+    """How many sensors a fix takes; in a field of fewer that starts from a prior, all of them."""
     own = plan.tracking.get("sensor")
     needs = fix_sensors(make_sensor(**own)) if own else DOA_FIX
     return min(needs, sensors) if plan.tracking.get("prior") else needs
@@ -302,7 +302,7 @@ def _link(plan: Plan) -> Link:
 
 
 def _duty(plan: Plan, ids: list[str], heard: _Heard, trial: Trial) -> Duty | None:
-    """Whose reports, or whose acknowledgements of them, are longest on air in any hour."""
+    """The node whose reports, or acknowledgements of reports, are longest on air in any hour."""
     name = str(plan.run.link.get("radio"))
     if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(heard.sensor):
         return None
@@ -316,7 +316,7 @@ def _duty(plan: Plan, ids: list[str], heard: _Heard, trial: Trial) -> Duty | Non
 
 
 def _busiest(heard: _Heard, whose: Indices) -> list[tuple[int, int]]:
-    """(whose, how many) of the reports fall into the busiest hour of each."""
+    """(owner, reports in its busiest hour) of each owner in ``whose``."""
     order, hour = np.lexsort((heard.t_ns, whose)), 3600 * NS
     owner, t_ns = whose[order].astype(np.int64), heard.t_ns[order]
     span = int(t_ns.max()) + hour

@@ -1,4 +1,4 @@
-"""How well a plan's radio carries what its processes say to each other."""
+"""The share of the messages between a plan's processes that the radio delivers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of
 
 INSTANTS: Final = 50
-"""At how many instants of a run the links of somebody who moves are looked at."""
+"""The number of instants of a run at which links are evaluated, if any process moves."""
 
 Shares = dict[tuple[str, str], float]
-"""By sender and hearer."""
+"""By sender and receiver."""
 
 
 def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> dict[str, Shares]:

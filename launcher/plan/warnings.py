@@ -1,4 +1,4 @@
-"""What is likely to go wrong in a run, said before it starts, and a summary of what was looked at."""
+"""Warnings of what is likely to go wrong in a run, before it starts, and a summary of what to expect."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from trackfield.role import NS
 POOR: Final = 0.5
 """A link that carries less than this share of its messages is poor."""
 FEW: Final = 0.05
-"""What concerns a smaller share of the steps or of the reports is not worth a warning: a track of which 95 % of the
+"""A problem in a smaller share of the steps or of the reports is not worth a warning: a track of which 95 % of the
 steps are good counts as tracked."""
 COVERED: Final = 0.8
-"""A track bridges single steps without a fix; where more than one in five has none, it is in doubt."""
+"""A track bridges single steps without a fix; if more than one in five has none, there is a warning."""
 HOUR_S: Final = 3600.0
 
 
 def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
-    """What is likely to go wrong, a sentence each; nothing of nodes that will have nothing to report."""
+    """What is likely to go wrong, a sentence each; nodes that will have nothing to report are left out."""
     geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
     radio = [*_lost(seen), *_late(plan, seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
@@ -33,7 +33,7 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
 
 
 def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """What was looked at, in figures, a line each."""
+    """What to expect, in figures, a line each."""
     for one in seen.coverage:
         mean = one.in_reach.mean() if len(one.in_reach) else 0.0
         yield (
@@ -73,14 +73,14 @@ def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
         )
         yield (
             f"{what}: no sensor is within {_metres(plan.reach_m)} of it in {_steps(seen, one, float(nobody.mean()))} "
-            f"(the longest time from t = {begin:g} s on for {lasts:g} s){f', {few}' if seen.needs > 1 else ''}"
+            f"(longest: {lasts:g} s from t = {begin:g} s on){f', {few}' if seen.needs > 1 else ''}"
         )
     elif enough < COVERED:
         yield f"too few sensors along the path: within {_metres(plan.reach_m)} of {who}, {few}"
 
 
 def _longest(one: Coverage, where: NDArray[np.bool_], step_s: float) -> tuple[float, float]:
-    """The longest time for which something holds: from when on (s), and for how long."""
+    """The longest time for which something holds: its beginning (s), and how long it lasts (s)."""
     runs = [list(run) for holds, run in groupby(range(len(where)), key=lambda i: bool(where[i])) if holds]
     longest = max(runs, key=len)
     begin, end = one.t_s[longest[0]], one.t_s[longest[-1]]
@@ -131,16 +131,16 @@ def _poor(seen: Foresight) -> list[tuple[list[str], dict[tuple[str, str], float]
 
 
 def _late(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Reports that take longer than anybody waits for them."""
+    """Reports that arrive too late to be used."""
     if 1 - seen.of_use >= FEW:
         yield (
             f"{1 - seen.of_use:.0%} of the reports that arrive are too late ({_delays(seen)}; {_limit(plan)})"
-            f"{_consequence(seen)}; it takes a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
+            f"{_consequence(seen)}; use a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
         )
 
 
 def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
-    """Losses that none of the others names."""
+    """Losses that no other warning names."""
     if _fixed(one) < COVERED:
         yield (
             f"{seen.arriving * seen.of_use:.0%} of all reports may be expected to arrive in time, {_fixes(seen, one)}"
