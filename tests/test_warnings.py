@@ -88,7 +88,7 @@ def test_reports_that_come_after_the_deadline(trackfield: Call) -> None:
     late, queue, channel, duty = validated(trackfield, "zhai-spcpf", *LORA)
     assert late == (
         "100% of the reports that arrive are too late (delay 9.19 s, 95% within 20.7 s; fusion.deadline_s is 300 ms), "
-        "enough for a fix (2) in 0 of 60 steps; it takes a faster radio, a longer fusion.deadline_s, or "
+        "enough for a fix (2) in 0 of 60 steps; use a faster radio, a longer fusion.deadline_s, or "
         "fusion.max_age_s"
     )
     assert queue.startswith("a report takes its node's radio 2.64 s, and a step lasts 1 s: ")
@@ -112,8 +112,8 @@ def test_reports_that_one_channel_cannot_carry_in_time(trackfield: Call) -> None
 
 def test_a_target_that_leaves_the_field(trackfield: Call) -> None:
     assert validated(trackfield, "zhai-spcpf", "--nodes", "25") == [
-        "the target is outside the field: no sensor is within 56 m of it in 29 of 60 steps (the longest time from t = "
-        "32 s on for 29 s), enough for a fix (2) in 26 of 60 steps"
+        "the target is outside the field: no sensor is within 56 m of it in 29 of 60 steps (longest: 29 s "
+        "from t = 32 s on), enough for a fix (2) in 26 of 60 steps"
     ]
 
 

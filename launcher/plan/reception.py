@@ -12,14 +12,14 @@ from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of
 
 INSTANTS: Final = 50
-"""The number of instants of a run at which links are evaluated, if any process moves."""
+"""The number of instants of a run at which links are evaluated, of links that change over time."""
 
 Shares = dict[tuple[str, str], float]
 """By sender and receiver."""
 
 
 def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> dict[str, Shares]:
-    """The share of its messages that each link in use may expect to carry, by kind of message, reports first.
+    """The share of its messages that each link in use is expected to deliver, by kind of message, reports first.
 
     Of links that change over time, the mean. ``when`` are the instants (ns) that count for the links of each of its
     processes, and other links are left out; None: all links, over the run.

@@ -171,7 +171,7 @@ def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 
 def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Reports of a step that one channel cannot carry: the models know no collisions."""
+    """Reports of a step that one channel cannot carry: the link models leave out collisions."""
     if not len(seen.air_s) or seen.adaptive:
         return
     air_s, step_s = float(np.mean(seen.air_s)), plan.step_ns / NS
@@ -185,7 +185,7 @@ def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 
 def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Radios that by law may not send so much."""
+    """Radios that send for longer than the duty cycle of their band allows."""
     if seen.duty and seen.duty.seconds > _allowed_s(plan) and not seen.adaptive:
         yield (
             f"{_sends(seen.duty)} in an hour, and in the band of {plan.run.link['radio']} {_allowed_s(plan):.0f} s are "
