@@ -162,6 +162,22 @@ def test_sensors_of_late_reports_look_late(late: Path) -> None:
     assert fates(found)["reports too late"] == found.frames.senders("late")
 
 
+def test_reports_that_were_late_and_fused_all_the_same_are_no_loss(tmp_path: Path) -> None:
+    """None of them comes in time, and the tracks use those that are not too old."""
+    slow = ("link.radio=lora868", "link.sf=12", "fusion.max_age_s=3", 'fusion.prior="none"')
+    file = run(tmp_path / "patient", *slow)
+    found, page = read_run(file), read(file)
+    used = {(id, p["step"]) for p in found.points.to_pylist() for id in p["sensors"]}
+    outcomes = found.frames.fates(found.frames.reports)
+    assert 0 < len(used) < outcomes["late"]
+    assert "delivered" not in outcomes
+    assert "anything to go by" not in page.text
+    assert f"; {len(used)} came late and were fused all the same (fusion.max_age_s). Those" in page.text
+    assert fates(found)["reports late, but fused"] == {id for id, _ in used}
+    assert fates(found)["reports too late"] == found.frames.senders("late") - {id for id, _ in used}
+    assert "reports late, but fused" in labels(drawn("field", found))
+
+
 def test_the_deadline_is_in_the_figure_of_latencies(late: Path) -> None:
     assert "deadline, 300 ms after the step" in labels(drawn("latency", read_run(late)))
 

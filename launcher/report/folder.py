@@ -33,6 +33,8 @@ LONG: Final = 400
 WINDOWS: Final = 60
 """How many windows a longer run has, over which errors are averaged."""
 _COLUMNS: Final = ("kind", "src", "dst", "outcome", "sent_ns", "due_ns", "bytes", "copy", "incarnation", "step")
+_USES: Final = ("sensors", "step", "told_ns")
+"""Who was used when, in tracks.parquet."""
 _TEXT: Final = ("kind", "src", "dst", "outcome")
 
 
@@ -76,7 +78,10 @@ class Frames:
 
     def senders(self, *outcomes: str) -> set[str]:
         """Who sent a report that had one of these outcomes, or any."""
-        chosen = self.reports & self.where("outcome", *outcomes) if outcomes else self.reports
+        return self.those(self.reports & self.where("outcome", *outcomes) if outcomes else self.reports)
+
+    def those(self, chosen: npt.NDArray[np.bool_]) -> set[str]:
+        """Who sent these."""
         return set(self.table["src"].filter(pa.array(chosen)).unique().to_pylist())
 
     def fates(self, chosen: npt.NDArray[np.bool_]) -> dict[str, int]:
@@ -185,6 +190,24 @@ class Run:
     def bounded(self) -> bool:
         """Whether the tracks have a bound beside them."""
         return any(bool(np.isfinite(track.bound).any()) for track in self.tracks)
+
+    @cached_property
+    def first_fused_ns(self) -> dict[tuple[str, int], int]:
+        """When a track was first told that used a report, by its sensor and step; ns since the start of the run."""
+        first: dict[tuple[str, int], int] = {}
+        for sensors, step, told_ns in zip(*(self.points[name].to_pylist() for name in _USES), strict=True):
+            for sensor in sensors:
+                first[sensor, step] = min(told_ns, first.get((sensor, step), told_ns))
+        return first
+
+    @cached_property
+    def fused_late(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether a frame is a report that came late and was fused all the same, within ``fusion.max_age_s``."""
+        found = self.frames.reports & self.frames.where("outcome", "late")
+        late = self.frames.table.filter(pa.array(found))
+        used = zip(late["src"].to_pylist(), late["step"].to_pylist(), strict=True)
+        found[found] = [report in self.first_fused_ns for report in used]
+        return found
 
     @cached_property
     def sensors(self) -> dict[str, tuple[float, float]]:

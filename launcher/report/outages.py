@@ -132,14 +132,20 @@ def _since(run: Run, t_ns: int) -> float:
 
 def _reports(run: Run, t_s: Array) -> str:
     """What became of the reports of these steps."""
-    steps = np.rint(t_s / run.step_s)
-    fates = run.frames.fates(run.frames.reports & np.isin(run.frames.steps, steps))
+    chosen = run.frames.reports & np.isin(run.frames.steps, np.rint(t_s / run.step_s))
+    fates, fused_late = run.frames.fates(chosen), int((chosen & run.fused_late).sum())
     total, in_time = sum(fates.values()), fates.get("delivered", 0)
     if not total:
         return "no sensor sent a report"
-    if in_time:
-        return f"{in_time} of {total} reports arrived in time, and the tracker made no track of them"
-    return f"none of {total} reports arrived in time ({losses(fates)})"
+    if not in_time + fused_late:
+        return f"none of {total} reports arrived in time ({losses(fates)})"
+    late = f", {_all_the_same(fused_late)}" if fused_late else ""
+    return f"{in_time} of {total} reports arrived in time{late}, and the tracker made no track of them"
+
+
+def _all_the_same(fused_late: int) -> str:
+    """What became of so many reports that came after their deadline."""
+    return f"{fused_late:,} came late and {'was' if fused_late == 1 else 'were'} fused all the same (fusion.max_age_s)"
 
 
 def losses(fates: Mapping[str, int]) -> str:
@@ -148,7 +154,7 @@ def losses(fates: Mapping[str, int]) -> str:
 
 
 def few_reports(run: Run) -> str:
-    """That most reports did not come in time, and what became of them, in a sentence; nothing if most did."""
+    """That most reports did not come in time, and what became of them, in a sentence or two; nothing if most did."""
     fates, frames = run.frames.fates(run.frames.reports), run.metrics["frames"]
     in_time, total = fates.get("delivered", 0), sum(fates.values())
     if not frames["delivered"]:
@@ -159,7 +165,9 @@ def few_reports(run: Run) -> str:
         return ""
     some = f"only {in_time:,}" if in_time else "none"
     said = f"{some} of {total:,} reports arrived in time ({losses(fates)})"
-    if not in_time:
+    if fused_late := int(run.fused_late.sum()):
+        said += f"; {_all_the_same(fused_late)}"
+    elif not in_time:
         alone = " but its prior" if run.scenario.fusion.prior == "paper" else ""
         said += f": no tracker had anything to go by{alone}"
     return " ".join(filter(None, [f"{said}.", _lateness(run)])).removesuffix(".")
