@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from matplotlib.axes import Axes
 from launcher.report import folder
 from launcher.report.figures import FIGURES
 from launcher.report.folder import Run, read_run
+from launcher.report.outages import outages
+from launcher.report.parts import verdicts
 from launcher.report.parts.field import fates
 from tests.reporting import Reader, changed, read, run
 from tests.test_report_targets import drawn, labels
@@ -99,6 +102,21 @@ def test_reports_that_are_lost_explain_a_missing_track(tmp_path: Path) -> None:
     cut = "faults=[{kind='partition', nodes=['fusion'], at_s=0, until_s=6.5}]"
     text = read(run(tmp_path / "cut", cut, 'fusion.prior="none"')).text
     assert "6 s without a track: none of 24 reports arrived in time (24 cut off by a partition)." in text
+
+
+def test_a_smoothed_track_dies_with_the_centre_that_was_still_to_tell_of_it(tmp_path: Path) -> None:
+    """Of the steps before the death the smoothed points were not told yet, though all reports had arrived."""
+    restart = "faults=[{kind='restart', nodes=['fusion'], at_s=7, until_s=9}]"
+    file = run(tmp_path / "smooth", restart, "fusion.smooth_lag=5", steps=16)
+    (smoothed,) = [one for one in verdicts.verdicts(read_run(file)) if "+lag5" in one.tracker]
+    assert "5 s without a track: fusion was restarted at 7 s and came back at 9 s. " in smoothed.text
+    assert "arrived in time" not in read(file).text
+    early = changed(file, lambda metrics: metrics.update(end_s=4.5))
+    (track,) = [one for one in early.tracks if one.lag]
+    assert outages(early, replace(track, mean=track.mean * np.nan)) == []
+    never = run(tmp_path / "never", KILL.replace("at_s=3", "at_s=5.2"), "fusion.smooth_lag=5", steps=12)
+    (smoothed,) = [one for one in verdicts.verdicts(read_run(never)) if "+lag5" in one.tracker]
+    assert smoothed.text == "No track of the target at any of the 12 steps: fusion was killed at 5.2 s."
 
 
 # --- gaps of the truth ------------------------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ def outages(run: Run, track: Track) -> list[Outage]:
     """Those of a track, in the order of time; the last steps of a smoothed one are not expected."""
     at = track.t_s[track.expected]
     missing = ~track.known[track.expected]
-    missing[len(missing) - track.lag :] = False
+    missing[max(len(missing) - track.lag, 0) :] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.view(np.int8), [0]])))
     return [Outage(at[begin:end], run.step_s) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -71,28 +71,33 @@ def in_words(run: Run, track: Track) -> str:
     if not found:
         return ""
     longest = max(found, key=lambda one: one.seconds)
-    cause = why(run, longest)
+    cause = why(run, longest, track.lag)
     if len(found) == 1:
         return f"{span(longest.seconds)} without a track{cause}."
     total = sum(one.seconds for one in found)
     return f"{span(total)} without a track, in {len(found)} stretches; the longest, {span(longest.seconds)}{cause}."
 
 
-def never(run: Run) -> str:
-    """That there was no track at all, and why, in a sentence."""
+def never(run: Run, lag: int = 0) -> str:
+    """That there was no track at all, and why, in a sentence; ``lag`` as ``Track`` has it."""
     times = (np.array(run.course.at_ns, float) - run.site.origin_ns) / NS
     if not len(times):
         return "The run ended before any step was to have a track."
-    cause = why(run, Outage(times, run.step_s))
+    cause = why(run, Outage(times, run.step_s), lag)
     return f"No track of {'a' if run.several else 'the'} target at any of the {len(times):,} steps{cause}."
 
 
-def why(run: Run, outage: Outage) -> str:
-    """What explains it: who was down, then what became of the reports of steps that this does not explain."""
-    deadline_s = run.scenario.fusion.deadline_s
-    end_s = outage.t_s[-1] + outage.step_s
+def why(run: Run, outage: Outage, lag: int = 0) -> str:
+    """What explains it: who was down, then what became of the reports of steps that this does not explain.
+
+    A smoothed track is told of a step only ``lag`` steps later: who dies before that never tells of it.
+    """
+    lag_s = lag * run.step_s
+    told_s = outage.t_s + run.scenario.fusion.deadline_s + lag_s
+    end_s = outage.t_s[-1] + outage.step_s + lag_s
     causes = [one for one in downs(run) if one.from_s < end_s and one.until_s > outage.t_s[0]]
-    rest = outage.t_s[[not any(c.from_s <= t + deadline_s and t < c.until_s for c in causes) for t in outage.t_s]]
+    explained = [(one.from_s <= told_s) & (outage.t_s < one.until_s) for one in causes]
+    rest = outage.t_s[~np.any(explained, axis=0)] if causes else outage.t_s
     said = [one.text for one in causes]
     if not causes or len(rest) > SETTLING:
         said.append(f"{'then ' if causes else ''}{_reports(run, rest)}")
