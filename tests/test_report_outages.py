@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -95,6 +96,15 @@ def test_a_centre_killed_by_plan_ends_no_run(tmp_path: Path) -> None:
     assert "over 2 of 12 steps" in text
     assert text.count("Lost by the rule of the scenario") == 2
     assert "ended early" not in text
+
+
+def test_frames_to_a_dead_centre_are_no_fault_of_the_link(tmp_path: Path) -> None:
+    text = read(run(tmp_path / "dead", KILL.replace("at_s=3", "at_s=0.5"))).text
+    (frames,) = re.findall(
+        r"None of (\d+) frames arrived \(\1 to a dead receiver\): no tracker had anything to go by\.", text
+    )
+    assert int(frames) > 0
+    assert "lost on the link" not in text
 
 
 def test_reports_that_are_lost_explain_a_missing_track(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from launcher.record.words import span
+from launcher.record.words import losses, span, uninformed
 from launcher.records import TRACKS
 from launcher.report.folder import Run
 from launcher.report.tracks import Array, Track
@@ -20,18 +20,6 @@ SETTLING: Final = 3
 """Steps that a centre may take, once it is back, before its track needs an explanation of its own."""
 FEW: Final = 0.5
 """Of the reports: if a smaller share came in time, a reader has to know."""
-FATES: Final[Mapping[str, str]] = {
-    "late": "after the deadline",
-    "ignored": "ignored",
-    "radio": "lost on the link",
-    "partition": "cut off by a partition",
-    "in_flight": "still on the way at the end of the run",
-    "asleep": "to a receiver that was off",
-    "frozen": "to a frozen receiver",
-    "dead": "to a dead receiver",
-    "overflow": "never sent, as the queue was full",
-}
-"""What became of a report that did not come in time."""
 
 
 @dataclass(frozen=True)
@@ -153,11 +141,6 @@ def _all_the_same(fused_late: int) -> str:
     return f"{fused_late:,} came late and {'was' if fused_late == 1 else 'were'} fused all the same (fusion.max_age_s)"
 
 
-def losses(fates: Mapping[str, int]) -> str:
-    """What became of reports that did not come in time, in words."""
-    return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if name != "delivered")
-
-
 def few_reports(run: Run) -> str:
     """That most reports did not come in time, and what became of them, in a sentence or two; nothing if most did."""
     fates, frames = run.frames.fates(run.frames.reports), run.metrics["frames"]
@@ -165,7 +148,7 @@ def few_reports(run: Run) -> str:
     if not frames["delivered"]:
         return ""  # of any kind: that is said elsewhere
     if not total:
-        return "no sensor sent a report: no tracker had anything to go by"
+        return f"no sensor sent a report: {uninformed(run.metrics)}"
     if in_time >= FEW * total:
         return ""
     some = f"only {in_time:,}" if in_time else "none"
@@ -173,8 +156,7 @@ def few_reports(run: Run) -> str:
     if fused_late := int(run.fused_late.sum()):
         said += f"; {_all_the_same(fused_late)}"
     elif not in_time:
-        alone = " but its prior" if run.scenario.fusion.prior == "paper" else ""
-        said += f": no tracker had anything to go by{alone}"
+        said += f": {uninformed(run.metrics)}"
     return " ".join(filter(None, [f"{said}.", _lateness(run)])).removesuffix(".")
 
 
