@@ -18,6 +18,7 @@ from launcher.report.folder import Run, read_run
 from launcher.report.outages import outages
 from launcher.report.parts import verdicts
 from launcher.report.parts.field import fates
+from tests import rrd
 from tests.reporting import Reader, changed, read, run
 from tests.test_report_targets import drawn, labels
 
@@ -127,6 +128,22 @@ def test_a_smoothed_track_dies_with_the_centre_that_was_still_to_tell_of_it(tmp_
     never = run(tmp_path / "never", KILL.replace("at_s=3", "at_s=5.2"), "fusion.smooth_lag=5", steps=12)
     (smoothed,) = [one for one in verdicts.verdicts(read_run(never)) if "+lag5" in one.tracker]
     assert smoothed.text == "No track of the target at any of the 12 steps: fusion was killed at 5.2 s."
+
+
+def test_what_a_frozen_centre_told_too_late_is_said_and_not_drawn_as_current(tmp_path: Path) -> None:
+    """It tells of all steps of the freeze when that ends: no step is without a track."""
+    file = run(tmp_path / "frozen", "faults=[{kind='freeze', nodes=['fusion'], at_s=3, until_s=8}]")
+    text = read(file).text
+    assert (
+        text.count("4 steps were told more than a step late, by up to 4.7 s: fusion was frozen from 3 s to 8 s.") == 2
+    )
+    assert "without a track" not in text
+    for tracker in ("fix-imm-ukf", "spcpf"):
+        at = rrd.read(file / "run.rrd", f"/field/{tracker}/position", "Points2D:positions")
+        shown = {t for t, points in at if points}
+        gone = [t for t, points in at if not points]
+        assert shown == {1, 2, 7, 8, 9, 10, 11, 12}
+        assert gone[0] == 3.5
 
 
 # --- gaps of the truth ------------------------------------------------------------------------------------------------

@@ -75,6 +75,20 @@ def never(run: Run, lag: int = 0) -> str:
     return f"No track of {'a' if run.several else 'the'} target at any of the {len(times):,} steps{cause}."
 
 
+def told_late(run: Run, track: Track) -> str:
+    """How many steps were told of more than a step late, and why, in a sentence; nothing if none was."""
+    due_s = track.t_s + run.scenario.fusion.deadline_s + track.lag * run.step_s
+    late_s = np.where(track.known & track.expected, track.told_s - due_s, 0.0)
+    slow = late_s > run.step_s
+    if not slow.any():
+        return ""
+    causes = [one.text for one in downs(run) if ((one.from_s <= due_s) & (due_s < one.until_s))[slow].any()]
+    steps = "1 step was" if slow.sum() == 1 else f"{slow.sum():,} steps were"
+    return (
+        f"{steps} told more than a step late, by up to {span(late_s.max())}{': ' if causes else ''}{'; '.join(causes)}."
+    )
+
+
 def why(run: Run, outage: Outage, lag: int = 0) -> str:
     """What explains it: who was down, then what became of the reports of steps that this does not explain.
 

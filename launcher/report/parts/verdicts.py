@@ -48,6 +48,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
         _error(own, m) if m["steps"] else "",
         _within(run, m) if m["steps"] else "",
         *(outages.in_words(run, track) for track in own if there),
+        *(outages.told_late(run, track) for track in own),
         "" if there else outages.never(run, _lag(run, name)),
         _rule(run) if m["lost"] and there else "",
         _in_gaps(m),

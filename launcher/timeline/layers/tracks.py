@@ -23,12 +23,13 @@ Static = Callable[..., None]
 
 @dataclass(slots=True)
 class _Track:
-    """What of a track the next point needs: its entity, and where it was."""
+    """What of a track the next point needs: its entity, and where it was last; ``newest_ns`` is its latest instant."""
 
     path: str
     plot: tuple[str, ...]
     last: Points = field(default_factory=lambda: np.empty((0, 2)))
     last_ns: int = 0
+    newest_ns: int = 0
     source: str = ""
     particles: bool = False
     shown: bool = False
@@ -38,7 +39,8 @@ class Tracks:
     """Hands points to ``add``; the latest of each tracker is ``shown``, for rays to end there and the close-up to fit.
 
     A track that gets no point for one and a half steps, or whose process is dead, leaves the picture until it has one
-    again; its line breaks after one and a half steps.
+    again; its line breaks after one and a half steps. One that comes so late, of a frozen process, say, was not there
+    at its instant: it is part of the line only.
 
     A field in which several processes track has a track for each of them.
     """
@@ -51,13 +53,17 @@ class Tracks:
         self._dead: dict[str, tuple[float, float]] = {}  # from when until when, of processes that died
         self._lived: dict[str, int] = {}
 
-    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
+    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
         """A point; of a smoothed track only the line is drawn, at the times that its points are about."""
         track, t_ns = self._track(point), point.at_ns
         here = np.reshape(point.mean[:2], (-1, 2))
         self._leave(track, t_ns)
         dead_ns, back_ns = self._dead.get(point.source, (math.inf, math.inf))
-        if not point.lag and not dead_ns <= t_ns < back_ns:
+        stale = late_ns > self._limit_ns and t_ns > track.newest_ns  # else it is told again, of late reports
+        if stale and track.shown:
+            self._hide(track, track.last_ns + self._limit_ns)
+        track.newest_ns = max(track.newest_ns, t_ns)
+        if not point.lag and not stale and not dead_ns <= t_ns < back_ns:
             self._place(track, t_ns, here, point, truth)
         if len(here) and len(track.last):
             self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
