@@ -156,7 +156,12 @@ def test_a_run_that_ended_early_says_so(copied: Path) -> None:
     changed(copied, lambda metrics: metrics.update(end_s=9.5))
     with_tracks(copied, lambda table: table.filter(pa.compute.less(table["step"], 9)))
     report.write_report(copied)
-    assert "The run ended early, 9.5 s after its first step: 8 of 12 steps." in read(copied).text
+    text = read(copied).text
+    assert "The run ended early, 9.5 s after its first step: 8 of 12 steps." in text
+    assert "the same run from its folder" not in text
+    assert "--exact 0" not in text
+    assert "bit for bit" not in text
+    assert "A run of the same scenario goes on to its planned end, 13 s after the first step." in text
 
 
 def test_several_targets_each_have_their_lines(copied: Path) -> None:

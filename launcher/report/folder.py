@@ -150,6 +150,11 @@ class Run:
         return (end_of(self.site) - self.site.origin_ns) / NS
 
     @property
+    def ended_early(self) -> bool:
+        """Whether it was ended before."""
+        return bool(self.metrics["end_s"] < self.end_s)
+
+    @property
     def origin_s(self) -> float:
         """How long after the start of the run the first step was."""
         return self.site.origin_ns / NS
