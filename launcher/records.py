@@ -81,6 +81,11 @@ class FieldInfo:
         return [place for place in self.places if tag in place.tags]
 
 
+def last_due(end_ns: int, step_ns: int, deadline_s: float) -> int:
+    """The number of the last step whose track is due before the end, in ns since the first step; 0 if there is none."""
+    return max((end_ns - round(deadline_s * NS) - 1) // step_ns, 0)
+
+
 RECORDER: Final = "recorder"
 """The id of the process that writes a run down."""
 LIVE: Final = "live"
@@ -171,6 +176,11 @@ class Plan:
     def step_of(self, at_ns: int) -> int:
         """The number of the step at this instant."""
         return (at_ns - self.info.origin_ns) // self.info.step_ns
+
+    def lag_of(self, track: str) -> int:
+        """How many steps later the points of this track come: 0, or those by which it is smoothed."""
+        smoothed = track not in self.tracking.get("trackers", (track,))
+        return int(self.tracking.get("smooth_lag", 0)) if smoothed else 0
 
     def bank_of(self, source: str) -> dict[str, Any]:
         """What a process that tracks is told; all but the first draw by their ids, too."""

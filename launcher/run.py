@@ -101,7 +101,7 @@ def run_virtual(
         metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
         metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
         metrics["timing"]["speed"] = None
-        return close_folder(folder, metrics, [], ended, write, complete=virtual.end_ns == plan.run.end_ns)
+        return close_folder(plan, folder, metrics, [], ended, write)
 
 
 def run_processes(
@@ -154,7 +154,7 @@ def run_processes(
             "pss_mb_per_node": pss,
         }
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
-        return close_folder(folder, metrics, complaints, ended)
+        return close_folder(plan, folder, metrics, complaints, ended)
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
@@ -173,17 +173,16 @@ def _blank(value: object) -> Any:
 
 
 def close_folder(
+    plan: Plan,
     folder: Path,
     metrics: Metrics,
     complaints: list[str],
     ended: list[int],
     write: Callable[[Path], None] = write_here,
-    *,
-    complete: bool = False,
 ) -> Outcome:
     """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early.
 
-    A signal that comes from now on ends the drawing of the report. ``complete`` says that none ended the run itself.
+    A signal that comes from now on ends the drawing of the report.
     """
     frames = metrics["frames"]
     if frames["host_lost"]:
@@ -194,6 +193,7 @@ def close_folder(
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)
     unreported = _report(folder, ended, write)
+    complete = metrics["end_s"] is not None and metrics["end_s"] >= plan.info.end_s
     return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported, complete)
 
 

@@ -93,9 +93,9 @@ def test_the_last_of_a_name_counts() -> None:
     ("name", "maker", "says"),
     [
         ("spcpf", Still, "register_tracker: 'spcpf' is a tracker of Trackfield's own; expected another name"),
-        ("my tracker", Still, "'my tracker' is no name for a tracker; expected 1 to 32 letters"),
+        ("my tracker", Still, "'my tracker' is not a valid name for a tracker; expected 1 to 32 letters"),
         ("mine", dict, "tracker 'mine' has no init, step; expected a class with init, step"),
-        ("mine", Still(), "tracker 'mine' is no class"),
+        ("mine", Still(), "tracker 'mine' is not a class"),
     ],
 )
 def test_what_cannot_be_registered(name: str, maker: Any, says: str) -> None:

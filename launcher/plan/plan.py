@@ -132,4 +132,4 @@ def _truth(site: Site, target: str, path: Path) -> Truth:
     every_s, origin_s = site.step_ns / NS / TRUTH_SAMPLES, site.origin_ns / NS
     times = [k * every_s for k in range(site.steps * TRUTH_SAMPLES + 1)]
     points = ((t, state[0], state[1]) for t in times if (state := path.at(origin_s + t)) is not None)
-    return Truth(target, tuple(points), tuple((a - origin_s, b - origin_s) for a, b in path.gaps))
+    return Truth(target, tuple(points), tuple((a - origin_s, b - origin_s) for a, b in path.gaps_inside))

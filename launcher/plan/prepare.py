@@ -184,7 +184,7 @@ def _in_gaps(plan: Plan, target: str, path: TruePath) -> str:
     inside = sum(path.interpolated(t) for t in there)
     if not inside:
         return ""
-    begin, end = max(path.gaps, key=lambda gap: gap[1] - gap[0])
+    begin, end = max(path.gaps_inside, key=lambda gap: gap[1] - gap[0])
     gaps = "a gap" if len(path.gaps) == 1 else f"{len(path.gaps)} gaps"
     longest = f"{'' if len(path.gaps) == 1 else 'the longest '}from {begin - plan.origin_ns / NS:.1f} s"
     whose = "" if len(plan.paths) == 1 else f" of {target}"

@@ -15,7 +15,7 @@ from typing import Any
 
 import psutil
 
-from launcher.record.journal import write_json
+from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
@@ -55,11 +55,12 @@ def check_folder(folder: Path) -> None:
 
 @contextmanager
 def whole_or_none(folder: Path) -> Iterator[None]:
-    """Whoever interrupts what fills the folder finds none afterwards; a run that has begun ends early instead."""
+    """Remove the folder if what fills it is interrupted, unless the run in it is over."""
     try:
         yield
     except KeyboardInterrupt:
-        shutil.rmtree(folder, ignore_errors=True)
+        if not (folder / METRICS).exists():
+            shutil.rmtree(folder, ignore_errors=True)
         raise
 
 

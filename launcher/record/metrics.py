@@ -78,12 +78,12 @@ def tracker_metrics(
     """
     own = {name: [row for row in tracks if row.point.tracker == name] for name in plan.info.trackers}
     until_ns = plan.run.end_ns if end_ns is None else end_ns
-    return {name: _tracker(plan, rows, until_ns, bound or {}) for name, rows in own.items()}
+    return {name: _tracker(plan, rows, until_ns, bound or {}, plan.lag_of(name)) for name, rows in own.items()}
 
 
-def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float]) -> Metrics:
+def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float], lag: int) -> Metrics:
     views = {view.name: seen(rows, view) for view in plan.views}
-    scores = {name: scored(plan, chosen, end_ns, bound) for name, chosen in views.items()}
+    scores = {name: scored(plan, chosen, end_ns, bound, lag) for name, chosen in views.items()}
     several = len(plan.paths) > 1
     first = plan.views[0].name
     return {

@@ -29,4 +29,6 @@ def verdict(*, lost: bool, share_within: float | None, blackout_steps: int) -> V
 
 def told(figures: dict[str, Any]) -> str:
     """The verdict on a tracker as a page or table says it."""
-    return figures["verdict"] or "no truth to judge by"
+    if figures["verdict"] is None:
+        return "no truth to judge by" if figures["gap"]["steps"] else "no step to judge"
+    return str(figures["verdict"])

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 from launcher.plan.architectures import architecture_of
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import end_of, planned_faults
-from launcher.records import ARRIVED, SENSES, Place
+from launcher.records import ARRIVED, SENSES, Place, last_due
 from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
 from trackfield.errors import ScenarioError
@@ -187,7 +187,7 @@ class Run:
     @cached_property
     def gaps(self) -> tuple[tuple[float, float], ...]:
         """(from s, to s) of each gap in the data of some target, up to the end; a straight line stands in for it."""
-        found = [gap for path in self.site.paths.values() for gap in path.gaps]
+        found = [gap for path in self.site.paths.values() for gap in path.gaps_inside]
         shifted = ((begin - self.origin_s, end - self.origin_s) for begin, end in found)
         return tuple(gap for gap in shifted if gap[0] < self.metrics["end_s"])
 
@@ -251,9 +251,8 @@ def read_run(folder: Path) -> Run:
 
 
 def _last_step(site: Site, metrics: Mapping[str, Any]) -> int:
-    """The number of the last step whose track was to be told before the end."""
     end_ns = round(float(metrics["end_s"]) * NS)
-    return max(min(end_ns // site.step_ns - 1, site.steps), 0)
+    return min(last_due(end_ns, site.step_ns, site.scenario.fusion.deadline_s), site.steps)
 
 
 def _json(folder: Path, name: str) -> dict[str, Any]:

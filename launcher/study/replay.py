@@ -69,7 +69,7 @@ def replay(
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
     # what went wrong in the run is no failure of its replay
-    return replace(close_folder(folder, metrics, [], []), complaints=())
+    return replace(close_folder(plan, folder, metrics, [], []), complaints=())
 
 
 def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 import zenoh
 
 NODE_RUNTIME: Final = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app))"
-"""ZENOH_RUNTIME of a node: half the threads. Never for the router, which would lose frames with it."""
+"""ZENOH_RUNTIME of a node: half the threads. Not for the router, which would lose frames with it."""
 
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
@@ -43,7 +43,7 @@ def is_endpoint(text: str) -> bool:
 
 
 def open_client(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> zenoh.Session:
-    """Join a run (None: see all) through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
+    """A session in a run (None: all runs) by the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
     timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
     namespace = {} if run is None else {"namespace": run}
     return _open({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
@@ -59,7 +59,7 @@ def _open(settings: Mapping[str, Any]) -> zenoh.Session:
 
 
 def _nested(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The tree of these paths: a configuration read as a whole costs a node less memory than one set key by key."""
+    """The settings as a tree: a configuration read as a whole takes less memory in a node than one set key by key."""
     tree: dict[str, Any] = {}
     for path, value in settings.items():
         *branches, leaf = path.split("/")

@@ -235,7 +235,7 @@ def _truths(axes: Axes, run: Run, ways: Mapping[str, Array]) -> None:
         axes.plot(*way[0], "o", color="white", mec=style.INK, mew=1.2, ms=6, label=label, zorder=7)
         if run.several:
             axes.annotate(target, way[0], (7, -9), textcoords="offset points", path_effects=[HALO], zorder=8)
-    gaps = [(path, gap) for path in run.site.paths.values() for gap in path.gaps]
+    gaps = [(path, gap) for path in run.site.paths.values() for gap in path.gaps_inside]
     for number, (path, gap) in enumerate(gaps):
         label = None if number else "truth interpolated"
         axes.plot(*along(path, *gap, IN_A_GAP).T, ":", color=style.GAP, lw=2.0, label=label, zorder=3)
