@@ -69,6 +69,7 @@ def in_words(run: Run, track: Track) -> str:
 def never(run: Run, lag: int = 0) -> str:
     """That there was no track at all, and why, in a sentence; ``lag`` as ``Track`` has it."""
     times = (np.array(run.course.at_ns, float) - run.site.origin_ns) / NS
+    times = times[: max(len(times) - lag, 0)]
     if not len(times):
         return "The run ended before any step was to have a track."
     cause = why(run, Outage(times, run.step_s), lag)
