@@ -92,8 +92,12 @@ def test_an_energy_has_the_unit_that_suits_it(energy_j: float, said: str) -> Non
     assert joules(energy_j) == said
 
 
-@pytest.mark.parametrize(("share", "said"), [(0.0, "0.0 %"), (0.0001, "< 0.1 %"), (0.336, "33.6 %"), (1.0, "100.0 %")])
-def test_a_share_that_is_not_nothing_is_never_said_to_be(share: float, said: str) -> None:
+@pytest.mark.parametrize(
+    ("share", "said"),
+    [(0.0, "0.0 %"), (0.0001, "< 0.1 %"), (0.336, "33.6 %"), (0.9994, "99.9 %"),
+     (1999 / 2000, "> 99.9 %"), (1.0, "100.0 %")],
+)  # fmt: skip
+def test_a_share_that_is_not_nothing_or_not_all_is_never_said_to_be(share: float, said: str) -> None:
     assert percent(share) == said
 
 

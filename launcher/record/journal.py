@@ -83,7 +83,8 @@ class Telling:
                 self.timeline.note(event.t_ns, event.process, text)
             case Publish(point):
                 truth, _ = nearest(self.plan.paths, point)
-                self.timeline.estimate(point, truth[:2] if truth else None)
+                late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
+                self.timeline.estimate(point, truth[:2] if truth else None, late_ns)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
 

@@ -46,6 +46,7 @@ def _started(below: Path) -> Iterator[tuple[tuple[str, int], Path]]:
             continue
         try:
             started = json.loads(manifest.read_bytes())["started"]
+            written_ns = manifest.stat().st_mtime_ns
         except (OSError, ValueError, KeyError, TypeError):
             continue
-        yield (str(started), manifest.stat().st_mtime_ns), manifest.parent
+        yield (str(started), written_ns), manifest.parent

@@ -44,8 +44,10 @@ def number(value: float | None, unit: str = "") -> str:
 
 
 def percent(share: float) -> str:
-    """A share (0 to 1) to a tenth of a percent; a smaller one that is not 0 is ``< 0.1 %``."""
-    return "< 0.1 %" if 0 < share < 0.0005 else f"{100 * share:.1f} %"
+    """A share (0 to 1) to a tenth of a percent; ``< 0.1 %`` and ``> 99.9 %`` if it is not quite 0 or 1."""
+    if 0 < share < 0.0005:
+        return "< 0.1 %"
+    return "> 99.9 %" if 0.9995 <= share < 1 else f"{100 * share:.1f} %"
 
 
 def ids(names: Iterable[str]) -> str:

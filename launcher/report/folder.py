@@ -33,6 +33,8 @@ LONG: Final = 400
 WINDOWS: Final = 60
 """The number of windows of a longer run over which errors are averaged."""
 _COLUMNS: Final = ("kind", "src", "dst", "outcome", "sent_ns", "due_ns", "bytes", "copy", "incarnation", "step")
+_USES: Final = ("sensors", "step", "told_ns")
+"""The columns of tracks.parquet that say when which reports were used."""
 _TEXT: Final = ("kind", "src", "dst", "outcome")
 
 
@@ -76,7 +78,10 @@ class Frames:
 
     def senders(self, *outcomes: str) -> set[str]:
         """The nodes that sent a report with one of these outcomes, or with any."""
-        chosen = self.reports & self.where("outcome", *outcomes) if outcomes else self.reports
+        return self.those(self.reports & self.where("outcome", *outcomes) if outcomes else self.reports)
+
+    def those(self, chosen: npt.NDArray[np.bool_]) -> set[str]:
+        """The nodes that sent these frames."""
         return set(self.table["src"].filter(pa.array(chosen)).unique().to_pylist())
 
     def fates(self, chosen: npt.NDArray[np.bool_]) -> dict[str, int]:
@@ -145,6 +150,11 @@ class Run:
         return (end_of(self.site) - self.site.origin_ns) / NS
 
     @property
+    def ended_early(self) -> bool:
+        """Whether the run was interrupted before that."""
+        return bool(self.metrics["end_s"] < self.end_s)
+
+    @property
     def origin_s(self) -> float:
         """How long after the start of the run the first step was."""
         return self.site.origin_ns / NS
@@ -185,6 +195,24 @@ class Run:
     def bounded(self) -> bool:
         """Whether the tracks have a bound beside them."""
         return any(bool(np.isfinite(track.bound).any()) for track in self.tracks)
+
+    @cached_property
+    def first_fused_ns(self) -> dict[tuple[str, int], int]:
+        """When a track was first told that used a report, by its sensor and step; ns since the start of the run."""
+        first: dict[tuple[str, int], int] = {}
+        for sensors, step, told_ns in zip(*(self.points[name].to_pylist() for name in _USES), strict=True):
+            for sensor in sensors:
+                first[sensor, step] = min(told_ns, first.get((sensor, step), told_ns))
+        return first
+
+    @cached_property
+    def fused_late(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether a frame is a report that came late and was fused all the same, within ``fusion.max_age_s``."""
+        found = self.frames.reports & self.frames.where("outcome", "late")
+        late = self.frames.table.filter(pa.array(found))
+        used = zip(late["src"].to_pylist(), late["step"].to_pylist(), strict=True)
+        found[found] = [report in self.first_fused_ns for report in used]
+        return found
 
     @cached_property
     def sensors(self) -> dict[str, tuple[float, float]]:

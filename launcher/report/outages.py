@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from launcher.record.words import span
+from launcher.record.words import losses, span, uninformed
 from launcher.records import TRACKS
 from launcher.report.folder import Run
 from launcher.report.tracks import Array, Track
@@ -20,18 +20,6 @@ SETTLING: Final = 3
 """Steps that a centre may need for a track once it is back, before the report explains why there is none."""
 FEW: Final = 0.5
 """If a smaller share of the reports came in time, the report says so at its top."""
-FATES: Final[Mapping[str, str]] = {
-    "late": "after the deadline",
-    "ignored": "ignored",
-    "radio": "lost on the link",
-    "partition": "cut off by a partition",
-    "in_flight": "still on the way at the end of the run",
-    "asleep": "to a receiver that was asleep",
-    "frozen": "to a frozen receiver",
-    "dead": "to a dead receiver",
-    "overflow": "never sent, as the queue was full",
-}
-"""What became of a report that did not come in time."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +48,7 @@ def outages(run: Run, track: Track) -> list[Outage]:
     """The outages of a track, in the order of time; the last steps of a smoothed one are not expected."""
     at = track.t_s[track.expected]
     missing = ~track.known[track.expected]
-    missing[len(missing) - track.lag :] = False
+    missing[max(len(missing) - track.lag, 0) :] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.view(np.int8), [0]])))
     return [Outage(at[begin:end], run.step_s) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -71,28 +59,46 @@ def in_words(run: Run, track: Track) -> str:
     if not found:
         return ""
     longest = max(found, key=lambda one: one.seconds)
-    cause = why(run, longest)
+    cause = why(run, longest, track.lag)
     if len(found) == 1:
         return f"{span(longest.seconds)} without a track{cause}."
     total = sum(one.seconds for one in found)
     return f"{span(total)} without a track, in {len(found)} stretches; the longest, {span(longest.seconds)}{cause}."
 
 
-def never(run: Run) -> str:
-    """A sentence that says that there was no track at all, and why."""
+def never(run: Run, lag: int = 0) -> str:
+    """A sentence that says that there was no track at all, and why; ``lag`` as ``Track`` has it."""
     times = (np.array(run.course.at_ns, float) - run.site.origin_ns) / NS
+    times = times[: max(len(times) - lag, 0)]
     if not len(times):
         return "The run ended before a track was due."
-    cause = why(run, Outage(times, run.step_s))
+    cause = why(run, Outage(times, run.step_s), lag)
     return f"No track of {'a' if run.several else 'the'} target at any of the {len(times):,} steps{cause}."
 
 
-def why(run: Run, outage: Outage) -> str:
-    """The reason: processes that were down, then what became of the reports of steps that this does not explain."""
-    deadline_s = run.scenario.fusion.deadline_s
-    end_s = outage.t_s[-1] + outage.step_s
+def told_late(run: Run, track: Track) -> str:
+    """A sentence that says how many steps were published more than a step late, and why; empty if none was."""
+    due_s = track.t_s + run.scenario.fusion.deadline_s + track.lag * run.step_s
+    late_s = np.where(track.known & track.expected, track.told_s - due_s, 0.0)
+    slow = late_s > run.step_s
+    if not slow.any():
+        return ""
+    causes = [one.text for one in downs(run) if ((one.from_s <= due_s) & (due_s < one.until_s))[slow].any()]
+    steps = "1 step was" if slow.sum() == 1 else f"{slow.sum():,} steps were"
+    return f"{steps} published more than a step late, by up to {span(late_s.max())}{': ' if causes else ''}{'; '.join(causes)}."
+
+
+def why(run: Run, outage: Outage, lag: int = 0) -> str:
+    """The reason: processes that were down, then what became of the reports of steps that this does not explain.
+
+    A smoothed track is published ``lag`` steps later: a process that dies before that never publishes it.
+    """
+    lag_s = lag * run.step_s
+    told_s = outage.t_s + run.scenario.fusion.deadline_s + lag_s
+    end_s = outage.t_s[-1] + outage.step_s + lag_s
     causes = [one for one in downs(run) if one.from_s < end_s and one.until_s > outage.t_s[0]]
-    rest = outage.t_s[[not any(c.from_s <= t + deadline_s and t < c.until_s for c in causes) for t in outage.t_s]]
+    explained = [(one.from_s <= told_s) & (outage.t_s < one.until_s) for one in causes]
+    rest = outage.t_s[~np.any(explained, axis=0)] if causes else outage.t_s
     said = [one.text for one in causes]
     if not causes or len(rest) > SETTLING:
         said.append(f"{'then ' if causes else ''}{_reports(run, rest)}")
@@ -132,36 +138,38 @@ def _since(run: Run, t_ns: int) -> float:
 
 def _reports(run: Run, t_s: Array) -> str:
     """What became of the reports of these steps."""
-    steps = np.rint(t_s / run.step_s)
-    fates = run.frames.fates(run.frames.reports & np.isin(run.frames.steps, steps))
+    chosen = run.frames.reports & np.isin(run.frames.steps, np.rint(t_s / run.step_s))
+    fates, fused_late = run.frames.fates(chosen), int((chosen & run.fused_late).sum())
     total, in_time = sum(fates.values()), fates.get("delivered", 0)
     if not total:
         return "no sensor sent a report"
-    if in_time:
-        return f"{in_time} of {total} reports arrived in time, but the tracker had no track"
-    return f"none of {total} reports arrived in time ({losses(fates)})"
+    if not in_time + fused_late:
+        return f"none of {total} reports arrived in time ({losses(fates)})"
+    late = f", {_all_the_same(fused_late)}" if fused_late else ""
+    return f"{in_time} of {total} reports arrived in time{late}, but the tracker had no track"
 
 
-def losses(fates: Mapping[str, int]) -> str:
-    """What became of reports that did not come in time, in words."""
-    return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if name != "delivered")
+def _all_the_same(fused_late: int) -> str:
+    """What became of these reports, which came after their deadline."""
+    return f"{fused_late:,} came late and {'was' if fused_late == 1 else 'were'} still fused (fusion.max_age_s)"
 
 
 def few_reports(run: Run) -> str:
-    """A sentence that says that most reports did not come in time, and what became of them; empty if most did."""
+    """A sentence or two that say that most reports did not come in time, and what became of them; empty if most did."""
     fates, frames = run.frames.fates(run.frames.reports), run.metrics["frames"]
     in_time, total = fates.get("delivered", 0), sum(fates.values())
     if not frames["delivered"]:
         return ""  # of any kind: that is said elsewhere
     if not total:
-        return "no sensor sent a report"
+        return f"no sensor sent a report: {uninformed(run.metrics)}"
     if in_time >= FEW * total:
         return ""
     some = f"only {in_time:,}" if in_time else "none"
     said = f"{some} of {total:,} reports arrived in time ({losses(fates)})"
-    if not in_time:
-        alone = ", only its prior" if run.scenario.fusion.prior == "paper" else ""
-        said += f": no tracker had any report{alone}"
+    if fused_late := int(run.fused_late.sum()):
+        said += f"; {_all_the_same(fused_late)}"
+    elif not in_time:
+        said += f": {uninformed(run.metrics)}"
     return " ".join(filter(None, [f"{said}.", _lateness(run)])).removesuffix(".")
 
 

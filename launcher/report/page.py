@@ -80,7 +80,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
 def _shortfalls(run: Run) -> list[str]:
     """What a reader must know before any figure."""
     found = []
-    if run.metrics["end_s"] < run.end_s:
+    if run.ended_early:
         planned, last = run.site.steps, run.last_step
         found.append(
             f"the run ended early, {run.metrics['end_s']:.1f} s after its first step: {last} of {planned} steps"
@@ -110,7 +110,7 @@ def commands(run: Run) -> list[tuple[str, str]]:
     ]
     return [
         *([(" ".join(["trackfield", *map(_quoted, given)]), "the command of this run")] if given else []),
-        *([] if replayed else again),
+        *([] if replayed or run.ended_early else again),
         (f"trackfield view {name}", "its timeline"),
         (f"trackfield report {name}", "this page, written again"),
     ]

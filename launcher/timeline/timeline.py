@@ -144,10 +144,13 @@ class Timeline:
         self._newest = max(self._newest, t_ns)
         self._note(t_ns, process, text, level)
 
-    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
-        """A tracker published a point; ``truth`` is where the target was at its instant (metres)."""
+    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
+        """A tracker published a point; ``truth`` is where the target was at its instant (metres).
+
+        ``late_ns`` is how long after the deadline of its step that was.
+        """
         self._newest = max(self._newest, point.at_ns)
-        self._tracks.estimate(point, truth)
+        self._tracks.estimate(point, truth, late_ns)
 
     def bound(self, t_ns: int, sd_m: float) -> None:
         """The least error of any tracker at an instant (m, root mean square)."""

@@ -27,6 +27,7 @@ REPORTED: Final = "#3d9a62"
 SENSORS: Final[Mapping[str, Mapping[str, Any]]] = {
     "no report sent": {"color": "#c3cad4", "mew": 0.0},
     "report in time": {"color": REPORTED, "mew": 0.0},
+    "reports late, but fused": {"color": REPORTED, "markeredgecolor": style.OUTCOMES["late"], "mew": 1.2},
     "reports too late": {"color": style.OUTCOMES["late"], "mew": 0.0},
     "reports ignored": {"color": style.OUTCOMES["ignored"], "mew": 0.0},
     "reports lost": {"color": "white", "markeredgecolor": style.OUTCOMES["radio"], "mew": 1.0},
@@ -161,13 +162,19 @@ def _at(run: Run, ids: Collection[str]) -> Array:
 
 def fates(run: Run) -> dict[str, set[str]]:
     """The sensors by the best outcome of their reports, as ``SENSORS`` names it."""
-    best = (("report in time", "delivered"), ("reports too late", "late"), ("reports ignored", "ignored"))
+    best = {
+        "report in time": run.frames.senders("delivered"),
+        "reports late, but fused": run.frames.those(run.fused_late),
+        "reports too late": run.frames.senders("late"),
+        "reports ignored": run.frames.senders("ignored"),
+        "reports lost": run.frames.senders(),
+    }
     found: dict[str, set[str]] = {}
     told: set[str] = set()
-    for label, outcome in best:
-        found[label] = run.frames.senders(outcome) - told
-        told |= found[label]
-    return found | {"reports lost": run.frames.senders() - told}
+    for label, senders in best.items():
+        found[label] = senders - told
+        told |= senders
+    return found
 
 
 def _sensors(axes: Axes, run: Run, sensors: Array, box: Array) -> None:

@@ -16,9 +16,6 @@ from launcher.report.folder import Run
 from launcher.report.tracks import Array
 from trackfield.role import NS
 
-_USES: Final = ("sensors", "step", "told_ns")
-"""The columns of tracks.parquet that say when which reports were used."""
-
 
 def contents(run: Run) -> dict[str, Any]:
     """See ``Part``."""
@@ -76,10 +73,7 @@ def latencies(run: Run) -> dict[str, Array]:
 
 def _to_fusion(run: Run) -> Array:
     """From sending a report to the first track that used it, s; NaN if none did."""
-    first: dict[tuple[str, int], int] = {}
-    for sensors, step, told_ns in zip(*(run.points[name].to_pylist() for name in _USES), strict=True):
-        for sensor in sensors:
-            first[sensor, step] = min(told_ns, first.get((sensor, step), told_ns))
+    first = run.first_fused_ns
     reports = run.frames.table.filter(run.frames.where("outcome", "delivered"))
     reports = reports.filter(reports["step"].is_valid())
     sent = zip(*(reports[name].to_pylist() for name in ("src", "step", "sent_ns")), strict=True)

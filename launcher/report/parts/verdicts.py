@@ -48,7 +48,8 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
         _error(own, m) if m["steps"] else "",
         _within(run, m) if m["steps"] else "",
         *(outages.in_words(run, track) for track in own if there),
-        "" if there else outages.never(run),
+        *(outages.told_late(run, track) for track in own),
+        "" if there else outages.never(run, _lag(run, name)),
         _rule(run) if m["lost"] and there else "",
         _in_gaps(m),
         NEAREST if m["association"] and there else "",
@@ -56,6 +57,11 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     ]
     look = LOOKS.get(m["verdict"], "fair")
     return Verdict(name, style.colour(run, name), told(m), look, " ".join(filter(None, sentences)))
+
+
+def _lag(run: Run, name: str) -> int:
+    """By how many steps a tracker comes later that said nothing: those with names of their own are smoothed."""
+    return 0 if name in run.scenario.fusion.trackers else run.scenario.fusion.smooth_lag
 
 
 def _error(own: list[Track], m: dict[str, Any]) -> str:

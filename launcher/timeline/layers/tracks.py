@@ -23,12 +23,13 @@ Static = Callable[..., None]
 
 @dataclass(slots=True)
 class _Track:
-    """The state of a track that the next point needs: its entity, and its last position."""
+    """The state of a track that the next point needs: its entity, last position and latest instant, ``newest_ns``."""
 
     path: str
     plot: tuple[str, ...]
     last: Points = field(default_factory=lambda: np.empty((0, 2)))
     last_ns: int = 0
+    newest_ns: int = 0
     source: str = ""
     particles: bool = False
     shown: bool = False
@@ -38,7 +39,8 @@ class Tracks:
     """Hands points to ``add``; the latest of each tracker is ``shown``, where rays end and which the close-up fits.
 
     A track without a point for one and a half steps, or whose process is dead, is hidden until its next point; its line
-    breaks after one and a half steps.
+    breaks after one and a half steps. A point that comes so late, like that of a frozen process, is part of the line
+    only.
 
     A field in which several processes track has a track for each of them.
     """
@@ -51,13 +53,17 @@ class Tracks:
         self._dead: dict[str, tuple[float, float]] = {}  # (from ns, until ns) of processes that died
         self._lived: dict[str, int] = {}
 
-    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
-        """Add a point; of a smoothed track only the line is drawn, at the times of its points."""
+    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
+        """Add a point, ``late_ns`` after its deadline; of a smoothed track only the line is drawn."""
         track, t_ns = self._track(point), point.at_ns
         here = np.reshape(point.mean[:2], (-1, 2))
         self._leave(track, t_ns)
         dead_ns, back_ns = self._dead.get(point.source, (math.inf, math.inf))
-        if not point.lag and not dead_ns <= t_ns < back_ns:
+        stale = late_ns > self._limit_ns and t_ns > track.newest_ns  # else it is told again, of late reports
+        if stale and track.shown:
+            self._hide(track, track.last_ns + self._limit_ns)
+        track.newest_ns = max(track.newest_ns, t_ns)
+        if not point.lag and not stale and not dead_ns <= t_ns < back_ns:
             self._place(track, t_ns, here, point, truth)
         if len(here) and len(track.last):
             self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
