@@ -141,7 +141,7 @@ def test_a_run_in_which_nothing_was_heard(tmp_path: Path) -> None:
 
 def test_a_link_that_lets_nothing_through(tmp_path: Path) -> None:
     folder = run(tmp_path / "cut", "link.model=fixed", "link.loss=1")
-    assert " lost on the link): no tracker had anything to go by but its prior." in read(folder).text
+    assert " lost on the link): no tracker had any report, only its prior." in read(folder).text
 
 
 def test_a_run_that_has_no_tracks_has_a_report(copied: Path) -> None:
