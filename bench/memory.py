@@ -41,11 +41,12 @@ def pss_mb(body: str) -> float:
     import psutil
 
     from launcher.processes.children import Children
+    from launcher.processes.deployment import REHEARSAL
     from launcher.processes.zygote import Child
 
     with tempfile.TemporaryDirectory() as folder:
         log, endpoint = str(Path(folder) / "log"), f"unixsock-stream/{folder}/router.sock"
-        children = Children(NODES + 1, ["node.role", "bench.memory"])
+        children = Children(NODES + 1, ["node.role", "bench.memory", REHEARSAL])
         try:
             children.fork("router", Child("launcher.processes.bodies:router", "router", log), endpoint)
             names = [f"n{number:03}" for number in range(NODES)]

@@ -50,7 +50,8 @@ class _Alive:
 class Children:
     """Child processes by name. A name may be forked again once its process is gone.
 
-    ``preload`` are modules that most of the ``expected`` children need, imported once for all of them.
+    ``preload`` are modules that most of the ``expected`` children need, imported once for all of them, and functions
+    as ``module:attribute``, called once before the first is forked.
     """
 
     def __init__(self, expected: int, preload: Iterable[str] = ()) -> None:

@@ -28,6 +28,7 @@ from trackfield.wire import keys
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
+REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
 LOG_TAIL: Final = 12
 
 
@@ -81,7 +82,7 @@ class Deployment:
 
     def _make_children(self) -> Children:
         light = {life.factory.partition(":")[0] for life in self.plan.processes if not life.sink}
-        return Children(len(self.plan.processes) + 2, sorted(light))
+        return Children(len(self.plan.processes) + 2, [*sorted(light), REHEARSAL])
 
     @property
     def stops(self) -> list[Stop]:

@@ -56,12 +56,18 @@ class Child(NamedTuple):
 
 
 def serve(orders: int, preload: Iterable[str]) -> None:
-    """Be the zygote: do what comes on the socket ``orders``, until nobody is left to give orders."""
+    """Be the zygote: do what comes on the socket ``orders``, until nobody is left to give orders.
+
+    ``preload`` are modules, and functions as ``module:attribute`` that are called once.
+    """
     _prepare(preload)
     while order := os.read(orders, ORDER.size):
         size, pid = ORDER.unpack(order)
         answer = _fork(orders, _read(orders, size)) if size else os.waitpid(pid, 0)[1]
         os.write(orders, ANSWER.pack(answer))
+    with suppress(ChildProcessError):
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
 
 
 def _prepare(preload: Iterable[str]) -> None:
@@ -73,9 +79,9 @@ def _prepare(preload: Iterable[str]) -> None:
     setproctitle("trackfield zygote")
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr, force=True)
-    for module in preload:
+    for place in preload:
         with suppress(Exception):  # the child that needs it will say so in its log
-            import_module(module)
+            load(place)() if ":" in place else import_module(place)
     look_seldom()
     gc.collect()
     gc.freeze()
