@@ -82,7 +82,9 @@ class Children:
     def _bury(self, name: str) -> str:
         child = self._forget(name)
         code = self._zygote.wait(child.pid)
-        return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+        if code is None:
+            return "ended with its zygote"
+        return f"signal {-code}" if code < 0 else f"exit code {code}"
 
     def stopped(self, name: str) -> bool:
         """Whether it stands still, by SIGSTOP or under a debugger."""
@@ -184,7 +186,9 @@ class _Zygote:
         return None if status is None else os.waitstatus_to_exitcode(status)
 
     def close(self) -> None:
-        """Let it end."""
+        """Let it end; a process that was forked from this one may have the socket, too."""
+        with suppress(OSError):  # it has ended
+            self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._thread.join(KILL_TIMEOUT_S)
 

@@ -88,9 +88,12 @@ def _prepare(preload: Iterable[str]) -> None:
 
 
 def _read(orders: int, size: int) -> bytes:
-    whole = os.read(orders, size)
+    whole = b""
     while len(whole) < size:
-        whole += os.read(orders, size - len(whole))
+        part = os.read(orders, size - len(whole))
+        if not part:
+            raise EOFError("nobody is left to finish this order")
+        whole += part
     return whole
 
 
