@@ -1,1 +1,1 @@
-"""How much a run costs, and how that grows with the field."""
+"""The cost of a run, and its growth with the field."""

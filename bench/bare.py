@@ -1,6 +1,6 @@
-"""Filters as a numpy programmer writes them for this one model, and no further: the measure of what ours cost.
+"""Plain numpy filters for this one model only: the reference for the cost of Trackfield's filters.
 
-They hold nothing that ours would not need too: no checks, no evidence, no missing reports. ``EKF`` and ``UKF`` take any
+They have only the essential steps: no checks, no evidence, no missing reports. ``EKF`` and ``UKF`` take any
 number of filters at once, (n, 4) and (n, 4, 4). Each ``step`` changes its filter and gives the mean.
 """
 
@@ -41,7 +41,7 @@ class Bootstrap(_Bare):
         self.covariance = track.prior.covariance
 
     def step(self, sensors: Array, bearings: Array) -> Array:
-        """Propagate, weigh, resample; particles lie in rows, distances to one sensor in a column next to each other."""
+        """Propagate, weight, resample; particles are in rows, distances to one sensor in a contiguous column."""
         x = self.x @ self.F.T
         x += self.rng.standard_normal((self.n, 2)) @ self.G.T
         east = np.subtract(x[:, :1], sensors[:, 0], order="F")
@@ -69,7 +69,7 @@ class Ekf(_Bare):
         self.mean, self.P = np.tile(track.prior.mean, (n, 1)), np.tile(track.prior.covariance, (n, 1, 1))
 
     def step(self, sensors: Array, bearings: Array) -> Array:
-        """The textbook's gain."""
+        """The textbook form with the gain."""
         mean = self.mean @ self.F.T
         P = self.F @ self.P @ self.F.T + self.Q
         east, north = mean[:, :1] - sensors[:, 0], mean[:, 1:2] - sensors[:, 1]
@@ -94,7 +94,7 @@ class Ukf(_Bare):
         self.weights = np.array([0.2, *[0.1] * 8])
 
     def step(self, sensors: Array, bearings: Array) -> Array:
-        """The textbook's, with sigma points of the predicted belief."""
+        """The textbook form, with sigma points of the predicted belief."""
         mean = self.mean @ self.F.T
         P = self.F @ self.P @ self.F.T + self.Q
         axes = np.linalg.cholesky(5.0 * P).transpose(0, 2, 1)

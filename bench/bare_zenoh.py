@@ -1,4 +1,4 @@
-"""Zenoh alone, through the same router as a run: what Trackfield's own figures are compared with."""
+"""Zenoh alone, through the same router as a run: the reference for Trackfield's own figures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PAYLOAD_BYTES: Final = 34
 
 
 def put_now_and_then(endpoint: str, namespace: str, phase: float, order: Connection) -> None:
-    """Put the time again and again, until ordered to end: all of one phase (0 to 1) at the same instants."""
+    """Put the time repeatedly until ordered to end; processes with the same phase (0 to 1) put at the same instants."""
     session = open_client(endpoint, namespace)
     publisher = session.declare_publisher(KEY)
     while not order.poll(PERIOD_S - (time.monotonic() - phase * PERIOD_S) % PERIOD_S):
@@ -66,7 +66,7 @@ def count(endpoint: str, namespace: str, key: str, order: Connection) -> None:
 
 @contextmanager
 def process(target: object, *arguments: object) -> Iterator[Connection]:
-    """One of the above in a process of its own, and our end of its line; killed with the block."""
+    """One of the above functions in its own process, and this end of its connection; killed at the end of the block."""
     context = multiprocessing.get_context("spawn")
     ours, its = context.Pipe()
     child = context.Process(target=target, args=(*arguments, its), daemon=True)  # type: ignore[arg-type]

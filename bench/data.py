@@ -1,4 +1,4 @@
-"""What all filters of the benchmark are given: the paper's first scenario, four bearings in each step."""
+"""The input of all filters of the benchmark: the paper's first scenario, four bearings in each step."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Track(NamedTuple):
 
     @property
     def reports(self) -> list[Reports]:
-        """The same as a tracker gets them, all of one level."""
+        """The same as a tracker gets them, all with the same level."""
         names, levels = tuple("abcd"[:BEARINGS]), np.full(BEARINGS, 55.0)
         steps = zip(self.sensors, self.bearings, strict=True)
         return [Reports(k, names, where, angles, levels) for k, (where, angles) in enumerate(steps, start=1)]

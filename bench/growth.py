@@ -1,4 +1,4 @@
-"""How the cost grows: of a run with its nodes, of a step with its particles. Draws docs/growth.png.
+"""Growth of the cost: of a run with its nodes, of a step with its particles. Draws docs/growth.png.
 
     OPENBLAS_NUM_THREADS=1 python -m bench.growth [--out docs/growth.png]
 
@@ -43,7 +43,7 @@ def of_particles() -> list[Figures]:
 
 
 def draw(nodes: Sequence[Figures], particles: Sequence[Figures], out: Path) -> None:
-    """Both on logarithmic scales, each beside a line of cost that grows as its number does."""
+    """Both on logarithmic scales, each beside a line of cost in proportion to the number."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")

@@ -1,11 +1,10 @@
-"""What a step of each filter costs, beside a bare numpy loop and others' filters on the same data, in Markdown.
+"""The cost of a step of each filter, a plain numpy loop and other packages' filters on the same data, in Markdown.
 
     OPENBLAS_NUM_THREADS=1 python -m bench.kernels [--rounds 7]
 
 In each round every filter of a table runs over the whole track, one after the other. Times are medians over the rounds,
-and ratios medians of the ratios within a round. It is processor time that is measured, so what else the machine does
-matters little.
-Others' filters are left out where they are not installed.
+and ratios medians of the ratios within a round. Processor time is measured, so other load on the machine matters
+little. Packages that are not installed are left out.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ SIZES: Final = (200, 1_000, 10_000)
 BARE: Final = "bare numpy"
 OURS: Final = "trackfield"
 TURN_S: Final = 0.05
-"""How long a filter runs in a round at least, as processor times of less are coarse."""
+"""The shortest run of a filter in a round, as shorter processor times are coarse."""
 
 Contender = Callable[[], Array]
 
@@ -114,7 +113,7 @@ def batched(data: Track, take: Take, n: int) -> Contender:
 
 
 def measured(data: Track, contenders: Mapping[str, Contender], rounds: int) -> list[Row]:
-    """All of them in turn, so many times, after two runs each that do not count; quick ones run longer in each turn."""
+    """All contenders in turn, ``rounds`` times, after two warm-up runs each; quick ones run several times per turn."""
     errors = {who: data_error(data, run()) for who, run in contenders.items()}
     times = {who: max(1, round(TURN_S / seconds(run, 1))) for who, run in contenders.items()}
     taken: dict[str, list[float]] = {who: [] for who in contenders}
@@ -128,7 +127,7 @@ def measured(data: Track, contenders: Mapping[str, Contender], rounds: int) -> l
 
 
 def seconds(run: Contender, times: int) -> float:
-    """Of the processor, for one of so many runs."""
+    """Processor time of one run, averaged over ``times`` runs."""
     begun = time.process_time()
     for _ in range(times):
         run()
@@ -141,7 +140,7 @@ def data_error(data: Track, means: Array) -> float:
 
 
 def with_peers(own: Mapping[str, Contender], others: Mapping[str, Callable[[], Contender]]) -> dict[str, Contender]:
-    """Ours and those others that are installed; who is not is named on stderr."""
+    """Trackfield's filters and those of installed packages; missing packages are named on stderr."""
     found = dict(own)
     for who, make in others.items():
         try:

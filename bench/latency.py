@@ -1,9 +1,9 @@
-"""How long a frame takes from its put until its hearer has it, beside bare puts through the same router.
+"""The latency of a frame from its put to its receiver, beside bare puts through the same router.
 
     python -m bench.latency --seconds 60 --seed 1
 
-Both at the same time: a run as processes over an ideal link, and bare Zenoh publishers and subscribers on its router.
-In the first run about one sensor at a time reports, in the second four in the same instant, as the scenario has it.
+Both run at the same time: a run as processes over an ideal link, and bare Zenoh publishers and subscribers on its
+router. In the first run about one sensor at a time reports, in the second four at the same instant, as in the scenario.
 Beside each, one bare publisher puts alone, and four in the same instant.
 """
 
@@ -54,7 +54,7 @@ def measure(threshold: float, seconds: int = 60, seed: int = 1) -> Figures:
         with subprocess.Popen([*command, "--out", str(out)], stderr=subprocess.PIPE, text=True) as run:
             assert run.stderr is not None
             for line in run.stderr:
-                if line.startswith("t = "):  # emulated time goes on
+                if line.startswith("t = "):  # emulated time has started
                     break
             endpoint = json.loads((out / "manifest.json").read_text())["endpoint"]
             plain = bare_puts(endpoint, seconds - EARLIER_S)

@@ -1,7 +1,7 @@
-"""The same filters by others: filterpy, Stone Soup and particles, each as its own documentation has it.
+"""The same filters in other packages: filterpy, Stone Soup and particles, each as in its own documentation.
 
-Each function gives a contender: called, it runs over the whole track and returns the means (T, 4). Whose package is not
-installed raises ``ImportError``.
+Each function gives a contender: called, it runs over the whole track and returns the means (T, 4). Without its
+package it raises ``ImportError``.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python -m bench.processes --nodes 121 --seconds 20 --seed 1
 
-Prints what it took as JSON: once all is running, who used how much processor time over so many seconds, and what the
-run says of itself at its end.
+Prints the cost as JSON: the processor time by group of processes over some seconds of the running field, and the run's
+own figures at its end.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, Final
 import psutil
 
 SETTLE_S: Final = 3.0
-"""After the start, until the steady state is measured."""
+"""Time after the start until the steady state is measured."""
 GROUPS: Final = ("node", "fusion", "router", "recorder", "launcher")
 
 
@@ -35,7 +35,7 @@ def measure(nodes: int, steps: int, seconds: float, seed: int) -> dict[str, Any]
         with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
             assert run.stderr is not None
             for line in run.stderr:
-                if line.startswith("t = "):  # emulated time goes on
+                if line.startswith("t = "):  # emulated time has started
                     break
             shares = _shares(run.pid, seconds) if run.poll() is None else {}
             said = run.stderr.read()
@@ -46,7 +46,7 @@ def measure(nodes: int, steps: int, seconds: float, seed: int) -> dict[str, Any]
 
 
 def _shares(launcher: int, seconds: float) -> dict[str, float]:
-    """Processor time over all time that the cores had, by what used it."""
+    """Share of the cores' total processor time, by group of processes."""
     time.sleep(SETTLE_S)
     family = [(process, _group(process)) for process in _family(launcher)]
     before, begun = _used(family), time.monotonic()
@@ -56,12 +56,12 @@ def _shares(launcher: int, seconds: float) -> dict[str, float]:
 
 
 def _family(launcher: int) -> list[psutil.Process]:
-    """The launcher and all that came of it."""
+    """The launcher and all its descendants."""
     return [psutil.Process(launcher), *psutil.Process(launcher).children(recursive=True)]
 
 
 def _group(process: psutil.Process) -> str:
-    """What a process is; what forks the others counts as the launcher."""
+    """The group of a process; the process that forks the others belongs to the launcher."""
     words = " ".join(process.cmdline()).split()
     return words[1] if words[0] == "trackfield" and words[1] in GROUPS else "launcher"
 

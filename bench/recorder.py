@@ -1,10 +1,10 @@
-"""How many messages a second the recorder takes in, beside a bare subscriber that only counts.
+"""Messages per second that the recorder processes, beside a bare subscriber that only counts.
 
     python -m bench.recorder --messages 200000 --rate 20000
 
 A recorder process as in a run, behind a router as in a run, hears DOA reports of 121 nodes, all put by one process.
-First as fast as it can: nothing is dropped on the way, so the hearer sets the pace; what counts is the time until the
-last report is in the ledger. Then at a fixed rate and as nodes do it, when Zenoh may drop what nobody takes from it.
+First as fast as possible: nothing is dropped on the way, so the receiver sets the pace; the time until the last report
+is in the ledger counts. Then at a fixed rate, as from nodes, when Zenoh may drop messages that are not taken.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ PATIENCE_S: Final = 60.0
 POLL_S: Final = 0.02
 PROBE: Final = "data/probe"
 SETTLE_S: Final = 0.5
-"""For probes that are still on their way."""
+"""Time for probes that are still on their way."""
 
 Figures = dict[str, Any]
 
 
 class Bench:
-    """A router, and a session beside those that are measured, for one plan; a context manager."""
+    """A router, and a session besides those that are measured, for one plan; a context manager."""
 
     def __init__(self, plan: Plan, folder: Path) -> None:
         self.plan, self.folder = plan, folder
@@ -69,7 +69,7 @@ class Bench:
         self.session.close()  # type: ignore[no-untyped-call]
 
     def feed(self, messages: int, rate: float | None = None) -> float:
-        """Put so many reports, at a rate (1/s) or as fast as they are taken; how long that took (s)."""
+        """Put this many reports, at a rate (1/s) or as fast as they are received; returns the duration (s)."""
         control = zenoh.CongestionControl.BLOCK if rate is None else zenoh.CongestionControl.DROP
         to = [keys.unicast("field", self._centre, node, "doa") for node in self._nodes]
         payloads = [encode(Doa(1 + k, 0.7 * k, 60.0)) for k in range(500)]
@@ -82,7 +82,7 @@ class Bench:
         return time.monotonic() - begun
 
     def final(self, messages: int) -> None:
-        """Say what was sent and delivered, as all processes of a run do."""
+        """Send the final records of frames sent and delivered, as all processes of a run do."""
         for index, name in enumerate(self._nodes):
             self._final(name, {"sent": len(range(index, messages, len(self._nodes)))})
         self._final(self._centre, {"sent": 0, "delivered": messages})
@@ -101,7 +101,7 @@ def counted(bench: Bench, messages: int) -> float:
             counter.send(True)
             return int(counter.recv())
 
-        while not heard():  # until the router knows of it
+        while not heard():  # until the router knows the subscriber
             bench.session.put(PROBE, b"")
             time.sleep(POLL_S)
         time.sleep(SETTLE_S)
@@ -112,8 +112,8 @@ def counted(bench: Bench, messages: int) -> float:
 
 
 def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
-    """What a recorder made of it: messages a second until all were in the ledger, how long after the last put that was
-    (s), its processor time for each, and how many were dropped, by its own account."""
+    """A recorder's figures: messages a second until all were in the ledger, how long after the last put that was (s),
+    its processor time per message, and how many were dropped, by its own count."""
     folder = bench.folder / f"run-{rate}"
     folder.mkdir()
     heard: list[int] = [0]
@@ -131,7 +131,7 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
     bench.session.put(keys.START, str(time.monotonic_ns()))
     begun, cpu_s = time.monotonic(), bench.children.cpu_s(RECORDER)
     took_s = bench.feed(messages, rate)
-    # At a rate some may never come; the end of their number is then the end of the bench.
+    # At a rate some may never arrive; then the count stops growing.
     _until(lambda: heard[-1] >= messages or (rate is not None and len(heard) > 12 and len(set(heard[-12:])) == 1))
     all_s, cpu_s = time.monotonic() - begun, bench.children.cpu_s(RECORDER) - cpu_s
     bench.final(messages)
@@ -148,7 +148,7 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
 
 
 def measure(messages: int = 200_000, rate: float = TARGET, seed: int = 1) -> Figures:
-    """All of it: a bare subscriber and a recorder as fast as they can, a recorder at the rate."""
+    """All figures: a bare subscriber and a recorder at full speed, a recorder at the rate."""
     settings = [f"target.steps={max(round(messages / rate), 60)}"]
     with tempfile.TemporaryDirectory(prefix="trackfield-") as scratch:
         plan = planned(load("zhai-spcpf", seed=seed, link="ideal", settings=settings))

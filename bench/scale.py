@@ -1,4 +1,4 @@
-"""What a run costs as the field grows, as tables in Markdown.
+"""The cost of a run as the field grows, as tables in Markdown.
 
     python -m bench.scale [--virtual] [--processes]
 
@@ -75,7 +75,7 @@ PROCESS_COLUMNS: Final[Sequence[Column]] = (
 
 
 def measured(module: str, **arguments: object) -> Figures:
-    """What a run in a process of its own says of itself. Raises ``CalledProcessError`` if there was none."""
+    """The figures of a run in a process of its own. Raises ``CalledProcessError`` if it failed."""
     options = [word for name, value in arguments.items() for word in (f"--{name}", str(value))]
     command = [sys.executable, "-m", module, *options, "--seed", str(SEED)]
     print(f"{' '.join(command[1:])} ...", file=sys.stderr, flush=True)
@@ -91,7 +91,7 @@ def table(columns: Sequence[Column], rows: Iterable[Figures]) -> str:
 
 
 def machine() -> str:
-    """Where, and how busy it is."""
+    """The machine and its load."""
     memory, load = psutil.virtual_memory().total / 2**30, os.getloadavg()[0]
     return f"{os.cpu_count()} cores, {memory:.0f} GiB, Python {platform.python_version()}; load average {load:.1f}"
 

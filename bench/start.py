@@ -1,4 +1,4 @@
-"""What a command costs from the shell's prompt to the next one: starting Python, loading, and the work itself.
+"""The cost of a command from the shell's prompt to the next one: starting Python, loading, and the work itself.
 
     python -m bench.start --rounds 10
 
@@ -33,7 +33,7 @@ Cost = tuple[float, float]
 
 
 def measure(rounds: int, commands: Mapping[str, tuple[str, ...]] = COMMANDS) -> dict[str, Cost]:
-    """The least cost in so many rounds of each command, and of a Python that does nothing."""
+    """The least cost of each command over ``rounds`` rounds, and of a Python that does nothing."""
     every = {NOTHING: ("-c", "pass"), **{name: ("-m", "launcher.cli", *rest) for name, rest in commands.items()}}
     found: dict[str, list[Cost]] = {name: [] for name in every}
     for _ in range(rounds):
@@ -43,7 +43,7 @@ def measure(rounds: int, commands: Mapping[str, tuple[str, ...]] = COMMANDS) -> 
 
 
 def _cost(arguments: Sequence[str]) -> Cost:
-    """Of one process, in an empty working directory."""
+    """The cost of one process, in an empty working directory."""
     path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     with tempfile.TemporaryDirectory() as folder:
         before, begun = _children_s(), time.perf_counter()

@@ -2,7 +2,7 @@
 
     python -m bench.virtual --nodes 1000 --link ideal --seconds 600 --seed 1
 
-Prints what it took as JSON. Times are wall time unless they say otherwise; memory is resident, in MB (10^6 bytes).
+Prints its cost as JSON. Times are wall time unless they say otherwise; memory is resident, in MB (10^6 bytes).
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from trackfield.scenario import Scenario
 SPACING_M: Final = 50.0
 SPEED_M_S: Final = 10.0
 MIDDLE_M: Final = 800.0
-"""Side of the square that the target combs, all of it in the radio's reach of the centre,"""
+"""Side of the square that the target sweeps, all of it within radio range of the centre."""
 LANES_M: Final = 100.0
-"""and how far its ways there and back are apart."""
+"""Distance between the target's lanes."""
 
 
 def scenario(nodes: int, link: str, seconds: int, seed: int) -> Scenario:
-    """The packaged field at its own spacing, with a target that is always amid its sensors."""
+    """The packaged field at its own spacing, with a target that is always among its sensors."""
     settings = {
         "target.path": "waypoints",
         "target.waypoints": route(SPACING_M * (round(nodes**0.5) - 1), seconds),
@@ -49,7 +49,7 @@ def scenario(nodes: int, link: str, seconds: int, seed: int) -> Scenario:
 
 
 def route(field_m: float, seconds: int) -> list[tuple[float, float, float]]:
-    """Waypoints (s, m, m) of a target that combs the middle of a square field at constant speed, for so long."""
+    """Waypoints (s, m, m) of a target that sweeps the middle of a square field at constant speed, for ``seconds``."""
     side_m = min(field_m, MIDDLE_M)
     corner_m, t, legs = (field_m - side_m) / 2, 0.0, [(0.0, 0.0, 0.0)]
     for here, there in pairwise(_corners(side_m)):
@@ -63,7 +63,7 @@ def route(field_m: float, seconds: int) -> list[tuple[float, float, float]]:
 
 
 def _corners(side_m: float) -> Iterator[tuple[float, float]]:
-    """Along one lane and back along the next, up to the last; from there the same way back, and so on."""
+    """Along one lane and back along the next, up to the last; from there back on the same path, and so on."""
     lanes = max(round(side_m / LANES_M), 1)
     ends = [((0.0, y), (side_m, y)) for y in (lane * side_m / lanes for lane in range(lanes + 1))]
     way = [corner for lane, (west, east) in enumerate(ends) for corner in ((east, west) if lane % 2 else (west, east))]
@@ -74,7 +74,7 @@ def _corners(side_m: float) -> Iterator[tuple[float, float]]:
 
 
 class Probe:
-    """Counts the events of a run, and looks at its memory whenever a quarter of the emulated time is over."""
+    """Counts the events of a run, and measures its memory after each quarter of the emulated time."""
 
     def __init__(self, virtual: Virtual) -> None:
         self.virtual, self.events = virtual, 0
@@ -82,20 +82,20 @@ class Probe:
         self._next_ns = 0
 
     def __call__(self) -> bool:
-        """Asked before each event; never ends the run."""
+        """Called before each event; never ends the run."""
         self.events += 1
         if self.virtual.now_ns >= self._next_ns:
             self.look()
         return False
 
     def look(self) -> None:
-        """Note the memory of now, and when to do so again."""
+        """Record the present memory, and set the time of the next measurement."""
         self.rss_mb.append(rss_mb())
         self._next_ns = round(len(self.rss_mb) / 4 * self.virtual.end_ns)
 
 
 def rss_mb() -> float:
-    """What this process has in memory now."""
+    """Resident memory of this process (MB)."""
     return float(psutil.Process().memory_info().rss / 1e6)
 
 
@@ -107,7 +107,7 @@ class Laps:
         self._last = self._now()
 
     def lap(self, stage: str) -> None:
-        """This stage is over."""
+        """End a stage."""
         before, self._last = self._last, self._now()
         self.taken[stage] = (self._last[0] - before[0], self._last[1] - before[1])
 

@@ -25,7 +25,7 @@ Heard = Mapping[str, Any]
 
 
 class Advanced(NamedTuple):
-    """After a step: the trackers' states, its points by tracker, and what is now smoothed of an earlier step."""
+    """After a step: the trackers' states, the step's points by tracker, and smoothed points of an earlier step."""
 
     tracks: tuple[Any, ...]
     points: dict[str, TrackPoint]
@@ -35,13 +35,13 @@ class Advanced(NamedTuple):
 class Bank:
     """Trackers that get the reports of ``sensors`` (id, x m, y m); step k is at ``origin_ns`` + k ``step_ns``.
 
-    ``trackers`` are named; ``prior`` (mean and sd of x, y, vx, vy at the start) may be absent, then they start
-    from the first reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where those
-    are that are not our own, ``sigma_v`` (m/s^2) is for those that have one motion model; a track less certain than
-    ``lost_m`` is given up if it began without a prior. All randomness is keyed by ``seed``, the tracker and the step;
-    and by ``draws``, which tells a process from others that track. Each track is smoothed over ``smooth_lag`` steps,
-    too, unless that is 0. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the
-    arguments of ``make_sensor``). What is tracked is called ``target``.
+    ``trackers`` are names; without a ``prior`` (mean and sd of x, y, vx, vy at the start) they start from the first
+    reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where users' own trackers
+    are, ``sigma_v`` (m/s^2) is for those that have one motion model; a track that began without a prior is given up if
+    its sd exceeds ``lost_m``. All randomness is keyed by ``seed``, the tracker and the step, and by ``draws``, which
+    differs between processes that track. Each track is also smoothed over ``smooth_lag`` steps, unless that is 0.
+    Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
+    ``make_sensor``). ``target`` is the id of the target.
     """
 
     def __init__(
@@ -78,29 +78,29 @@ class Bank:
         )
 
     def at_ns(self, step: int) -> int:
-        """When a step is."""
+        """The time (ns) of a step."""
         return self.origin_ns + step * self.step_ns
 
     def step_at(self, t_ns: int) -> int:
-        """The latest step by then; below 0 before the first."""
+        """The latest step at this time; below 0 before the first."""
         return (t_ns - self.origin_ns) // self.step_ns
 
     def takes(self, report: Doa | Measurement) -> bool:
-        """Whether it is one of this field's sensors' kind."""
+        """Whether the report is of the kind that this field's sensors send."""
         if self.sensor is None:
             return isinstance(report, Doa)
         return isinstance(report, Measurement) and len(report.values) == len(self.sensor.resolution)
 
     def begin(self, *, prior: bool) -> tuple[Any, ...]:
-        """The trackers' states before anything was heard, with the prior or waiting for reports."""
+        """The trackers' states before the first report, with the prior or waiting for reports."""
         return tuple(tracker.begin(self.prior if prior else None) for tracker in self.trackers.values())
 
     def resume(
         self, beliefs: Mapping[str, Gaussian | None], since: int, until: int
     ) -> tuple[tuple[Any, ...], list[TrackPoint]]:
-        """Each tracker from what it believed of the step ``since``, without reports up to the step ``until``.
+        """Each tracker from its belief about the step ``since``, predicted without reports to the step ``until``.
 
-        With the points of that step, of those that have a track.
+        Also returns the points of that step, of trackers that have a track.
         """
         tracks, points = [], []
         for name, tracker in self.trackers.items():

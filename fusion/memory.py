@@ -1,4 +1,4 @@
-"""What a fusion centre remembers, and the phases that it goes through."""
+"""The state of a fusion centre, and its phases."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackfield.role import Received, Started, Timer, Transitions
 
 
 class Phase(Enum):
-    """What the first tracker is doing: no track yet, following, or following without any report."""
+    """The phase of the first tracker: no track yet, tracking, or tracking without any report."""
 
     NEW = "new"
     WAITING = "waiting"
@@ -34,7 +34,7 @@ Heard = Map[str, Any]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Past:
-    """A step that was fused, and may have to be again: the trackers' states before it, and its reports."""
+    """A step that was fused and may be fused again: the trackers' states before it, and its reports."""
 
     tracks: tuple[Any, ...]
     heard: Heard
@@ -44,9 +44,9 @@ class Past:
 class Memory:
     """The centre's state.
 
-    ``heard`` maps a step to the reports that came for it, ``fused`` is the last step done, ``past`` maps the steps
-    up to it for which late reports still count, and ``stale`` is the oldest of them that got one since it was
-    fused. ``threshold_db`` is the sensors' threshold, if the centre commands it.
+    ``heard`` maps a step to its reports, ``fused`` is the last step fused, ``past`` maps the steps up to it for which
+    late reports still count, and ``stale`` is the oldest of them that got a late report since it was fused.
+    ``threshold_db`` is the sensors' threshold, if the centre sets it.
     """
 
     phase: Phase

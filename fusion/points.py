@@ -1,4 +1,4 @@
-"""Estimates as published: the points of a track."""
+"""Estimates in published form: the points of a track."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MAX_PARTICLES: Final = 200
 def track_point(
     tracker: str, target: str, at_ns: int, reports: Reports, estimate: Estimate | None, lag: int = 0
 ) -> TrackPoint:
-    """The point of the step that ``reports`` are of, at ``at_ns``; without an estimate the tracker waits."""
+    """The point of the step of these ``reports``, at ``at_ns``; without an estimate its status is ``waiting``."""
     step, sensors = reports.step, reports.sensors
     if estimate is None:
         return TrackPoint(tracker, target, at_ns, "waiting", sensors=sensors, lag=lag, step=step)

@@ -2,8 +2,8 @@
 
 Several trackers may run side by side on the same reports (Zhai et al., Fig. 2: fusion at the centre).
 
-A report that comes after its deadline but is not too old is taken in by going back: at the next deadline the
-trackers start again from their states before its step, and every step since is fused and published anew.
+A report that arrives after its deadline but is not too old is still used: at the next deadline the trackers go back
+to their states before its step, and every step since is fused and published again.
 """
 
 from __future__ import annotations
@@ -41,15 +41,14 @@ from trackfield.role import (
 from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 
 _LAST_STEP: Final = 65535
-"""As far as a message counts."""
+"""The highest step that a message can hold."""
 
 
 class Fusion:
     """Fuses the reports of each step ``deadline_ns`` after its instant, by the trackers of a ``Bank`` (its arguments).
 
-    Reports that are up to ``max_age_ns`` old count after their deadline too. With ``threshold`` (the fields of
-    ``Controller``) the centre commands the sensors' threshold. Its clock is the reference for sensors that ask for the
-    time.
+    Late reports up to an age of ``max_age_ns`` are used too. With ``threshold`` (the fields of ``Controller``) the
+    centre sets the sensors' threshold. Its clock is the reference for sensors that ask for the time.
     """
 
     def __init__(
@@ -89,7 +88,7 @@ class Fusion:
                 return memory, (Ignored("unexpected"),)
             case Timer(now):
                 return self._fuse(memory, now)
-        raise IllegalEvent(f"a fusion centre has no use for {event}")
+        raise IllegalEvent(f"a fusion centre cannot handle {event}")
 
     def _deadline(self, step: int) -> SetTimer:
         return SetTimer("deadline", self.bank.at_ns(step) + self.deadline_ns)
@@ -102,20 +101,20 @@ class Fusion:
 
     def _start(self, memory: Memory, now: int, kept: bytes) -> tuple[Memory, tuple[Effect, ...]]:
         fused = max(self.bank.step_at(now - self.deadline_ns), 0)
-        begun = memory if fused == 0 else self._waiting(prior=False)  # a prior is about the start of the run
+        begun = memory if fused == 0 else self._waiting(prior=False)  # a prior holds for the start of the run
         fresh = replace(begun, phase=Phase.WAITING, fused=fused)
         if not kept:
             return fresh, (self._deadline(fused + 1),)
         try:
             stored = unpack(kept)
             if stored.step > self.bank.step_at(now) + 1:
-                raise ValueError(f"step {stored.step} is still to come")
+                raise ValueError(f"step {stored.step} is in the future")
         except ValueError as error:
-            return fresh, (Note(f"What an earlier life stored is of no use: {error}"), self._deadline(fused + 1))
+            return fresh, (Note(f"What an earlier life stored cannot be used: {error}"), self._deadline(fused + 1))
         return self._resume(fresh, stored)
 
     def _resume(self, fresh: Memory, stored: Stored) -> tuple[Memory, tuple[Effect, ...]]:
-        """Each tracker from its belief, without reports over the steps that were missed."""
+        """Each tracker from its stored belief, predicted without reports over the missed steps."""
         fused = max(fresh.fused, stored.step)
         tracks, points = self.bank.resume(stored.beliefs, stored.step, fused)
         phase = Phase.WAITING if tracks[0].track is None else Phase.COASTING
@@ -174,7 +173,7 @@ class Fusion:
         return after, (*publish, *command, Store(pack(step, level, points)), self._deadline(step + 1))
 
     def _replay(self, memory: Memory) -> tuple[Memory, list[TrackPoint]]:
-        """All steps since the oldest that got a late report, fused again, and their points."""
+        """Fuse all steps again since the oldest that got a late report; returns their points."""
         if memory.stale is None:
             return memory, []
         past, published = memory.past, list[TrackPoint]()
@@ -194,7 +193,7 @@ class Fusion:
         return past
 
     def _command(self, level_db: float | None, point: TrackPoint) -> tuple[float | None, tuple[Send, ...]]:
-        """The threshold for the step after ``point``, and the message to those who are about to hear the target."""
+        """The threshold for the step after ``point``, and the message to the sensors that will soon hear the target."""
         if self.controller is None or level_db is None or not point.mean:
             return level_db, ()
         level = self.controller.adjusted(level_db, position_sd(point))

@@ -1,8 +1,8 @@
-"""Fixed-lag smoothing: where the target was some steps ago, now that the reports since then are known.
+"""Fixed-lag smoothing: the target's position some steps ago, given the reports since then.
 
 A track's last beliefs are kept, and the smoother of Rauch, Tung & Striebel goes back over them
-(``trackfield/filters/rts.py``) with the motion that the tracker itself expected at each step. So only trackers can be
-smoothed that have one to tell (``motion``).
+(``trackfield/filters/rts.py``) with the motion that the tracker itself predicted at each step. So only trackers with a
+method ``motion`` can be smoothed.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ S = TypeVar("S")
 
 @runtime_checkable
 class Foresees(Protocol):
-    """A tracker that tells how it expected the target to move."""
+    """A tracker that provides the motion that it predicted."""
 
     def motion(self, before: Any, after: Any, dt: float) -> Motion:
-        """The linear motion between two of its states, ``dt`` seconds apart, with moments as it predicted them."""
+        """The linear motion between two of its states, ``dt`` seconds apart, with the moments of the prediction."""
         ...
 
 
 class Filtered(NamedTuple):
-    """What was believed of a step, the reports it came from, and the motion that led there (None: the track began)."""
+    """The belief about a step, the reports behind it, and the motion that led there (None: the track began)."""
 
     reports: Reports
     belief: Gaussian
@@ -67,7 +67,7 @@ class Advanced(NamedTuple, Generic[S]):
 
 @dataclass(frozen=True)
 class Smoothing(Generic[S]):
-    """Follows a target, and smooths the track over ``lag`` steps; 0: does not."""
+    """Follows a target, and smooths the track over ``lag`` steps; 0: no smoothing."""
 
     following: Following[S]
     lag: int = 0
@@ -77,11 +77,11 @@ class Smoothing(Generic[S]):
         return Lagged(self.following.begin(prior))
 
     def resume(self, belief: Gaussian) -> Lagged[S]:
-        """As ``Following.resume``: what was known before the pause is no longer smoothed."""
+        """As ``Following.resume``: steps before the pause are no longer smoothed."""
         return Lagged(self.following.resume(belief))
 
     def step(self, state: Lagged[S], reports: Reports, dt: float, rng: np.random.Generator) -> Advanced[S]:
-        """As ``Following.step``; the earlier estimate is there as soon as the track is older than the lag."""
+        """As ``Following.step``; the earlier estimate is available once the track is older than the lag."""
         tracker, before = self.following.tracker, state.track
         followed, estimate = self.following.step(state.followed, reports, dt, rng)
         if not self.lag or not isinstance(tracker, Foresees) or estimate is None or not _finite(estimate):
@@ -94,7 +94,7 @@ class Smoothing(Generic[S]):
 
 
 def smoothed(window: tuple[Filtered, ...]) -> Earlier:
-    """The oldest of the window's steps, given the reports of all."""
+    """The oldest step of the window, given the reports of all its steps."""
     beliefs = Gaussian(*(np.stack(parts) for parts in zip(*(one.belief for one in window), strict=True)))
     ways = [one.motion for one in window[1:] if one.motion is not None]
     motions = Motion(*(np.stack(parts) for parts in zip(*ways, strict=True)))
@@ -103,12 +103,12 @@ def smoothed(window: tuple[Filtered, ...]) -> Earlier:
 
 
 def lagged_name(tracker: str, lag: int) -> str:
-    """What the smoothed track of a tracker is called."""
+    """The name of the smoothed track of a tracker."""
     return f"{tracker}+lag{lag}"
 
 
 def lagged_names(trackers: Iterable[tuple[str, object]], lag: int) -> tuple[str, ...]:
-    """The smoothed tracks of these (name, tracker)."""
+    """The names of the smoothed tracks of these (name, tracker)."""
     return tuple(lagged_name(name, lag) for name, tracker in trackers if lag and isinstance(tracker, Foresees))
 
 

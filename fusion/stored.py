@@ -1,4 +1,4 @@
-"""What a fusion centre keeps for its next life: MessagePack ``[version, step, threshold, {tracker: belief}]``.
+"""What a fusion centre stores for its next life: MessagePack ``[version, step, threshold, {tracker: belief}]``.
 
 ``threshold`` is in dB or nil. A belief over (x, y, vx, vy) is nil while there is no track, else 14 little-endian
 float64: the mean, and the covariance's upper triangle row by row.
@@ -23,7 +23,7 @@ _UPPER: Final = np.triu_indices(4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stored:
-    """The last step fused, the threshold commanded, and what each tracker believed."""
+    """The last step fused, the threshold set, and each tracker's belief."""
 
     step: int
     threshold_db: float | None
@@ -38,7 +38,7 @@ def pack(step: int, threshold_db: float | None, points: Mapping[str, TrackPoint]
 
 
 def unpack(data: bytes) -> Stored:
-    """What ``pack`` was given; raises ``ValueError`` with a reason for any other bytes."""
+    """The inverse of ``pack``; raises ``ValueError`` with a reason for any other bytes."""
     try:
         fields = msgpack.unpackb(data)
     except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:

@@ -1,8 +1,8 @@
-"""The sensors' threshold by command: as few of them awake as the track can do with.
+"""The sensors' threshold, set by the centre: as few sensors report as the track's accuracy allows.
 
-After each step the track's uncertainty is compared with a target. A track less certain than that lowers the
-threshold by ``STEP_DB``, so that more sensors report of the coming step; one more certain than ``EASY`` times the
-target raises it. In between it stays, or it would swing with every step.
+After each step the track's standard deviation is compared with a target value. If it is larger, the threshold is
+lowered by ``STEP_DB``, so that more sensors report in the coming step; if it is below ``EASY`` times the target
+value, the threshold is raised. In between it stays, so that it does not oscillate.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ EASY: Final = 0.8
 class Controller:
     """Holds the position's sd at ``target_sd_m`` (m) by a threshold from ``low_db`` to ``high_db``.
 
-    ``reach_m``: how far from the target's expected place sensors have to know the threshold.
+    ``reach_m``: the distance from the target's expected place within which sensors are sent the threshold.
     """
 
     low_db: float
@@ -39,18 +39,18 @@ class Controller:
         return self.bounded(level_db)
 
     def bounded(self, level_db: float) -> float:
-        """The threshold nearest to this one that is allowed."""
+        """The allowed threshold nearest to this one."""
         return min(max(level_db, self.low_db), self.high_db)
 
 
 def position_sd(point: TrackPoint) -> float:
-    """The sd (m) of a track's position along the axis in which it is largest: one bearing leaves the range open."""
+    """The largest sd (m) of a track's position over all axes: one bearing leaves the range open."""
     covariance = point.covariance
     xx, xy, yy = covariance[0], covariance[1], covariance[5]
     return sqrt(max((xx + yy) / 2.0 + hypot((xx - yy) / 2.0, xy), 0.0))
 
 
 def expected_place(point: TrackPoint, seconds: float) -> tuple[float, float]:
-    """Where (m) the target will be in so many seconds, at the velocity that it has."""
+    """Where (m) the target will be in this many seconds, at its present velocity."""
     x, y, vx, vy = point.mean
     return x + vx * seconds, y + vy * seconds

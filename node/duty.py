@@ -1,7 +1,7 @@
-"""When a node that is awake has its receiver on for the centre's commands: a duty cycle that follows the steps.
+"""When a node that is awake has its receiver on for the centre's commands: once in each step.
 
-The command for a step leaves the centre right after the deadline of the step before, so nothing comes earlier, and
-what has not come when the centre's radio must be done with all its commands will not come at all.
+The command for a step leaves the centre right after the deadline of the step before, so no command arrives earlier;
+one that has not arrived when the centre's radio must have sent all its commands will not arrive at all.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class Duty:
     listen_for_ns: int
 
     def at(self, time_ns: int, known: int) -> tuple[bool, int]:
-        """Whether the receiver is to be on at the centre's time, for one who knows the command for step ``known``.
+        """Whether the receiver is on at this time of the centre, for a node that has the command for step ``known``.
 
-        With it, how long (ns) until that is to be asked again.
+        Also returns how long (ns) the answer holds.
         """
         step, since = divmod(time_ns - self.listen_from_ns, self.step_ns)
         if known <= step and since < self.listen_for_ns:

@@ -3,12 +3,12 @@
 Zhai et al., section III-A: a node is active while the level it receives exceeds its threshold, and sends level
 and direction of arrival to the fusion centre.
 
-A node whose clock is off learns the centre's time by radio (``node/sync.py``): ahead of each waking, or soon after its
-start, and every now and then while it is awake. It takes its clock plus its correction for the time; timers are local.
-A new correction may move time back, so the node remembers which steps it has done: none is reported twice.
+A node whose clock is off learns the centre's time by radio (``node/sync.py``): before it wakes, or soon after its
+start, and at intervals while it is awake. Its time is its clock plus the correction; timers use the local clock. A new
+correction may move time back, so the node remembers which steps it has done: none is reported twice.
 
 A node whose threshold the centre sets listens for the command while it hears the target, after each step's deadline,
-until it came (``node/duty.py``).
+until the command arrives (``node/duty.py``).
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ from trackfield.wire.messages import Doa, Measurement, SyncReply, Threshold
 from trackfield.world.readings import Heard, Reading
 
 LAST_STEP: Final = 65535
-"""As far as a report counts."""
+"""The highest step that a report can hold."""
 
 
 class Phase(Enum):
-    """What a node is doing; ``AWAKE`` is hearing the target, but below the threshold."""
+    """The phase of a node; ``AWAKE``: it hears the target, but below the threshold."""
 
     NEW = "new"
     ASLEEP = "asleep"
@@ -67,7 +67,7 @@ TRANSITIONS: Final[Transitions] = {
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """All that a node remembers: from which level it reports and since which step, the steps it did, and the time.
+    """The state of a node: the level from which it reports and since which step, the steps done, and its time.
 
     ``listening`` while its receiver is on for a command.
     """
@@ -86,11 +86,11 @@ Step = tuple[Memory, tuple[Effect, ...]]
 class Node:
     """Reports to ``centre`` in each step of ``step_ns`` in which it hears at least ``threshold_db``.
 
-    A sensor of a user's own has no level: all that it measures is reported.
+    A user's own sensor has no level: everything that it measures is reported.
 
     Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the arguments of its
-    ``Synchronisation`` but ``centre``; None: its own clock is right. ``adaptive`` holds those of its ``Duty`` but
-    ``step_ns``, for a node that reports from the level on that the centre last told it; None: its threshold stays.
+    ``Synchronisation`` except ``centre``; None: its clock is right. ``adaptive`` holds those of its ``Duty`` except
+    ``step_ns``, for a node whose threshold the centre sets; None: its threshold is fixed.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class Node:
         return after, effects
 
     def _receives(self, memory: Memory) -> bool:
-        """Whether its receiver is on: only while something may come for it."""
+        """Whether its receiver is on: only while a frame may arrive for it."""
         return memory.time.sent_ns is not None or memory.listening
 
     def _react(self, memory: Memory, event: Event) -> Step:
@@ -139,7 +139,7 @@ class Node:
                 return self._ring(memory, event)
             case Received(now, message, sender):
                 return self._receive(memory, now, message, sender)
-        raise IllegalEvent(f"a node has no use for {event}")
+        raise IllegalEvent(f"a node cannot handle {event}")
 
     def _ring(self, memory: Memory, timer: Timer) -> Step:
         match timer:
@@ -149,7 +149,7 @@ class Node:
                 return self._attend(memory, now)
             case Timer(now, "sync") if self.sync:
                 return self._keep(memory, now, *self.sync.due(memory.time, now))
-        raise IllegalEvent(f"a node has no use for {timer}")
+        raise IllegalEvent(f"a node cannot handle {timer}")
 
     def _receive(self, memory: Memory, now: int, message: Any, sender: str) -> Step:
         match message:
@@ -166,14 +166,14 @@ class Node:
     # --- steps ----------------------------------------------------------------------------------------------------
 
     def _into(self, memory: Memory, now: int) -> int:
-        """How long (ns) the steps have been going on at this local time."""
+        """The time (ns) since step 0 at this local time."""
         return now + memory.time.correction_ns - self.origin_ns
 
     def _step(self, memory: Memory, now: int) -> int:
         return self._into(memory, now) // self.step_ns
 
     def _listen(self, memory: Memory, now: int) -> tuple[Effect, ...]:
-        """Read the sensor if a step begins now; a process that stood still may have missed it, a clock gone back."""
+        """Read the sensor if a step begins now; a process that was stopped may have missed it, or a clock gone back."""
         step, since = divmod(self._into(memory, now), self.step_ns)
         if since == 0 and 1 <= step <= LAST_STEP and first_absent(memory.done, step) == step:
             return (Sample("sound"),)
@@ -192,14 +192,14 @@ class Node:
         return after, (Send(report, self.centre), *again, *attend)
 
     def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
-        """At the first step from then on that is not done; step 0 is the start itself, where nothing was heard yet."""
+        """Listen at the first step from then on that is not done; step 0 is the start itself, without a reading."""
         step = first_absent(memory.done, max(-(-self._into(memory, earliest_ns) // self.step_ns), 1))
         if step > LAST_STEP:
             return ()
         return (SetTimer("step", self.origin_ns + step * self.step_ns - memory.time.correction_ns),)
 
     def _wake_at(self, memory: Memory, now: int, at: int | None) -> tuple[Effect, ...]:
-        """A sleeper's timers, for it can hear something from local time ``at`` on."""
+        """The timers of a sleeping node, which can hear something from local time ``at`` on."""
         step = () if at is None else self._listen_from(memory, max(at, now))
         if self.sync is None or memory.time.slots:
             return step
@@ -208,7 +208,7 @@ class Node:
         ahead = at - self.sync.lead_ns
         return (*step, SetTimer("sync", ahead if ahead - self.sync.lead_ns > now else memory.time.due_ns))
 
-    # --- what the centre tells it ---------------------------------------------------------------------------------
+    # --- messages of the centre -----------------------------------------------------------------------------------
 
     def _keep(self, memory: Memory, now: int, time: Timekeeping, effects: tuple[Effect, ...]) -> Step:
         """Go on with a round of exchanges; after it, all timers are set anew."""
@@ -221,7 +221,7 @@ class Node:
         return after, (*effects, *self._listen_from(after, now), *attend, SetTimer("sync", time.due_ns))
 
     def _attend(self, memory: Memory, now: int) -> Step:
-        """Turn an ear to the centre or away from it, as is due by now; a sleeper has none for it."""
+        """Switch listening for the centre's command on or off, as is due now; a sleeping node does not listen."""
         if self.duty is None or memory.phase is Phase.ASLEEP:
             return memory, ()
         listening, wait_ns = self.duty.at(now + memory.time.correction_ns, memory.threshold_step)

@@ -1,4 +1,4 @@
-"""Sets of whole numbers that mostly come one after the other, as spans (first, last) in order and apart."""
+"""Sets of mostly consecutive whole numbers, as disjoint spans (first, last) in order."""
 
 from __future__ import annotations
 
@@ -27,5 +27,5 @@ def first_absent(spans: Spans, number: int) -> int:
         if last < number:
             break
         if first <= number:
-            return last + 1  # spans are apart: it begins a gap
+            return last + 1  # spans are disjoint: a gap begins here
     return number

@@ -1,13 +1,13 @@
 """How a node learns the centre's time over the radio: exchanges as in NTP (RFC 5905, sections 8 and 10).
 
-A request leaves at t0 and its reply comes at t3 by the node's clock; in between, by the centre's clock, it came at t1
-and the reply left at t2. Then the centre's clock is ahead by theta and the two frames took delta:
+A request leaves at t0 and its reply arrives at t3 by the node's clock; by the centre's clock, the request arrives at t1
+and the reply leaves at t2. Then the centre's clock is ahead by theta and the two frames took delta:
 
     theta = ((t1 - t0) + (t2 - t3)) / 2        delta = (t3 - t0) - (t2 - t1)
 
-Of a round of exchanges the theta of the smallest delta counts (of equals the last): it cannot be off by more than
-delta / 2. Each exchange has a slot of its own, and the next begins when that is over, whenever the reply came: so many
-nodes that ask at a time do not flood the centre, and when a node sends depends on its own clock alone.
+Of a round of exchanges the theta of the smallest delta counts (of equals the last): its error is at most delta / 2.
+Each exchange has a slot of its own, and the next begins when that is over, whenever the reply arrived: so many nodes
+that ask at a time do not flood the centre, and the sending times of a node depend on its own clock only.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from trackfield.role import NS, Corrected, Effect, Ignored, Send, SetTimer
 from trackfield.wire.messages import SyncReply, SyncRequest
 
 SPREAD_NS: Final = NS
-"""Over how long after their starts nodes that are soon awake begin their first rounds, so that not all ask at once."""
+"""Nodes that are awake soon begin their first rounds spread over this time, so that not all ask at once."""
 _NUMBERS: Final = 1 << 16
 _US: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """What an exchange found: the centre's clock is ``theta_ns`` ahead, give or take half of ``delta_ns``."""
+    """The result of an exchange: the centre's clock is ``theta_ns`` ahead, plus or minus half of ``delta_ns``."""
 
     delta_ns: int
     theta_ns: int
 
 
 def offset(t0: int, t1: int, t2: int, t3: int) -> Offset:
-    """What an exchange says that left and came at t0 and t3 (node's clock), came and left at t1 and t2 (centre's)."""
+    """The result of an exchange with the times t0 and t3 (node's clock), t1 and t2 (centre's clock)."""
     return Offset((t3 - t0) - (t2 - t1), ((t1 - t0) + (t2 - t3)) // 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Timekeeping:
-    """What a node knows of the time: its clock plus ``correction_ns`` is the centre's.
+    """A node's knowledge of the time: its clock plus ``correction_ns`` is the centre's.
 
-    ``asked`` counts its requests; ``sent_ns`` is when (local time) the one left that waits for its reply, None if none
-    does. ``slots`` are left of the round, with the one in hand; ``best`` is what the round found so far. A node that
-    is awake begins its next round at ``due_ns`` (local time).
+    ``asked`` counts its requests; ``sent_ns`` is the local sending time of the pending request, None if there is none.
+    ``slots`` are left of the round, including the present one; ``best`` is the best result of the round so far. A node
+    that is awake begins its next round at ``due_ns`` (local time).
     """
 
     correction_ns: int = 0
@@ -79,7 +79,7 @@ class Synchronisation:
         return self.exchanges * self.timeout_ns
 
     def start(self, now: int) -> Timekeeping:
-        """A life begins: one that is soon awake begins its first round within ``SPREAD_NS``."""
+        """A life begins: a node that is awake soon begins its first round within ``SPREAD_NS``."""
         return Timekeeping(due_ns=now + int(SPREAD_NS * uniform(self.seed, self.id, "sync", "start")))
 
     def due(self, time: Timekeeping, now: int) -> Step:
@@ -88,7 +88,7 @@ class Synchronisation:
         return self._ask(replace(time, slots=left), now) if left else self._conclude(time, now)
 
     def receive(self, time: Timekeeping, now: int, reply: SyncReply, sender: str) -> Step:
-        """A reply came; only the one to the request in hand is of use, if it makes sense."""
+        """A reply arrived; it is used only if it answers the pending request and its times are plausible."""
         if sender != self.centre:
             return time, (Ignored("foreign"),)
         if time.sent_ns is None or (reply.exchange, reply.sent_us) != (time.asked % _NUMBERS, time.sent_ns // _US):
@@ -106,7 +106,7 @@ class Synchronisation:
         return after, (Send(request, self.centre), SetTimer("sync", now + self.timeout_ns))
 
     def _conclude(self, time: Timekeeping, now: int) -> Step:
-        """The end of a round; if all of it failed, what was known before still holds, and the next comes soon."""
+        """The end of a round; if all its exchanges failed, the old correction holds, and the next round comes soon."""
         over = replace(time, sent_ns=None, slots=0, best=None)
         if time.best is None:
             pause = int(self.lead_ns * (1 + 2 * uniform(self.seed, self.id, "sync", time.asked)))

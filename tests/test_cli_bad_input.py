@@ -48,7 +48,7 @@ def assert_refused(said: Said, *parts: str) -> None:
         ([*NOWHERE, "--link", "gilbert"], ["link.model: unknown model 'gilbert'", "did you mean gilbert_elliott?"]),
         ([*NOWHERE, "--link", "ideal "], ["did you mean ideal?", "one of ideal, fixed, gilbert_elliott"]),
         ([*NOWHERE, "--tracker", "fix-ukf"], ["fusion.trackers: unknown tracker", "did you mean fix-imm-ukf?"]),
-        ([*NOWHERE, "--tracker", "spcpf", "--tracker", "spcpf"], ["'spcpf' is there twice"]),
+        ([*NOWHERE, "--tracker", "spcpf", "--tracker", "spcpf"], ["'spcpf' is given twice"]),
         ([*NOWHERE, "--set", "sensor.treshold=0.7"], ["sensor.treshold: unknown", "did you mean threshold?"]),
         (["run", "spcpf", "--connect", "nonsense"], ["--connect: is 'nonsense'", "tcp/127.0.0.1:7447"]),
         ([*NOWHERE, "--set", "link.los=0.1"], ["link.los: unknown", "did you mean loss?"]),
@@ -87,9 +87,9 @@ def test_an_unknown_name_gets_the_nearest(
         ("fusion.deadline_s=2", ["fusion.deadline_s: is 2", "at most target.step_s, which is 1"]),
         ("target.waypoints=[[0,0,0],[0,1,1]]", ["target.waypoints: its times do not increase", "increasing times"]),
         ("faults=kill", ['faults: is "kill"', "sections [[faults]]"]),
-        ("faults.at_s=3", ["faults: are a list, which is set as a whole", "faults=[{kind='...', ...}, ...]"]),
+        ("faults.at_s=3", ["faults: are a list, which can only be set as a whole", "faults=[{kind='...', ...}, ...]"]),
         ("faults=[{kind='kil', share=1, at_s=3}]", ["faults[0].kind: unknown kind 'kil'", "did you mean kill?"]),
-        ("faults=[{kind='kill', at_s=3}]", ["faults[0].nodes: befalls nobody", "nodes, a list of ids, or share"]),
+        ("faults=[{kind='kill', at_s=3}]", ["faults[0].nodes: affects no process", "nodes (a list of ids), share"]),
         ("faults=[{kind='kill', nodes=['n60'], at_s=3}]", ["faults[0].nodes: there is no 'n60'", "did you mean n060?"]),
         ("faults=[{kind='deaf', nodes=['fusion'], at_s=3}]", ["faults[0].nodes: fusion has no sensor", "sensor nodes"]),
         (
@@ -165,7 +165,7 @@ TRACK = (
         ("nothing.gpx", "", ["not a GPX file", "expected a GPX file"]),
         ("wrong.csv", "time,east,north\n", ["has the columns time, east, north", "time,lat,lon or t_s,x,y"]),
         ("cell.csv", "t_s,x,y\n0,1,2\n1,here,2\n", ["cell.csv:3: x is 'here'", "metres"]),
-        ("single.csv", "t_s,x,y\n0,1,2\n", ["has a single fix", "a track of two at least"]),
+        ("single.csv", "t_s,x,y\n0,1,2\n", ["has a single fix", "a track of at least two"]),
         ("ride.kml", "<kml/>", ["unknown kind of track", "a .gpx or .csv file"]),
     ],
 )
@@ -189,8 +189,8 @@ def test_a_track_that_is_not_there_is_named(trackfield: Call, tmp_path: Path) ->
     [
         (["--from", "10:00", "--to", "10:05"], ["no fix inside the window", "times in 2025-03-03 08:00:00+00:00 to"]),
         (["--from", "08:01", "--to", "2025-03-03T08:00"], ["target.to: the window ends before it begins", "times in"]),
-        (["--from", "eight"], ["target.from: 'eight' is no time", "HH:MM[:SS] or an ISO date and time"]),
-        (["--to", "25:00"], ["target.to: '25:00' is no time", "HH:MM[:SS]"]),
+        (["--from", "eight"], ["target.from: 'eight' is not a time", "HH:MM[:SS] or an ISO date and time"]),
+        (["--to", "25:00"], ["target.to: '25:00' is not a time", "HH:MM[:SS]"]),
     ],
 )
 def test_a_window_with_nothing_in_it_names_the_files_times(
@@ -203,7 +203,7 @@ def test_a_window_with_nothing_in_it_names_the_files_times(
 @pytest.mark.parametrize("option", ["--from", "--to"])
 def test_a_window_needs_a_track(trackfield: Call, option: str) -> None:
     said = trackfield(*NOWHERE, option, "07:50")
-    assert_refused(said, "--from, --to: there is no track to cut", "expected --target FILE beside it")
+    assert_refused(said, "--from, --to: there is no track to cut", "expected --target FILE as well")
 
 
 # --- sensors ----------------------------------------------------------------------------------------------------------
@@ -214,8 +214,8 @@ def test_a_window_needs_a_track(trackfield: Call, option: str) -> None:
     ("content", "parts"),
     [
         ("id,x\na,1\n", ["posts.csv: has the columns id, x", "columns id,x,y or id,lat,lon"]),
-        ("id,x,y\na,1,2\na,3,4\n", ["posts.csv:3: id 'a' is there twice", "another than in line 2"]),
-        ("id,x,y\na/b,1,2\n", ["posts.csv:2: id is 'a/b'", "1 to 32 of A-Z a-z 0-9 _ . -"]),
+        ("id,x,y\na,1,2\na,3,4\n", ["posts.csv:3: id 'a' is given twice", "an id other than that of line 2"]),
+        ("id,x,y\na/b,1,2\n", ["posts.csv:2: id is 'a/b'", "1 to 32 characters of A-Z a-z 0-9 _ . -"]),
         ("id,x,y\nrecorder,1,2\n", ["posts.csv:2: a node is called 'recorder'", "an id other than fusion, router"]),
         ("id,x,y,role\na,1,2,camera\n", ["posts.csv:2: role is 'camera'", "one of node, fusion"]),
         ("id,x,y\n", ["posts.csv: has no rows"]),
@@ -256,7 +256,7 @@ def test_a_folder_with_something_in_it_stays_as_it_is(trackfield: Call, tmp_path
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "notes.txt").write_text("mine")
     said = trackfield(*NOWHERE, "--out", "old")
-    assert_refused(said, "old: --out: the folder has something in it", "an empty or new one")
+    assert_refused(said, "old: --out: the folder is not empty", "an empty or new one")
     assert everything(tmp_path / "old") == {tmp_path / "old" / "notes.txt"}
 
 
@@ -270,7 +270,7 @@ def test_a_folder_that_cannot_be_written_is_named(trackfield: Call, tmp_path: Pa
 @pytest.mark.parametrize(
     ("runs", "parts"),
     [
-        (["good"], ["RUN: there is nothing to compare it with", "two run folders or more"]),
+        (["good"], ["RUN: 1 given", "two run folders or more"]),
         (["good", "no-such-run"], ["no-such-run: has no metrics.json", "the folder of a finished run"]),
         (["empty", "good"], ["empty: has no metrics.json", "the folder of a finished run"]),
         (["good", "half"], ["half: has no tracks.parquet", "the folder of a finished run"]),
@@ -294,7 +294,7 @@ def test_what_is_no_finished_run_is_not_compared(
 def test_a_folder_without_a_timeline_is_not_viewed(trackfield: Call, tmp_path: Path) -> None:
     for arguments in (["."], [".", "--web"], [".", "--png", "a.png"], ["no-such-run"]):
         said = trackfield("view", *arguments)
-        assert_refused(said, f"{arguments[0]}: no timeline here", "the folder of a run, with run.rrd in it")
+        assert_refused(said, f"{arguments[0]}: has no timeline", "the folder of a run, with run.rrd in it")
     assert everything(tmp_path) == set()
 
 

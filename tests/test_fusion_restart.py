@@ -177,7 +177,7 @@ def test_a_step_from_the_future_is_not_believed() -> None:
     fusion = centre()
     _, effects = fusion.handle(fusion.begin(), Started(5 * NS, lived(fusion, 8)))
     assert isinstance(effects[0], Note)
-    assert "step 8 is still to come" in effects[0].text
+    assert "step 8 is in the future" in effects[0].text
 
 
 def test_each_tracker_takes_its_own_belief_and_a_stranger_starts_alone() -> None:

@@ -319,7 +319,7 @@ def test_it_starts_once_and_before_anything_else() -> None:
 def test_it_has_neither_ports_nor_sensors(event: Event) -> None:
     fusion = centre()
     for memory in (fusion.begin(), started(fusion)):
-        with pytest.raises(IllegalEvent, match="no use"):
+        with pytest.raises(IllegalEvent, match="cannot handle"):
             fusion.handle(memory, event)
 
 

@@ -135,7 +135,7 @@ def test_a_run_in_which_nothing_was_heard(tmp_path: Path) -> None:
     text = read(folder).text
     assert "No frame was sent" in text
     assert text.count("No track of the target at any of the 12 steps: no sensor sent a report.") == 2
-    assert "No tracker had a track beside which there was a truth" in text
+    assert "No tracker had a track at a step with a known truth" in text
     assert not (folder / "plots" / "losses.png").exists()
 
 
@@ -149,7 +149,7 @@ def test_a_run_that_has_no_tracks_has_a_report(copied: Path) -> None:
     report.write_report(copied)
     text = read(copied).text
     assert "ended early" not in text
-    assert "No tracker had a track beside which there was a truth" in text
+    assert "No tracker had a track at a step with a known truth" in text
 
 
 def test_a_run_that_ended_early_says_so(copied: Path) -> None:

@@ -52,7 +52,7 @@ def test_verdicts(copied: Path) -> None:
     assert "/ bound" not in errors.trackers(bare).head
     assert "over 7 of 12 steps" in second.text
     assert "Within 50 m of the truth at 58.3 % of the steps." in second.text
-    assert "Lost by the rule of the scenario: more than 50 m off, or not there, at the last step." in second.text
+    assert "Lost by the rule of the scenario: more than 50 m off, or without a track, at the last step." in second.text
     assert "NEES" not in second.text
     assert first.colour != second.colour
 
@@ -130,7 +130,10 @@ def test_what_the_machine_did_wrong_comes_first(copied: Path) -> None:
     assert sum(attributes.get("role") == "alert" for _, attributes in made.tags) == 4
     for words in ("3 events came too late", "5 frames were lost by the machine", "7 frames never reached the recorder"):
         assert words in made.text
-    for words in ("2.5 s died: signal 9 n010 not planned", "before the start stood still and never went on n011"):
+    for words in (
+        "2.5 s died: signal 9 n010 not planned",
+        "before the start was stopped from outside and never resumed n011",
+    ):
         assert words in made.text
 
 

@@ -286,7 +286,7 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         (
             "fusion",
             {"trackers": ["a", "a"]},
-            "fusion.trackers: 'a' is there twice; expected each tracker once",
+            "fusion.trackers: 'a' is given twice; expected each tracker once",
         ),
         (
             "fusion",

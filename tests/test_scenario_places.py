@@ -120,7 +120,7 @@ COLUMNS = "a CSV file with columns id,x,y or id,lat,lon"
     [
         (b"", f": is empty; expected {COLUMNS}"),
         (b"\xff\xfe\x00", f": not a CSV file; expected {COLUMNS}"),
-        (b"id,x,y\n\x00,1,2", ":2: id is '\\x00'; expected 1 to 32 of A-Z a-z 0-9 _ . -"),
+        (b"id,x,y\n\x00,1,2", ":2: id is '\\x00'; expected 1 to 32 characters of A-Z a-z 0-9 _ . -"),
         (b"It was a dark and stormy night.", f": has the columns it was a dark and stormy night.; expected {COLUMNS}"),
         (b"id,x\na,1\n", f": has the columns id, x; expected {COLUMNS}"),
         (b"name,x,y\na,1,2\n", f": has the columns name, x, y; expected {COLUMNS}"),
@@ -130,18 +130,18 @@ COLUMNS = "a CSV file with columns id,x,y or id,lat,lon"
         (b"id,x,y\na,1,2\nb,east,2\n", ":3: x is 'east'; expected metres"),
         (b"id,x,y\na,1,nan\n", ":2: y is 'nan'; expected metres"),
         (b"id,x,y\na,1\n", ":2: y is ''; expected metres"),
-        (b"id,x,y\na b,1,2\n", ":2: id is 'a b'; expected 1 to 32 of A-Z a-z 0-9 _ . -, the first of them no . or -"),
-        (b"id,x,y\n,1,2\n", ":2: id is ''; expected 1 to 32 of"),
-        (b"id,x,y\n.a,1,2\n", ":2: id is '.a'; expected 1 to 32 of"),
-        (b"id,x,y\na,1,2\nb,1,2\n\na,3,4\n", ":5: id 'a' is there twice; expected another than in line 2"),
+        (b"id,x,y\na b,1,2\n", ":2: id is 'a b'; expected 1 to 32 characters of A-Z a-z 0-9 _ . -, not beginning"),
+        (b"id,x,y\n,1,2\n", ":2: id is ''; expected 1 to 32 characters of"),
+        (b"id,x,y\n.a,1,2\n", ":2: id is '.a'; expected 1 to 32 characters of"),
+        (b"id,x,y\na,1,2\nb,1,2\n\na,3,4\n", ":5: id 'a' is given twice; expected an id other than that of line 2"),
         (b"id,x,y,role\na,1,2,head\n", ":2: role is 'head'; expected one of node, fusion"),
         (b"id,x,y,role\na,1,2,Node\n", ":2: role is 'Node'; expected one of node, fusion"),
         (
             b"id,x,y,role\na,1,2,node\nhub,1,2,fusion\n",
             ":3: a fusion is called 'hub'; expected the id fusion, or archi",
         ),
-        (b"id,x,y,role\nfusion,1,2,fusion\n", ": no sensors; expected a row at least whose role is node"),
-        (b"id,x,y,role\nfusion,1,2,fusion\nfusion,1,2,fusion\n", ":3: id 'fusion' is there twice; expected"),
+        (b"id,x,y,role\nfusion,1,2,fusion\n", ": no sensors; expected at least one row with the role node"),
+        (b"id,x,y,role\nfusion,1,2,fusion\nfusion,1,2,fusion\n", ":3: id 'fusion' is given twice; expected"),
         (
             b"id,lat,lon\na,50,8\n",
             ": has the columns lat,lon, but the target's path is in metres; expected the columns x,y, "

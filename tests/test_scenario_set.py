@@ -66,7 +66,7 @@ def test_setting_gives_another_scenario_and_leaves_the_first() -> None:
         (
             "faults.kind",
             "kill",
-            "faults: are a list, which is set as a whole; expected faults=[{kind='...', ...}, ...]",
+            "faults: are a list, which can only be set as a whole; expected faults=[{kind='...', ...}, ...]",
         ),
     ],
 )

@@ -109,7 +109,7 @@ def test_a_path_that_comes_near_no_place_of_the_grid_has_no_sensors() -> None:
 
 @pytest.mark.parametrize("kind", ["grid", "jittered", "random", "along-path"])
 def test_a_field_too_dense_for_any_machine(kind: str) -> None:
-    with pytest.raises(ScenarioError, match=r"field.spacing_m: the field has \d{7,} places or more; expected so much"):
+    with pytest.raises(ScenarioError, match=r"field.spacing_m: the field has \d{7,} places or more; expected a value"):
         layout(mine({"layout": kind, "spacing_m": 0.1}), EASTWARD)
 
 
@@ -165,7 +165,7 @@ def test_a_target_that_is_not_there_for_a_step() -> None:
         {"path": "waypoints", "waypoints": [[0, 0, 0], [0.5, 1, 1]]},
         {"path": "waypoints", "waypoints": [[20, 0, 0], [50, 1, 1]], "steps": 19},
     ):
-        with pytest.raises(ScenarioError, match=r"target.steps: the target is there from .* s to .* s"):
+        with pytest.raises(ScenarioError, match=r"target.steps: the target is present from .* s to .* s"):
             target_path(mine(**target))
 
 
@@ -234,7 +234,7 @@ def test_a_target_that_comes_in_range_of_nobody() -> None:
     assert str(caught.value) == (
         "sensor.threshold: the target never comes in range: "
         f"it stays {nearest:.0f} m from n120, the nearest; "
-        "expected a path within the 56 m that a sensor hears"
+        "expected a path within the 56 m in which a sensor hears a target"
     )
 
 

@@ -133,13 +133,22 @@ def test_a_step_far_off_is_tracked_but_not_within() -> None:
 
 def test_a_run_that_ended_early_is_judged_by_what_there_was() -> None:
     plan = field(10)
-    found = scored(plan, good(1, 2, 3), 4 * NS + NS // 2, {})  # the track of step 4 was still to come
-    assert (found["steps_expected"], found["verdict"]) == (3, "tracked")
+    for end_s, expected in ((4.2, 3), (4.3, 3), (4.31, 4), (5.2, 4)):  # a track is told 0.3 s after its step
+        found = scored(plan, good(*range(1, expected + 1)), round(end_s * NS), {})
+        assert (found["steps_expected"], found["steps"], found["verdict"]) == (expected, expected, "tracked")
+
+
+def test_a_track_that_is_due_as_the_run_ends_is_not_expected() -> None:
+    plan = replace(field(3), deadline_s=1.0)
+    assert score(plan, *good(1, 2))["steps_expected"] == 2
 
 
 def test_a_smoothed_track_ends_before_the_others() -> None:
+    plan = replace(field(5), tracking={"trackers": ["other"], "smooth_lag": 2})
     late = [replace(row, point=replace(row.point, lag=2)) for row in good(1, 2, 3)]
-    assert score(field(5), *late)["steps_expected"] == 3
+    assert tracker_metrics(plan, late)["t"]["steps_expected"] == 3
+    never = tracker_metrics(replace(plan, tracking={"trackers": ["other"], "smooth_lag": 9}), [])["t"]
+    assert (never["steps_expected"], never["verdict"]) == (0, None)  # nothing was due
 
 
 def test_nothing_to_judge_by_is_no_verdict() -> None:

@@ -81,7 +81,7 @@ def test_a_cut_path_answers_inside_its_intervals_bit_for_bit(path: Path, data: s
     cut = path.cut(intervals)
     assert len(cut.t) <= len(path.t)
     for a, b in intervals:
-        for t in (a, b, data.draw(st.floats(a, b)), *(t for t in path.t if a <= t <= b)):
+        for t in (a, b, data.draw(st.floats(a + 0.0, b + 0.0)), *(t for t in path.t if a <= t <= b)):
             assert cut.at(t) == path.at(t)
 
 
@@ -121,10 +121,13 @@ def test_a_clipped_path_is_the_same_curve_between_its_new_ends() -> None:
         assert part.at(t) == pytest.approx(path.at(t), abs=1e-12)
 
 
-def test_clipping_cuts_gaps_and_keeps_corners() -> None:
+def test_clipping_knows_gaps_as_far_as_it_reaches_and_keeps_corners() -> None:
     corner = [(0, 0, 0, 1, 0), (10, 10, 0, 1, 0), (10, 10, 0, 0, 2), (20, 10, 20, 0, 2)]
     path = Path.of(corner, gaps=[(0.0, 10.0)])
-    assert path.clip(4.0, 10.0).gaps == ((4.0, 10.0),)
+    part = path.clip(4.0, 8.0)
+    assert part.gaps_inside == ((4.0, 8.0),)
+    assert [part.interpolated(t) for t in (4.0, 8.0)] == [True, True]  # there is no fix at either end
+    assert [path.interpolated(t) for t in (0.0, 10.0)] == [False, False]
     assert path.clip(4.0, 10.0).at(7.0) == (7.0, 0.0, 1.0, 0.0)  # not bent by the velocity after the corner
     assert path.clip(10.0, 20.0).at(15.0) == (10.0, 10.0, 0.0, 2.0)
 

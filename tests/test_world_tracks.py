@@ -137,13 +137,14 @@ def test_an_interval_usual_elsewhere_in_the_file_is_a_gap_amid_shorter_ones(tmp_
     times = [*range(0, 300, 30), *range(300, 420, 10), *range(445, 565, 10), *range(600, 1200, 30)]
     file = text(tmp_path / "a.csv", "t_s,x,y\n" + "".join(f"{t},{t},0\n" for t in times))
     assert read_track(file).gaps == ((410.0, 445.0),)
-    assert read_track(file, "400", "430").gaps == ((10.0, 30.0),)  # the window hides nothing of what is usual
+    assert read_track(file, "400", "430").gaps_inside == ((10.0, 30.0),)  # the window hides nothing of what is usual
 
 
 def test_a_gap_over_the_edge_of_the_window_is_named_as_far_as_it_lies_inside(straight: Path) -> None:
     path = read_track(straight, "08:00:20", "08:00:40")
-    assert path.gaps == ((10.0, 20.0),)
+    assert path.gaps_inside == ((10.0, 20.0),)
     assert path.end_s == 20.0
+    assert path.interpolated(20.0)
 
 
 def test_a_lone_fix_between_two_gaps_is_passed_through(tmp_path: Path) -> None:
@@ -209,7 +210,7 @@ def failure(file: Path, start: str | None = None, end: str | None = None) -> str
     with pytest.raises(ScenarioError) as caught:
         read_track(file, start, end)
     assert str(file) in str(caught.value)
-    assert caught.value.expected or "cannot be read" in str(caught.value)
+    assert all(part.expected or "cannot be read" in str(part) for part in caught.value.parts)
     return str(caught.value)
 
 
@@ -315,7 +316,7 @@ def test_what_is_no_time(straight: Path, when: str) -> None:
 
 def test_seconds_for_a_file_that_counts_seconds(tmp_path: Path) -> None:
     file = text(tmp_path / "a.csv", "t_s,x,y\n1,0,0\n2.5,1,0\n")
-    assert "'08:00' is no time; expected seconds" in failure(file, "08:00")
+    assert "'08:00' is not a time; expected seconds" in failure(file, "08:00")
 
 
 # --- real recordings --------------------------------------------------------------------------

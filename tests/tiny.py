@@ -20,7 +20,7 @@ def tiny() -> Plan:
     path = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (4.0, 4.0, 0.0, 1.0, 0.0)])
     places = (Place("fusion", "fusion", 0.0, 0.0, frozenset({TRACKS})),)
     info = FieldInfo(run.run, "tiny-scenario", places, (), ("t",), 5.0)
-    return Plan(run, processes, {"target": path}, info, views=(View("base", ("fusion",)),))
+    return Plan(run, processes, {"target": path}, info, views=(View("base", ("fusion",)),), deadline_s=0.3)
 
 
 COVARIANCE = (9.0, 0, 0, 0, 0, 16.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0)

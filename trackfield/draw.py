@@ -1,4 +1,4 @@
-"""Random draws keyed by what they are for: no running stream, so a skipped step or a replay shifts nothing.
+"""Random draws keyed by their purpose: no running stream, so a skipped step or a replay does not shift later draws.
 
 Every draw hashes ``(seed, *key)`` with BLAKE2b; equal keys give equal draws in every process and driver.
 Only the standard library: nodes use it.

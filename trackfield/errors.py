@@ -15,8 +15,8 @@ class TrackfieldError(Exception):
 class ScenarioError(TrackfieldError):
     """Bad input: a scenario, a target file, a command-line value (exit code 2).
 
-    ``file`` and ``key`` say where (either may be empty), ``expected`` what would be right. ``parts`` are the errors
-    that it tells together, or it alone.
+    ``file`` and ``key`` say where (either may be empty), ``expected`` what is valid there. ``parts`` are the errors
+    that it combines, or only itself.
     """
 
     parts: tuple[ScenarioError, ...]
@@ -32,7 +32,7 @@ class ScenarioError(TrackfieldError):
         return f"{text}; expected {self.expected}" if self.expected else text
 
 
-class RunFailed(TrackfieldError):  # noqa: N818  a name that users read
+class RunFailed(TrackfieldError):  # noqa: N818  users read this name
     """A run failed or a process died unplanned (exit code 1)."""
 
     def __init__(self, what: str, *, process: str = "", log: str = "") -> None:
@@ -41,7 +41,7 @@ class RunFailed(TrackfieldError):  # noqa: N818  a name that users read
 
 
 def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
-    """One error that tells all of them, a line each, and none twice."""
+    """One error with all of these, one per line, without duplicates."""
     parts = tuple({str(part): part for error in errors for part in error.parts}.values())
     if len(parts) == 1:
         return parts[0]
@@ -51,7 +51,7 @@ def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
 
 
 def together(calls: Iterable[Callable[[], T]]) -> list[T]:
-    """What all of these return. Raises ``ScenarioError`` with all that is wrong by any of them."""
+    """The results of all calls. Raises one ``ScenarioError`` with the errors of all of them."""
     found, errors = [], []
     for call in calls:
         try:

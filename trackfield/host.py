@@ -1,14 +1,14 @@
-"""A role made of roles: one process that is several things at once, as a node that may become a cluster head.
+"""A role made of roles, for a process with several functions, such as a node that may become a cluster head.
 
-A process has one address, one radio and one set of sensors, whatever it hosts. Therefore the host
+A process has one address, one radio and one set of sensors, however many roles it hosts. Therefore the host
 
-- gives a frame to every role that consumes its kind, in order; it is ignored only if none of them has a use for it;
+- gives a frame to every role that consumes its kind, in order; it is ignored only if all of them ignore it;
 - puts the role's name before its timers, ports and lanes (``node/step``), and takes it off again;
 - keeps the receiver of a medium on while any role wants it on (at first all do);
 - hands a message to the process's own id to the other roles that consume its kind: at the same instant, after all
-  else that the event in hand causes, and whether or not the radio is on. It passes through its bytes all the same,
-  so that its reader sees the numbers that a distant one would. Of a set of ids only the own one is taken out. What no
-  other role consumes is sent like any other message. A broadcast is never handed over: a radio does not hear itself.
+  other effects of the current event, and whether or not the radio is on. It is still encoded and decoded, so that its
+  receiver sees the same numbers as a distant one would. From a set of ids only the own one is removed. A message that
+  no other role consumes is sent like any other. A broadcast is never handed over: a radio does not hear itself.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ from trackfield.wire.codec import decode, encode, kind_name
 from trackfield.wire.keys import Medium, check_id
 
 MAX_HANDED: Final = 1000
-"""Messages handed over because of one event; with more, the roles go round in circles."""
+"""The most messages handed over because of one event; more mean that the roles send in an endless loop."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hosted:
-    """The states of the roles, and the (role, medium) of receivers that they do not want.
+    """The states of the roles, and the (role, medium) of receivers that they switched off.
 
-    While a sensor is read: the role that asked, the sensor, and the ``work`` that waits for the answer, which is what
-    roles ask for and what is to be handed over to them.
+    While a sensor is read: the role that asked, the sensor, and the ``work`` that waits for the answer: effects that
+    roles asked for and messages to hand over to them.
     """
 
     states: Mapping[str, Any]
@@ -59,7 +59,7 @@ class Hosted:
 
 
 class Host:
-    """The roles of the process ``id``, by name; raises ``WireError`` for a name or id that cannot be one."""
+    """The roles of the process ``id``, by name; raises ``WireError`` for an invalid name or id."""
 
     def __init__(self, roles: Mapping[str, Role[Any]], *, id: str) -> None:
         self.id, self.roles = check_id(id), {check_id(name): role for name, role in roles.items()}
@@ -116,7 +116,7 @@ class _Turn:
         return Hosted(self.states, self.off), tuple(self.effects)
 
     def _feed(self, takers: list[str], event: Event, *, on_air: bool) -> None:
-        """Let roles handle an event; what they ask for comes before all other work."""
+        """Let roles handle an event; their effects come before all other work."""
         asked: list[tuple[str, Effect]] = []
         for name in takers:
             self.states[name], effects = self.host.roles[name].handle(self.states[name], event)
@@ -124,7 +124,7 @@ class _Turn:
         reasons = [(name, effect.reason) for name, effect in asked if isinstance(effect, Ignored)]
         if on_air and len(reasons) == len(takers):
             self.effects.append(Ignored(reasons[0][1] if reasons else "unexpected"))
-        else:  # another role has a use for the frame, or it came by hand
+        else:  # another role uses the frame, or it was handed over
             self.effects += [Note(f"{name} ignored a message: {reason}") for name, reason in reasons]
         self.work.extendleft(item for item in reversed(asked) if not isinstance(item[1], Ignored))
 

@@ -16,10 +16,10 @@ _WORDS: Final = {int: "a whole number", float: "a number", bool: "true or false"
 
 
 def made(maker: Callable[..., Any], options: Mapping[str, Any], key: str) -> Any:
-    """``maker(**options)``, for options that it has and that fit the types it is annotated with.
+    """``maker(**options)``, for options that exist and fit their annotated types.
 
-    Raises ``ScenarioError`` with ``key.option`` for one that does not: the nearest name and those there are, or what
-    it has to be. A ``ValueError`` of the class itself, as of ``__post_init__``, is passed on under ``key``.
+    Raises ``ScenarioError`` with ``key.option`` otherwise, with the nearest name and all names, or the expected type.
+    A ``ValueError`` of the class itself, as from ``__post_init__``, is passed on under ``key``.
     """
     known = _parameters(maker)
     together(partial(_check, f"{key}.{name}", name, value, known) for name, value in options.items())
@@ -41,16 +41,16 @@ def _check(key: str, name: str, value: object, known: Mapping[str, Any]) -> None
 
 
 def _parameters(maker: Callable[..., Any]) -> dict[str, Any]:
-    """Its options and their annotations."""
+    """The options of a maker and their annotations."""
     try:
         parameters = inspect.signature(maker, eval_str=True).parameters
-    except NameError:  # an annotation that cannot be looked up, as of a class within a function
+    except NameError:  # an annotation that cannot be resolved, as in a class within a function
         parameters = inspect.signature(maker).parameters
     return {name: p.annotation for name, p in parameters.items() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
 
 
 def _fits(value: object, hint: Any) -> bool:
-    """Whether a value is of an annotated type; of types that no scenario can spell everything passes."""
+    """Whether a value is of an annotated type; any value passes for types that scenarios cannot express."""
     if get_origin(hint) is Literal:
         return any(value == one and type(value) is type(one) for one in get_args(hint))
     if get_origin(hint) in (Union, UnionType):

@@ -1,4 +1,4 @@
-"""Classes by name, our own and others': trackers and sensors that users bring.
+"""Classes by name: Trackfield's own trackers and sensors, and those that users add.
 
 A name is one of Trackfield's own, one registered in this process, or the entry point of an installed package.
 Other processes find a class by its place, ``module:attribute``.
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 Maker = Callable[..., Any]
-"""A class, or whatever else makes one of its kind from its options."""
+"""A class, or another callable that makes a tracker or sensor from its options."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
 
@@ -31,7 +31,7 @@ def load(place: str) -> Any:
 
 
 def importable(place: str) -> bool:
-    """Whether another process finds this place: it is in no function, and in no program or notebook."""
+    """Whether another process can import this place: not from within a function, a main program or a notebook."""
     module, _, attribute = place.partition(":")
     return module != "__main__" and "<" not in attribute
 
@@ -39,7 +39,7 @@ def importable(place: str) -> bool:
 class Plugins(Mapping[str, Maker]):
     """The makers of one ``kind`` ("tracker") by name, with the entry points of ``group``; ``own`` cannot be replaced.
 
-    ``registered`` are those of this process alone. An entry point is loaded when it is asked for, not to be listed.
+    ``registered`` are those of this process only. An entry point is loaded when it is used, not when it is listed.
     """
 
     def __init__(self, kind: str, group: str, own: Mapping[str, Maker], methods: tuple[str, ...]) -> None:
@@ -47,14 +47,14 @@ class Plugins(Mapping[str, Maker]):
         self.registered: dict[str, Maker] = {}
 
     def register(self, name: str, maker: Maker) -> None:
-        """Give ``maker`` a name, in this process; the last of a name counts.
+        """Give ``maker`` a name, in this process; the last registration of a name counts.
 
-        Raises ``ScenarioError`` for a name that is no name or is our own, and for a class without the methods needed.
+        Raises ``ScenarioError`` for a name that is invalid or Trackfield's own, and for a class that lacks a method.
         """
         key = f"register_{self.kind}"
         if not _NAME.fullmatch(name):
             expected = "1 to 32 letters, digits, _ . - (the first a letter or a digit)"
-            raise ScenarioError(f"{name!r} is no name for a {self.kind}", key=key, expected=expected)
+            raise ScenarioError(f"{name!r} is not a valid name for a {self.kind}", key=key, expected=expected)
         if name in self.own:
             what = f"{name!r} is a {self.kind} of Trackfield's own"
             raise ScenarioError(what, key=key, expected="another name")
@@ -62,7 +62,7 @@ class Plugins(Mapping[str, Maker]):
         self.registered[name] = maker
 
     def place(self, name: str) -> str:
-        """Where others find the maker of this name, as ``module:attribute``. Raises as ``[]`` does."""
+        """Where other processes find the maker of this name, as ``module:attribute``. Raises as ``[]`` does."""
         if name not in self.registered and name in self._entries:
             return self._entries[name].value
         maker = self[name]
@@ -76,7 +76,7 @@ class Plugins(Mapping[str, Maker]):
         entry = self._entries[name]
         try:
             maker: Maker = entry.load()
-        except Exception as error:  # somebody else's module: whatever its import does
+        except Exception as error:  # a user's module: its import may raise anything
             what = f"cannot be loaded from {entry.value} ({type(error).__name__}: {error})"
             raise ScenarioError(what, key=f"{self.kind} '{name}'") from error
         self._check(name, maker, entry.value)
@@ -92,7 +92,7 @@ class Plugins(Mapping[str, Maker]):
         return len(list(iter(self)))
 
     def unknown(self, name: str, key: str = "") -> ScenarioError:
-        """The error of a name that nobody has."""
+        """The error for an unknown name."""
         from difflib import get_close_matches
 
         near = get_close_matches(name, self, n=1)
@@ -101,13 +101,13 @@ class Plugins(Mapping[str, Maker]):
 
     @cached_property
     def _entries(self) -> dict[str, EntryPoint]:
-        from importlib.metadata import entry_points  # late: a node needs ``load`` alone, and this is heavy
+        from importlib.metadata import entry_points  # late: a node only needs ``load``, and this is heavy
 
         return {entry.name: entry for entry in entry_points(group=self.group)}
 
     def _check(self, name: str, maker: Maker, key: str) -> None:
         missing = [m for m in self.methods if isinstance(maker, type) and not hasattr(maker, m)]
         if not callable(maker) or missing:
-            lacks = f"has no {', '.join(missing)}" if missing else "is no class"
+            lacks = f"has no {', '.join(missing)}" if missing else "is not a class"
             expected = f"a class with {', '.join(self.methods)}"
             raise ScenarioError(f"{self.kind} '{name}' {lacks}", key=key, expected=expected)

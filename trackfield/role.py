@@ -18,7 +18,7 @@ NS: Final = 1_000_000_000
 """Nanoseconds in a second; emulated time is an int of nanoseconds since the start of the run."""
 
 NEIGHBOURHOOD: Final = "*"
-"""The address of a broadcast: everybody in radio range who listens."""
+"""The address of a broadcast: all processes in radio range that listen."""
 
 
 # --- events: what happens to a role; ``now`` is always the role's local clock, in ns ---------------------------
@@ -26,7 +26,7 @@ NEIGHBOURHOOD: Final = "*"
 
 @dataclass(frozen=True, slots=True)
 class Started:
-    """The role begins a life; ``stored`` is what its previous life kept last (``Store``), empty if nothing."""
+    """The role begins a life; ``stored`` is what its previous life stored last (``Store``), empty if nothing."""
 
     now: int
     stored: bytes = b""
@@ -122,16 +122,16 @@ class Write:
 
 @dataclass(frozen=True, slots=True)
 class TrackPoint:
-    """One published point of a track: what ``tracker`` says of ``target`` at emulated time ``at_ns``.
+    """One published point of a track: the estimate of ``target`` by ``tracker`` at emulated time ``at_ns``.
 
     ``mean`` is (x, y, vx, vy) in metres and metres per second, ``covariance`` its 4x4 covariance row by row,
     ``particles`` little-endian float32 pairs (x, y), at most 200 of them. ``status`` is ``waiting`` (no track yet;
     mean and covariance empty), ``tracking`` or ``coasting`` (no report was fused at this instant). ``sensors`` are the
-    ids of those whose reports were used. A point of a smoothed track knows of the reports up to ``lag`` steps later;
-    one of a live track has 0. ``step`` is the number of the instant where a tracker goes by steps.
+    ids of those whose reports were used. A point of a smoothed track uses the reports up to ``lag`` steps later;
+    in a live track ``lag`` is 0. ``step`` is the number of the instant if the tracker works in steps.
 
-    ``source`` is the process that published it, as its driver says. Where processes take turns, ``term`` counts the
-    turns: of two points about one instant the one of the higher term holds.
+    ``source`` is the process that published it, set by its driver. If processes take turns, ``term`` counts the
+    turns: of two points for one instant the one of the higher term holds.
     """
 
     tracker: str
@@ -155,7 +155,7 @@ class TrackPoint:
 
 @dataclass(frozen=True, slots=True)
 class Publish:
-    """Tell the world outside the field (telemetry: not impaired, not paid for) where the target is."""
+    """Publish where the target is, as telemetry: it is not impaired and costs no energy."""
 
     estimate: TrackPoint
 
@@ -177,28 +177,28 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Ignored:
-    """The frame in hand was of no use (late, repeated, unexpected, malformed); counted, never an error."""
+    """The current frame was ignored (late, repeated, unexpected, malformed); counted, never an error."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Late:
-    """The frame in hand came after its deadline and was of use all the same; counted."""
+    """The current frame came after its deadline but was used all the same; counted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Store:
-    """Keep these bytes where they outlive the process: its next life is given the last ones (``Started.stored``)."""
+    """Store these bytes so that they outlive the process: its next life is given the last ones (``Started.stored``)."""
 
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Corrected:
-    """The role knows its clock better from now on: local time + ``correction_ns`` is its guess of reference time.
+    """The role has a new correction of its clock: local time + ``correction_ns`` is its estimate of reference time.
 
-    Told to the recorder, which compares it with the truth; the correction itself is part of the role's state.
+    Sent to the recorder, which compares it with the truth; the correction itself is part of the role's state.
     """
 
     correction_ns: int
@@ -234,8 +234,8 @@ class Role(Protocol[S]):
         ...
 
 
-class IllegalEvent(RuntimeError):  # noqa: N818  the field's word
-    """The driver broke the contract (started twice, a timer nobody set, time going back)."""
+class IllegalEvent(RuntimeError):  # noqa: N818  the usual term
+    """The driver broke the contract (started twice, a timer that was not set, time going back)."""
 
 
 Transitions = Mapping[tuple[Enum, type], frozenset[Enum]]

@@ -26,6 +26,7 @@ def run(request: Request) -> None:
     from launcher.record.folder import keep, prepare_folder, whole_or_none
     from launcher.show import announce, conclude, warn
 
+    folder = None
     try:
         scenario, plan = request.prepared()
         folder = prepare_folder(request.out, scenario.name, scenario.seed)
@@ -36,7 +37,9 @@ def run(request: Request) -> None:
                 warn(plan)
             outcome = _carried_out(request, plan, folder)
     except KeyboardInterrupt:
-        print("trackfield: interrupted before the run began; there is no run folder", file=sys.stderr)
+        done = folder is not None and folder.exists()
+        what = f"after the run, which is in {folder}" if done else "before the run began; there is no run folder"
+        print(f"trackfield: interrupted {what}", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
     if request.as_json:
         print(json.dumps(outcome.metrics, indent=2))
@@ -46,7 +49,7 @@ def run(request: Request) -> None:
 
 
 def _carried_out(request: Request, plan: Plan, folder: Path) -> Outcome:
-    """The run, watched by whoever fits the terminal."""
+    """Do the run and show its progress as the terminal allows."""
     from launcher.drawing import written_beside
     from launcher.show import observing, progress, tell
 

@@ -1,4 +1,4 @@
-"""The operating-system processes of a run: forked from one zygote, asked how they are, and gone at the end."""
+"""The operating-system processes of a run: forked from one zygote, watched, and ended with the run."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FILES: Final = 1024
 KILL_TIMEOUT_S: Final = 5.0
 POLL_S: Final = 0.02
 STAT_BYTES: Final = 128
-"""As much of /proc/<pid>/stat as holds the pid, the name (at most 64 bytes) and the state."""
+"""Enough of /proc/<pid>/stat for the pid, the name (at most 64 bytes) and the state."""
 _ZYGOTE: Final = """
 import sys
 sys.path[:] = {path!r}
@@ -40,7 +40,7 @@ serve({orders}, {preload!r})
 
 @dataclass(frozen=True, slots=True)
 class _Alive:
-    """A process that has not been seen to end: ``end`` is a file that can be read once it has, ``stat`` its state."""
+    """A process that is not known to have ended: the file ``end`` is readable once it has, ``stat`` has its state."""
 
     pid: int
     end: int
@@ -63,19 +63,19 @@ class Children:
         self._by_end: dict[int, str] = {}
 
     def fork(self, name: str, body: Child, *arguments: Any) -> None:
-        """Start a process of its own, which becomes ``body``."""
+        """Start a process that runs ``body``. Raises ``RunFailed`` if that cannot be."""
         pid = self._pids[name] = self._zygote.fork(body, *arguments)
-        # Ended or not, its id is its own until the zygote is asked how it ended.
+        # Even if it has ended already, its id is not given to another until the zygote is asked how it ended.
         child = _Alive(pid, os.pidfd_open(pid), os.open(f"/proc/{pid}/stat", os.O_RDONLY))
         self._alive[name], self._by_end[child.end] = child, name
         self._exits.register(child.end, select.EPOLLIN)
 
     def names(self) -> list[str]:
-        """All that were ever forked."""
+        """The names of all that were ever forked."""
         return list(self._pids)
 
     def gone(self) -> list[tuple[str, str]]:
-        """Who ended since the last call, and how."""
+        """(name, how) of each that ended since the last call."""
         ended = [self._by_end[end] for end, _ in self._exits.poll(0, len(self._by_end) or 1)]
         return [(name, self._bury(name)) for name in ended]
 
@@ -87,7 +87,7 @@ class Children:
         return f"signal {-code}" if code < 0 else f"exit code {code}"
 
     def stopped(self, name: str) -> bool:
-        """Whether it stands still, by SIGSTOP or under a debugger."""
+        """Whether it is stopped, by SIGSTOP or under a debugger."""
         child = self._alive.get(name)
         try:
             stat = b"" if child is None else os.pread(child.stat, STAT_BYTES, 0)
@@ -176,17 +176,17 @@ class _Zygote:
         content = pickle.dumps(order)
         pid = self._ask(ORDER.pack(len(content), 0) + content)
         if pid is None or pid < 0:
-            why = "their common ancestor is gone" if pid is None else os.strerror(-pid)
+            why = "the zygote has ended" if pid is None else os.strerror(-pid)
             raise RunFailed(f"a process could not be forked: {why}")
         return pid
 
     def wait(self, pid: int) -> int | None:
-        """The exit code of a process that has ended, or None if nobody knows."""
+        """The exit code of a process that has ended; None if the zygote has ended, too."""
         status = self._ask(ORDER.pack(0, pid))
         return None if status is None else os.waitstatus_to_exitcode(status)
 
     def close(self) -> None:
-        """Let it end; a process that was forked from this one may have the socket, too."""
+        """End it, even if a process that was forked from this one has the socket, too."""
         with suppress(OSError):  # it has ended
             self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()

@@ -1,6 +1,6 @@
 """What every process of a run is forked from, and how each of them begins.
 
-A node is forked with all its imports done and shares their memory with its thousand siblings. What a child is to become
+A node is forked with all its imports done and shares their memory with all others. What a child is to become
 comes as ``module:attribute``, imported after the fork unless the zygote was told to preload it. Nothing here may import
 what a node must not carry (numpy, rerun, pydantic).
 
@@ -42,7 +42,7 @@ _ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREAD
 
 
 class Child(NamedTuple):
-    """What a child becomes: ``place`` (``module:attribute``) is called with its arguments and is its whole life.
+    """What a child runs: ``place`` (``module:attribute``) is called with its arguments, and the child ends with it.
 
     ``title`` is what ``ps`` shows, ``log`` where its output goes. One that is ``graceful`` is terminated, not killed,
     when the launcher dies.
@@ -56,7 +56,7 @@ class Child(NamedTuple):
 
 
 def serve(orders: int, preload: Iterable[str]) -> None:
-    """Be the zygote: do what comes on the socket ``orders``, until nobody is left to give orders.
+    """Run the zygote: follow the orders on the socket ``orders``, until the launcher closes it.
 
     ``preload`` are modules, and functions as ``module:attribute`` that are called once.
     """
@@ -92,7 +92,7 @@ def _read(orders: int, size: int) -> bytes:
     while len(whole) < size:
         part = os.read(orders, size - len(whole))
         if not part:
-            raise EOFError("nobody is left to finish this order")
+            raise EOFError("the launcher ended in the middle of an order")
         whole += part
     return whole
 
@@ -109,14 +109,14 @@ def _fork(orders: int, order: bytes) -> int:
 
 
 def _live(order: bytes) -> NoReturn:
-    """Be a child, from its birth to its last word."""
+    """Run this child from its start to its end."""
     code = 1
     try:
         child, *arguments = pickle.loads(order)
         _enter(child)
         load(child.place)(*arguments)
         code = 0
-    except BaseException:  # noqa: BLE001  its last words are for its log
+    except BaseException:  # noqa: BLE001  whatever it is, its log has it
         sys.excepthook(*sys.exc_info())
     finally:
         sys.stdout.flush()
@@ -124,7 +124,7 @@ def _live(order: bytes) -> NoReturn:
 
 
 def _enter(child: Child) -> None:
-    """Be a process of its own: title, log file, and no life beyond that of the launcher."""
+    """Set title, log file and priority, and end with the launcher."""
     setproctitle(f"trackfield {child.title}")
     _PRCTL(_PR_SET_PDEATHSIG, signal.SIGTERM if child.graceful else signal.SIGKILL)
     log = os.open(child.log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)

@@ -1,4 +1,4 @@
-"""metrics.json: all that a run has to say in numbers (docs/metrics.md tells each key)."""
+"""metrics.json: all figures of a run (docs/metrics.md explains each key)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Metrics = dict[str, Any]
 def run_metrics(
     plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bound: Mapping[int, float] | None = None
 ) -> Metrics:
-    """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say.
+    """Every key of metrics.json that the ledger and the tracks can fill; null where there is no value.
 
     ``bound`` is what ``run_bound`` finds for the headline view, if that is known.
     """
@@ -78,12 +78,12 @@ def tracker_metrics(
     """
     own = {name: [row for row in tracks if row.point.tracker == name] for name in plan.info.trackers}
     until_ns = plan.run.end_ns if end_ns is None else end_ns
-    return {name: _tracker(plan, rows, until_ns, bound or {}) for name, rows in own.items()}
+    return {name: _tracker(plan, rows, until_ns, bound or {}, plan.lag_of(name)) for name, rows in own.items()}
 
 
-def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float]) -> Metrics:
+def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float], lag: int) -> Metrics:
     views = {view.name: seen(rows, view) for view in plan.views}
-    scores = {name: scored(plan, chosen, end_ns, bound) for name, chosen in views.items()}
+    scores = {name: scored(plan, chosen, end_ns, bound, lag) for name, chosen in views.items()}
     several = len(plan.paths) > 1
     first = plan.views[0].name
     return {
@@ -138,7 +138,7 @@ def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metric
 
 
 def _clock_errors(ledger: Ledger) -> Metrics:
-    """Of senders' clocks after correction, each time that they sent; null where all clocks are perfect."""
+    """The errors of senders' clocks after correction, whenever they sent; null where all clocks are perfect."""
     if not ledger.clock_errors:
         return {"rms": None, "max": None}
     errors = np.abs(np.array(list(ledger.clock_errors.values())) / 1e6)

@@ -11,7 +11,7 @@ import numpy as np
 
 from launcher.record.tables import TrackRow
 from launcher.record.verdict import verdict
-from launcher.records import Plan
+from launcher.records import Plan, last_due
 from trackfield.filters import metrics as score
 from trackfield.filters.types import Array
 from trackfield.role import NS
@@ -25,12 +25,14 @@ _NOTHING: Final = {
 }
 
 
-def scored(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float]) -> dict[str, Any]:
-    """The figures of one tracker in one view, of a run that ended at ``end_ns``.
+def scored(
+    plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float], lag: int = 0
+) -> dict[str, Any]:
+    """The figures of one tracker in one view, of a run that ended at ``end_ns``; its points come ``lag`` steps later.
 
     Errors, and the ``bound`` (m, by instant in ns) beside them, are over the instants at which there are both a track
     and a recorded truth; what lies in gaps of the truth stands apart. Each step at which a target is there is expected
-    to have a track, also those of which nobody told anything.
+    to have a track, also those for which nothing was published.
     """
     known = [row for row in rows if row.has_track and row.truth is not None]
     guessed = [row for row in known if row.interpolated]
@@ -38,14 +40,9 @@ def scored(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int
     return {
         **(_errors(known) if known else _NOTHING),
         **_beside(known, bound),
-        **_presence(plan, rows, end_ns),
+        **_presence(plan, rows, end_ns, lag),
         "gap": {"rmse": score.rmse(offsets(guessed)[:, :2]) if guessed else None, "steps": len(guessed)},
     }
-
-
-def last_step(plan: Plan, end_ns: int) -> int:
-    """The number of the last step whose track was to be told before the end."""
-    return plan.step_of(end_ns) - 1
 
 
 def offsets(rows: Sequence[TrackRow]) -> Array:
@@ -73,7 +70,7 @@ def _errors(rows: Sequence[TrackRow]) -> dict[str, Any]:
 
 
 def _beside(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> dict[str, float | None]:
-    """The bound, and how many times it the error is, both over the instants that have one."""
+    """The bound, and the error divided by it, both over the instants that have a bound."""
     bounded = [row for row in rows if not row.point.lag and row.t_ns in bound]
     if not bounded:
         return {"bound_m": None, "times_bound": None}
@@ -81,13 +78,13 @@ def _beside(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> dict[str, f
     return {"bound_m": bound_m, "times_bound": score.rmse(offsets(bounded)[:, :2]) / bound_m}
 
 
-def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int) -> dict[str, Any]:
+def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int) -> dict[str, Any]:
     """In how many of the expected steps there was a track, and one that was near enough; and the verdict."""
     tracks = defaultdict[int, list[TrackRow]](list)
     for row in rows:
         if row.has_track:
             tracks[round((row.t_ns - plan.origin_ns) / plan.step_ns)].append(row)
-    last = last_step(plan, end_ns) - max((row.point.lag for row in rows), default=0)
+    last = last_due(end_ns - plan.origin_ns, plan.step_ns, plan.deadline_s) - lag
     there = {k: recorded for k in range(1, last + 1) if (recorded := _recorded(plan, k)) is not None}
     judged = [k for k, recorded in there.items() if recorded and not _only_guessed(tracks.get(k, ()))]
     errors = np.array([_worst(tracks.get(k, ())) for k in judged]).reshape(-1, 1)
@@ -123,7 +120,7 @@ def _worst(rows: Iterable[TrackRow]) -> float:
 
 
 def _longest(steps: Sequence[int]) -> int:
-    """How many of these steps follow each other at most."""
+    """The length of the longest run of consecutive steps."""
     longest = row = min(len(steps), 1)
     for before, step in pairwise(steps):
         row = row + 1 if step == before + 1 else 1

@@ -35,11 +35,11 @@ def alarms(metrics: dict[str, Any]) -> list[str]:
     frames, timing = metrics["frames"], metrics["timing"]
     if timing["host_late"]:
         found.append(
-            f"timing: {timing['host_late']} events came too late on this machine to be put in order without a trace "
+            f"timing: {timing['host_late']} events came too late on this machine to be handled in order "
             "(timing.host_late): a lower --speed, or --virtual, is exact"
         )
     if frames["expected"] and not frames["delivered"]:
-        found.append(f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by")
+        found.append(f"the link delivered none of {frames['expected']} frames: no tracker had any report")
     if not frames["expected"]:
-        found.append("no frame was sent: no tracker had anything to go by")
+        found.append("no frame was sent: no tracker had any report")
     return found

@@ -17,16 +17,16 @@ from launcher.report.tracks import Array, Track
 from trackfield.role import NS
 
 SETTLING: Final = 3
-"""Steps that a centre may take, once it is back, before its track needs an explanation of its own."""
+"""Steps that a centre may need for a track once it is back, before the report explains why there is none."""
 FEW: Final = 0.5
-"""Of the reports: if a smaller share came in time, a reader has to know."""
+"""If a smaller share of the reports came in time, the report says so at its top."""
 FATES: Final[Mapping[str, str]] = {
     "late": "after the deadline",
     "ignored": "ignored",
     "radio": "lost on the link",
     "partition": "cut off by a partition",
     "in_flight": "still on the way at the end of the run",
-    "asleep": "to a receiver that was off",
+    "asleep": "to a receiver that was asleep",
     "frozen": "to a frozen receiver",
     "dead": "to a dead receiver",
     "overflow": "never sent, as the queue was full",
@@ -36,7 +36,7 @@ FATES: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Outage:
-    """Steps in a row, at ``t_s`` (n,), of which a track was expected and there was none; each lasts ``step_s``."""
+    """Consecutive steps, at ``t_s`` (n,), with a track expected and none there; each lasts ``step_s``."""
 
     t_s: Array
     step_s: float
@@ -49,7 +49,7 @@ class Outage:
 
 @dataclass(frozen=True)
 class Down:
-    """Who tracks was out of order from ``from_s`` until ``until_s``, and what happened, in words."""
+    """A process that tracks was down from ``from_s`` until ``until_s``; ``text`` says why."""
 
     from_s: float
     until_s: float
@@ -57,7 +57,7 @@ class Down:
 
 
 def outages(run: Run, track: Track) -> list[Outage]:
-    """Those of a track, in the order of time; the last steps of a smoothed one are not expected."""
+    """The outages of a track, in the order of time; the last steps of a smoothed one are not expected."""
     at = track.t_s[track.expected]
     missing = ~track.known[track.expected]
     missing[len(missing) - track.lag :] = False
@@ -66,7 +66,7 @@ def outages(run: Run, track: Track) -> list[Outage]:
 
 
 def in_words(run: Run, track: Track) -> str:
-    """How long there was no track, and why, in a sentence; nothing if there was one all the time."""
+    """How long there was no track, and why, in a sentence; empty if there was always one."""
     found = outages(run, track)
     if not found:
         return ""
@@ -79,16 +79,16 @@ def in_words(run: Run, track: Track) -> str:
 
 
 def never(run: Run) -> str:
-    """That there was no track at all, and why, in a sentence."""
+    """A sentence that says that there was no track at all, and why."""
     times = (np.array(run.course.at_ns, float) - run.site.origin_ns) / NS
     if not len(times):
-        return "The run ended before any step was to have a track."
+        return "The run ended before a track was due."
     cause = why(run, Outage(times, run.step_s))
     return f"No track of {'a' if run.several else 'the'} target at any of the {len(times):,} steps{cause}."
 
 
 def why(run: Run, outage: Outage) -> str:
-    """What explains it: who was down, then what became of the reports of steps that this does not explain."""
+    """The reason: processes that were down, then what became of the reports of steps that this does not explain."""
     deadline_s = run.scenario.fusion.deadline_s
     end_s = outage.t_s[-1] + outage.step_s
     causes = [one for one in downs(run) if one.from_s < end_s and one.until_s > outage.t_s[0]]
@@ -100,7 +100,7 @@ def why(run: Run, outage: Outage) -> str:
 
 
 def downs(run: Run) -> Iterator[Down]:
-    """When those who track were dead or frozen, as planned and not."""
+    """When processes that track were dead or frozen, as planned or not."""
     ids = {place.id for place in run.tagged(TRACKS)}
     for id in sorted(ids):
         lives = run.faults.of(id).lives
@@ -116,7 +116,7 @@ def downs(run: Run) -> Iterator[Down]:
     for one in processes["died"] or []:
         if one["id"].partition("~")[0] in ids and one["t"] is not None:
             back = min((t for track in run.tracks for t in track.t_s[track.known] if t > one["t"]), default=inf)
-            yield Down(one["t"], back, f"{one['id']} died at {one['t']:.1f} s, which was not planned ({one['why']})")
+            yield Down(one["t"], back, f"{one['id']} died unplanned at {one['t']:.1f} s ({one['why']})")
     for one in processes["stopped"] or []:
         if one["id"].partition("~")[0] in ids and one["t"] is not None:
             on = inf if one["s"] is None else one["t"] + one["s"]
@@ -138,7 +138,7 @@ def _reports(run: Run, t_s: Array) -> str:
     if not total:
         return "no sensor sent a report"
     if in_time:
-        return f"{in_time} of {total} reports arrived in time, and the tracker made no track of them"
+        return f"{in_time} of {total} reports arrived in time, but the tracker had no track"
     return f"none of {total} reports arrived in time ({losses(fates)})"
 
 
@@ -148,25 +148,25 @@ def losses(fates: Mapping[str, int]) -> str:
 
 
 def few_reports(run: Run) -> str:
-    """That most reports did not come in time, and what became of them, in a sentence; nothing if most did."""
+    """A sentence that says that most reports did not come in time, and what became of them; empty if most did."""
     fates, frames = run.frames.fates(run.frames.reports), run.metrics["frames"]
     in_time, total = fates.get("delivered", 0), sum(fates.values())
     if not frames["delivered"]:
         return ""  # of any kind: that is said elsewhere
     if not total:
-        return "no sensor sent a report: no tracker had anything to go by"
+        return "no sensor sent a report"
     if in_time >= FEW * total:
         return ""
     some = f"only {in_time:,}" if in_time else "none"
     said = f"{some} of {total:,} reports arrived in time ({losses(fates)})"
     if not in_time:
-        alone = " but its prior" if run.scenario.fusion.prior == "paper" else ""
-        said += f": no tracker had anything to go by{alone}"
+        alone = ", only its prior" if run.scenario.fusion.prior == "paper" else ""
+        said += f": no tracker had any report{alone}"
     return " ".join(filter(None, [f"{said}.", _lateness(run)])).removesuffix(".")
 
 
 def _lateness(run: Run) -> str:
-    """By how much those were late that came late, in a sentence."""
+    """By how much late reports were late, in a sentence."""
     deadline_s = run.scenario.fusion.deadline_s
     late = run.frames.late_s(run.site.step_ns, deadline_s)
     late = late[np.isfinite(late)]
@@ -174,11 +174,11 @@ def _lateness(run: Run) -> str:
         return ""
     typical, least = span(float(np.median(late))), span(float(late.min()))
     when = f"{typical} (median; at least {least}) after their deadline"
-    return f"Those that were late came {when}, which is {span(deadline_s)} after the step."
+    return f"Late reports came {when}, which is {span(deadline_s)} after the step."
 
 
 def broken_at(run: Run) -> list[float]:
-    """When a fault began or ended, or somebody died or stood still, s; each instant once."""
+    """When a fault began or ended, or a process died or was stopped, s; each instant once."""
     unplanned = [one["t"] for name in ("died", "stopped") for one in run.metrics["processes"][name] or []]
     empty = [one["t"] for one in run.metrics["lifetime_s"].get("empty") or []]
     return sorted({t_s for t_s, *_ in run.marks} | {t for t in (*unplanned, *empty) if t is not None})

@@ -1,4 +1,4 @@
-"""A process's battery: when it is empty, and what there is to tell of it. Pure functions of a ``Life``."""
+"""A process's battery: when it is empty, and when its charge is reported. Pure functions of a ``Life``."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ STEP: Final = 10
 
 
 def empty(life: Life, given: Conditions) -> bool:
-    """Whether there is nothing left in it."""
+    """Whether the battery is empty."""
     return life.meter.left_fj(given.power) == 0
 
 
 def falls_ns(life: Life, given: Conditions) -> int | None:
-    """When it is empty, or down to the next tenth of its capacity, if nothing else happens; None: never.
+    """When the battery is empty, or down to the next tenth of its capacity, if nothing else happens; None: never.
 
-    So even one who sleeps all the time tells now and then what is left.
+    So even a process that sleeps all the time reports its charge now and then.
     """
     capacity = given.power.battery_fj
     if capacity is None:
@@ -30,7 +30,7 @@ def falls_ns(life: Life, given: Conditions) -> int | None:
 
 
 def tell(life: Life, given: Conditions) -> tuple[Life, Charge | None]:
-    """What is left in it, to be told whenever that is a per cent less."""
+    """The remaining charge, to be reported whenever it has fallen by a per cent."""
     capacity, left = given.power.battery_fj, life.meter.left_fj(given.power)
     if left is None or not capacity:
         return life, None

@@ -1,4 +1,4 @@
-"""How a process that was told neither finds its run and a place in it."""
+"""How a process that was given neither finds its run and its place in it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackfield.wire import keys
 
 
 def find_run(endpoint: str) -> str:
-    """The one run that goes on through the router at ``endpoint``.
+    """The id of the only run at the router at ``endpoint``.
 
     Raises ``JoinError`` if there is none or more than one, ``zenoh.ZError`` if no router answers.
     """
@@ -26,7 +26,7 @@ def find_run(endpoint: str) -> str:
 
 
 def claim(session: zenoh.Session, role: str, host: str) -> str:
-    """A free place of this role, by the name to join under: that which this host had before, if it had one.
+    """The name of a free place of this role to join under: the place that this host had before, if it had one.
 
     Raises ``JoinError`` if there is none or no launcher answers.
     """

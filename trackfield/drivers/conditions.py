@@ -1,4 +1,4 @@
-"""What a process meets whatever its role does: the span of its life, faults, its battery and its radio."""
+"""Conditions of a process that do not depend on its role: its lifespan, faults, battery and radio."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ NEVER: Final = 1 << 62
 Sense = Callable[[str, int], Any]
 """Reads the sensor of this name at a true time (ns)."""
 MAINS: Final = Power(0, 0, 0, 0)
-"""A device that nobody counts for."""
+"""A device whose energy is not counted."""
 
 
 class At(NamedTuple):
-    """A sensor's answer that is a time: true, to be shown to the role on its own clock. It costs no energy."""
+    """A sensor's answer that is a true time; the role sees it on its own clock. It costs no energy."""
 
     true_ns: int | None
 
@@ -34,9 +34,9 @@ def _free(frame: Frame) -> Fate:
 class Conditions:
     """Times are true, in ns.
 
-    The life lasts from ``start_ns`` until before ``kill_ns``. In each of the ``freezes`` (from, until), apart and in
-    order, nothing is heard, and timers wait for its end. At each of the ``jumps`` (at, by), in order, the clock is
-    put forward by so much. ``cost`` is what a frame costs its sender; ``queue`` frames may wait for the radio.
+    The life is [``start_ns``, ``kill_ns``). During each of the ``freezes`` (from, until), disjoint and in order, no
+    frame is received, and timers wait for its end. At each of the ``jumps`` (at, by), in order, the clock is put
+    forward by that amount. ``cost`` gives a frame's cost for its sender; ``queue`` frames may wait for the radio.
     """
 
     start_ns: int = 0
@@ -48,11 +48,11 @@ class Conditions:
     cost: Callable[[Frame], Fate] = _free
 
     def thaw_ns(self, t_ns: int) -> int:
-        """This time, or the end of the freeze that it falls into."""
+        """This time, or the end of the freeze that contains it."""
         return next((until for begin, until in self.freezes if begin <= t_ns < until), t_ns)
 
     def air_ns(self, fate: Fate, payload: bytes) -> int:
-        """How long a frame was on the air, over all its fragments and repeats; 0 if it found no free channel."""
+        """A frame's time on air, over all its fragments and repeats; 0 if it found no free channel."""
         if fate.busy_ns:
             return fate.air_ns
         return (len(payload) + self.power.overhead_bytes) * self.power.byte_ns

@@ -1,8 +1,8 @@
-"""The engine under both drivers: one role, its due events in total order, and the undoing of disorder.
+"""The engine of both drivers: one role, its due events in total order, and replay of events that came out of order.
 
 A driver offers frames, asks for ``next_key`` and calls ``handle_next`` when that is due. Frames that arrive after an
-event with a larger key was handled are put in their place by ``catch_up``: the state from before that event is
-restored and everything since is handled again. What had left already is not sent a second time.
+event with a larger key was handled are inserted by ``catch_up``: the state before that event is restored and
+everything since is handled again. Frames that had already left are not sent a second time.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ class Core:
     """One role and its events.
 
     ``horizon_ns`` is how far back (true time) events can be undone; 0: never, then all frames must come in order.
-    ``inversions`` counts the frames that had to be put in their place; ``host_late`` those that came when it could no
-    longer be done without a trace. A driver that holds frames back for a while says by ``recall`` whether one could
-    still be taken back.
+    ``inversions`` counts the frames that had to be inserted; ``host_late`` those that came when the effects could no
+    longer be undone. A driver that holds frames back for a while says by ``recall`` whether a frame could still be
+    withdrawn.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Core:
 
     @property
     def tally(self) -> dict[str, int]:
-        """The frames that were due here, by what became of them."""
+        """The number of frames that were due here, by outcome."""
         return self.life.tally
 
     def next_key(self) -> EventKey | None:
@@ -123,11 +123,11 @@ class Core:
         return bool(self._inverted)
 
     def owns(self, due_ns: int) -> bool:
-        """Whether a frame due then is this life's."""
+        """Whether a frame due then belongs to this life."""
         return self.conditions.start_ns <= due_ns < self.conditions.kill_ns
 
     def offer(self, arrival: Arrival) -> None:
-        """Accept a frame due here; one that belongs before what was already handled waits for ``catch_up``."""
+        """Accept a frame due here; a frame that belongs before handled events waits for ``catch_up``."""
         key = arrival.key
         if key < self._last:
             self._inverted.append(arrival)
@@ -135,14 +135,14 @@ class Core:
             self._push(arrival)
 
     def handle_next(self) -> list[Output]:
-        """Handle the next event and return what leaves because of it."""
+        """Handle the next event and return its outputs."""
         outputs = self._step()
         return [o for o in outputs if not isinstance(o, Sent) or o.frame.identity not in self._ghosts]
 
     def catch_up(self) -> list[Output]:
-        """Put the frames that came too late in their place; what leaves because of that.
+        """Insert the frames that came out of order; returns the resulting outputs.
 
-        One that is older than what can be undone is put after all that was handled, and counted.
+        A frame older than the events that can be undone is handled after all others, and counted.
         """
         for arrival in self._inverted:
             if arrival.key < self._history.forgotten:
@@ -157,7 +157,7 @@ class Core:
         return []
 
     def inherit(self, stored: bytes, activity: Activity = NOTHING) -> None:
-        """What an earlier life kept, and what it took from the battery; to be said before this one starts."""
+        """Take over what an earlier life stored and its use of the battery; to be called before this life starts."""
         meter = self.life.meter._replace(activity=activity)
         self.life, self._inherited = self.life._replace(stored=stored, meter=meter), activity
 
@@ -191,13 +191,13 @@ class Core:
         self.life, charge = battery.tell(self.life, self.conditions)
         if charge is not None:
             self._outputs.append(Told(key, charge))
-        # A timer set for this very instant may have a smaller key than the one that set it.
+        # A timer set for this same instant may have a smaller key than the event that set it.
         outputs, self._last = self._outputs, max(self._last, key)
         self._history.add(Handled(key, before, arrival, outputs), key[0] - self.horizon_ns)
         return outputs
 
     def _own_key(self) -> EventKey | None:
-        """The key of what befalls the process next, whatever its role and others do."""
+        """The key of the next event that does not depend on the role or on other processes."""
         life, given = self.life, self.conditions
         if not life.started:
             return given.start_ns, RANK_FAULT, "start"
@@ -226,7 +226,7 @@ class Core:
         return arrival
 
     def _befall(self, key: EventKey) -> None:
-        """A start, a jump of the clock, or a battery that falls; on one that is empty already, nothing starts."""
+        """A start, a jump of the clock, or a fall of the battery's charge; with an empty battery nothing starts."""
         t, starting = key[0], not self.life.started
         self.life = life = self.life._replace(started=True)
         if (starting or key[1] == RANK_BATTERY) and battery.empty(life, self.conditions):
@@ -235,7 +235,7 @@ class Core:
         elif starting:
             self._feed(Started(life.clock.local(t), life.stored), key)
         elif key[1] == RANK_FAULT:
-            # Pending timers are left alone: they fire when they would have, and the clock shows another time then.
+            # Pending timers are unchanged: they fire when they would have, and the clock then shows another time.
             by = self.conditions.jumps[life.jumped][1]
             alarms = {name: alarm._replace(at=alarm.at + by) for name, alarm in life.alarms.items()}
             self.life = life._replace(clock=life.clock.jumped(by), alarms=alarms, jumped=life.jumped + 1)
@@ -323,12 +323,12 @@ class Core:
         tally = self.life.tally
         self.life = self.life._replace(tally={**tally, outcome: tally.get(outcome, 0) + 1})
 
-    # --- putting a frame in its place -----------------------------------------------------------------------------
+    # --- inserting a frame -----------------------------------------------------------------------------
 
     def _replay(self, since: EventKey) -> list[Output]:
-        """Undo every event from ``since`` on, and handle all that is due up to where we were."""
+        """Undo every event from ``since`` on, and handle all that is due up to the present position."""
         undone = self._history.since(since)
-        if undone:  # else all that came after it vanished in an earlier replay
+        if undone:  # else all events after it disappeared in an earlier replay
             self.life = undone[0].before
         for handled in undone:
             if handled.arrival is not None:

@@ -1,4 +1,4 @@
-"""Frames and the other things that leave a role, as both drivers and the recorder know them."""
+"""Frames and the other outputs of a role, for both drivers and the recorder."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FREE: Final = Fate(None)
 """The fate of a frame that costs nothing."""
 
 EventKey = tuple[Any, ...]
-"""Place of an event in the total order of one process.
+"""The place of an event in the total order of one process.
 
 ``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to, medium)`` for frames,
-``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that falls to a tenth or to nothing; t in ns of true
-time.
+``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that falls to the next tenth or is empty; t in ns of
+true time.
 """
 
 
@@ -48,20 +48,20 @@ class Frame:
 
     @property
     def broadcast(self) -> bool:
-        """Whether it is for everybody in reach."""
+        """Whether the frame is for all processes in range."""
         return self.to == NEIGHBOURHOOD
 
     def fate(self, link: Link, hearer: str) -> Fate:
-        """What becomes of it on the way to this hearer."""
+        """The frame's fate on the way to this receiver."""
         size = len(self.payload)
         return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast, self.medium)
 
     def cost(self, link: Link) -> Fate:
-        """What it costs its sender: a fate of which nothing else is meant."""
+        """The frame's cost for its sender; only the cost fields of this fate are valid."""
         return self.fate(link, self.to)
 
     def key(self, due_ns: int) -> EventKey:
-        """Its place among the events of a hearer that receives it at ``due_ns``."""
+        """The frame's place among the events of a receiver that gets it at ``due_ns``."""
         return (
             due_ns,
             RANK_FRAME,
@@ -77,7 +77,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame that survived the link and is due at this process; ``fate`` says what hearing it costs."""
+    """A frame that survived the link and is due at this process; ``fate`` gives the cost of receiving it."""
 
     due_ns: int
     frame: Frame
@@ -85,7 +85,7 @@ class Arrival:
 
     @property
     def key(self) -> EventKey:
-        """Its place in the order of events."""
+        """The arrival's place in the order of events."""
         return self.frame.key(self.due_ns)
 
 
@@ -106,7 +106,7 @@ class Died:
 
 @dataclass(frozen=True, slots=True)
 class Charge:
-    """What is left in the battery, as a share of its capacity, 0 to 1."""
+    """The remaining charge of the battery, as a share of its capacity, 0 to 1."""
 
     share: float
 
@@ -129,7 +129,7 @@ class Overflowed:
 
 
 Telling = State | Radio | Publish | Note | Corrected | Store | Died | Charge | Queued | Overflowed
-"""What a process may tell of itself: of its role, and of the driver around it."""
+"""The telemetry of a process: of its role, and of its driver."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """Telemetry: a delivered frame that was of no use to the role, and why (``late``, ``malformed``, ...)."""
+    """Telemetry: a delivered frame that the role ignored, and the reason (``late``, ``malformed``, ...)."""
 
     key: EventKey
     reason: str
@@ -150,7 +150,7 @@ class Refused:
 
 @dataclass(frozen=True, slots=True)
 class Undone:
-    """Telemetry: forget what this process told from the event ``key`` on; it comes again."""
+    """Telemetry: forget the telemetry of this process from the event ``key`` on; it is sent again."""
 
     key: EventKey
 

@@ -1,4 +1,4 @@
-"""What a life has from the one before it: bytes that were kept, and a battery that is not full any more."""
+"""What a life takes over from the one before it: stored bytes, and a partly used battery."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 
 PATIENCE_NS: Final = 5_000_000_000
-"""How long a life waits for the last words of the one before it (wall time)."""
+"""How long a life waits for the final record of the one before it (wall time)."""
 
 
 class Heritage:
-    """``stored`` and ``spent`` are right once ``known``: from the launcher, or from the last words of the life before.
+    """``stored`` and ``spent`` are valid once ``known``: from the launcher, or from the final record of that life.
 
     ``tell`` is called when they come.
     """

@@ -1,4 +1,4 @@
-"""Durations counted in logarithmic buckets, so that thousands of processes can add theirs up."""
+"""Durations counted in logarithmic buckets, so that the counts of thousands of processes can be added up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final, Self
 WIDTH: Final = 0.05
 """Natural logarithm of the ratio of two bucket edges: quantiles are exact to 2.5 %."""
 FLOOR_NS: Final = 1_000
-"""Shorter durations count as this long."""
+"""Shorter durations count as this one."""
 
 
 class Histogram:

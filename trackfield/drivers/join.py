@@ -14,9 +14,9 @@ from trackfield.wire import keys
 
 JOIN_TIMEOUT_S: Final = 60.0
 ASK_TIMEOUT_S: Final = 10.0
-"""For one question: where thousands ask at once, one of them, or its answer, may get lost."""
+"""For one query: if thousands ask at once, a query or its reply may get lost."""
 TIMEOUT: Final = "Timeout"
-"""What Zenoh itself replies to a question that nobody answered in time."""
+"""Zenoh's own reply to a query that was not answered in time."""
 JOIN_RETRY_S: Final = 0.2
 
 
@@ -26,10 +26,10 @@ class JoinError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """The launcher's answer to whoever comes, early or late.
+    """The launcher's reply to a process that joins, before or during the run.
 
     ``start_ns`` is the host's monotonic time at which emulated time began (None: not yet), ``stored`` what an earlier
-    life of the process kept last (``Store``), where that life ended unplanned.
+    life of the process stored last (``Store``), if that life ended unplanned.
     """
 
     run: RunSpec
@@ -39,7 +39,7 @@ class Joined:
 
 
 def join(session: zenoh.Session, name: str) -> Joined:
-    """Ask the launcher for all that the process of this name must know. Raises JoinError."""
+    """Ask the launcher for everything that the process of this name needs. Raises ``JoinError``."""
     deadline = time.monotonic() + JOIN_TIMEOUT_S
     while time.monotonic() < deadline:
         for reply in session.get(keys.JOIN, payload=name, timeout=ASK_TIMEOUT_S):

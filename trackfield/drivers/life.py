@@ -1,4 +1,4 @@
-"""All of a process that changes by handling events, as one immutable value."""
+"""The part of a process that changes by handling events, as one immutable value."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Receiver(NamedTuple):
 
 
 class Life(NamedTuple):
-    """A snapshot of a process; nobody writes into its parts.
+    """A snapshot of a process; its parts must not be modified.
 
-    ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` how many frames
-    leave of each (instant, kind, address, medium), those that left before apart; ``stored`` what the role kept last;
-    ``jumped`` how many jumps of the clock are over; ``told`` the charge that was told last (%). Its events begin when
+    ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` the number of
+    frames of each (instant, kind, address, medium) that are still to leave; ``stored`` what the role stored last;
+    ``jumped`` the number of clock jumps so far; ``told`` the charge that was reported last (%). Its events begin when
     it has ``started``, and end when it is ``over``.
     """
 
@@ -62,7 +62,7 @@ class Life(NamedTuple):
 
 @dataclass(slots=True)
 class Handled:
-    """One entry of the history: the event, the life before it, and what left because of it."""
+    """One entry of the history: the event, the life before it, and its outputs."""
 
     key: EventKey
     before: Life

@@ -1,4 +1,4 @@
-"""What a process spends its time and energy on, counted in exact integers."""
+"""The activity and energy of a process, counted in exact integers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from trackfield.link.energy import CAUSES, Power
 
 
 class Activity(NamedTuple):
-    """Durations (ns) in which the radio sends, receives, listens in vain and is off, and readings of sensors."""
+    """Durations (ns) of sending, receiving, listening only and sleeping, and the number of sensor readings."""
 
     send_ns: int = 0
     receive_ns: int = 0
@@ -18,7 +18,7 @@ class Activity(NamedTuple):
     samples: int = 0
 
     def energy_fj(self, power: Power) -> dict[str, int]:
-        """What that takes with this device, by cause (fJ)."""
+        """The energy of this activity on this device, by cause (fJ)."""
         rates = (power.send_uw, power.receive_uw, power.listen_uw, power.sleep_uw, power.sample_fj)
         return {cause: rate * amount for cause, rate, amount in zip(CAUSES, rates, self, strict=True)}
 
@@ -32,7 +32,7 @@ NOTHING: Final = Activity()
 
 
 def spent(record: Mapping[str, Any]) -> Activity:
-    """What all lives up to the one of this record (``Core.record``) did together."""
+    """The activity of all lives up to that of this record (``Core.record``)."""
     return Activity.total(Activity(*record[part]) for part in ("activity", "inherited"))
 
 
@@ -49,7 +49,7 @@ class Meter(NamedTuple):
         return Meter(self._rest(passed), t_ns, self.on) if passed else self
 
     def used(self, *, send_ns: int = 0, receive_ns: int = 0, samples: int = 0) -> Meter:
-        """The radio sends and receives for so long, which is not listened or slept; a sensor is read."""
+        """The meter after sending and receiving for these durations, which do not count as listening or sleeping."""
         a = self._rest(-send_ns - receive_ns)
         done = a._replace(
             send_ns=a.send_ns + send_ns, receive_ns=a.receive_ns + receive_ns, samples=a.samples + samples
@@ -57,13 +57,13 @@ class Meter(NamedTuple):
         return self._replace(activity=done)
 
     def left_fj(self, power: Power) -> int | None:
-        """What is left in the battery, 0 if it is overdrawn; None on mains."""
+        """The energy left in the battery, 0 if it is overdrawn; None on mains."""
         if power.battery_fj is None:
             return None
         return max(power.battery_fj - sum(self.activity.energy_fj(power).values()), 0)
 
     def falls_ns(self, power: Power, level_fj: int) -> int | None:
-        """When no more than this is left in the battery if nothing else happens; None: never."""
+        """When the battery is down to this level if nothing else happens; None: never."""
         left, draw = self.left_fj(power), power.listen_uw if self.on else power.sleep_uw
         if left is None or (left > level_fj and not draw):
             return None

@@ -1,7 +1,7 @@
 """The process driver: one role as an operating-system process, fed by Zenoh and the clock.
 
-The loop drains what Zenoh's thread left in the inbox, handles what is due, and sleeps until the next thing is.
-Emulated time t falls on the host's monotonic clock at ``start + t / speed``; a handler never sees that clock.
+The loop empties the inbox that Zenoh's thread fills, handles the due events, and sleeps until the next one.
+Emulated time t is ``start + t / speed`` on the host's monotonic clock; a handler never sees that clock.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ log = logging.getLogger(__name__)
 HORIZON_S: Final = 5.0
 """How long (wall time) events can be undone; frames are tens of milliseconds out of order, unless a host stalls."""
 SEEN: Final = 10_000
-"""Identities of frames that are remembered to tell a duplicate."""
+"""How many identities of frames are remembered to recognise duplicates."""
 CHANNEL: Final = 100_000
 """Samples that wait in a channel before Zenoh's thread would block."""
 REPEAT_NS: Final = 1_000_000_000
-"""How often counters that change are told, and the end that was reached (wall time)."""
+"""How often changed counters, and the end of the run, are reported (wall time)."""
 HOLD_NS: Final = 40_000_000
-"""What a process that answers many holds its frames back (wall time): each waits for the radio behind others, and so
-its place depends on requests that this machine may deliver in another order."""
+"""How long a process that answers many requests holds its frames back (wall time): frames queue for the radio, and
+their order depends on requests that this machine may deliver in another order."""
 LINGER_NS: Final = 300_000_000
-"""After a planned kill, for frames that were still on their way (wall time)."""
+"""How long a process waits after a planned kill for frames that are still on their way (wall time)."""
 
 
 Inbox = deque[tuple[int, zenoh.Sample]]
@@ -57,8 +57,8 @@ Inbox = deque[tuple[int, zenoh.Sample]]
 def take_in(session: zenoh.Session, key: str, inbox: Inbox, wake: Event) -> Any:
     """Subscribe for a process that computes for long at a time; returns the subscriber.
 
-    Zenoh's thread would have to wait for Python at every sample meanwhile, and the router would drop what piles up
-    behind it. So it fills a channel of its own, and a thread here empties that in one go whenever it gets its turn.
+    Meanwhile Zenoh's thread would have to wait for Python at every sample, and the router would drop the samples queued
+    behind it. So it fills a channel of its own, and a thread here empties that at once whenever it runs.
     """
     subscriber = session.declare_subscriber(key, FifoChannel(CHANNEL))
 
@@ -78,13 +78,13 @@ def take_in(session: zenoh.Session, key: str, inbox: Inbox, wake: Event) -> Any:
 
 
 class Seen:
-    """The latest identities, to recognise a second arrival."""
+    """The latest identities, to recognise duplicates."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], None] = {}
 
     def again(self, identity: tuple[Any, ...]) -> bool:
-        """Whether this identity came before; remembers it."""
+        """Whether this identity was seen before; remembers it."""
         if identity in self._known:
             return True
         self._known[identity] = None
@@ -94,7 +94,7 @@ class Seen:
 
 
 class Process:
-    """One process of the field: declares itself, waits for the start, runs to the end, and says its last word."""
+    """One process of the field: declares itself, waits for the start, runs to the end, and sends its final record."""
 
     def __init__(self, session: zenoh.Session, name: str) -> None:
         self.session, self.name = session, name
@@ -130,7 +130,7 @@ class Process:
         return [keys.inbox(medium, id) for medium in media] + cells
 
     def _waits_for_heritage(self) -> bool:
-        """Whether this life, within the run, cannot start before that is known."""
+        """Whether this life starts within the run and the heritage is not known yet."""
         return not self.core.life.started and not self._heritage.known and self.spec.start_ns < self._end_ns
 
     # --- Zenoh's thread: append and wake, nothing else ------------------------------------------------------------
@@ -167,12 +167,12 @@ class Process:
         self._close()
 
     def _killed_ns(self) -> int:
-        """When (wall) a planned kill ends this process: after what was still on its way has come."""
+        """When (wall) a planned kill ends this process: after frames that were still on their way have arrived."""
         kill_ns = self.core.conditions.kill_ns
         return NEVER if kill_ns == NEVER else self._wall(kill_ns) + LINGER_NS
 
     def _work(self, now: int) -> int:
-        """Do at most one thing that is due; when (wall) the next may be."""
+        """Handle at most one thing that is due; returns when (wall) the next may be."""
         if self._outbox and self._outbox[0][0] <= now:
             self._transmit(self._outbox.pop(0)[1])
             return now
@@ -201,7 +201,7 @@ class Process:
         self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:
-        """Tell counters that changed, and the end when it is reached; when (wall) to do so again."""
+        """Report changed counters, and the end when it is reached; returns when (wall) to do so again."""
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             counts = msgpack.packb({**self._counts, **self.core.tally})
@@ -221,7 +221,7 @@ class Process:
             self._accept(*self._inbox.popleft())
 
     def _close(self) -> None:
-        """Handle what is left of the run, say the last word, and leave."""
+        """Handle the rest of the run, send the final record, and leave."""
         self._drain()
         self._release(self.core.catch_up())
         while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
@@ -311,7 +311,7 @@ class Process:
                 log.warning("no device is attached to port %s", output.port)
 
     def _recall(self, frame: Frame) -> bool:
-        """Take a frame back that is still held."""
+        """Withdraw a frame that is still held back."""
         held = [entry for entry in self._outbox if entry[1] != frame]
         found, self._outbox = len(held) < len(self._outbox), held
         return found

@@ -1,6 +1,6 @@
-"""A process's radio: it sends one frame at a time, listens or not, and every moment of it costs energy.
+"""A process's radio: it sends one frame at a time, listens or sleeps, and uses energy all the time.
 
-Pure functions of a ``Life``. The medium ``field`` is the radio; a ``backbone`` is a wire that neither queues nor costs.
+Pure functions of a ``Life``. The medium ``field`` is the radio; a ``backbone`` is a wire without queue or energy cost.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ RADIO: Final[Medium] = "field"
 def send(life: Life, frame: Frame, given: Conditions) -> tuple[Life, Frame | None, Queued | Overflowed | None]:
     """Give the radio a frame, at its ``sent_ns``.
 
-    The frame with the instant at which it leaves and its copy number, None if it never does, since the queue is full
-    or this life ends before; and what there is to tell of it.
+    Returns the life, the frame with the instant at which it leaves and its copy number (None if it never leaves, as the
+    queue is full or this life ends before), and telemetry about it.
     """
     t = frame.sent_ns
     ahead = tuple(end for end in life.sending if end > t) if frame.medium == RADIO else ()
@@ -49,7 +49,7 @@ def listens(life: Life, medium: Medium, t_ns: int) -> bool:
 
 
 def hear(life: Life, arrival: Arrival, given: Conditions) -> Life:
-    """The life after a frame for it was heard, and acknowledged where that is asked for."""
+    """The life after it received a frame, and acknowledged it if required."""
     if arrival.frame.medium != RADIO:
         return life
     heard = given.air_ns(arrival.fate, arrival.frame.payload)

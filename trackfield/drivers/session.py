@@ -9,7 +9,7 @@ from typing import Any, Final
 import zenoh
 
 NODE_RUNTIME: Final = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),net:(handover:app))"
-"""ZENOH_RUNTIME of a node: half the threads. Never for the router, which would lose frames with it."""
+"""ZENOH_RUNTIME of a node: half the threads. Not for the router, which would lose frames with it."""
 
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
@@ -43,12 +43,12 @@ def is_endpoint(text: str) -> bool:
 
 
 def open_client(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> zenoh.Session:
-    """Join a run (None: see all) through the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
+    """A session in a run (None: all runs) by the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
     return open_session(client_settings(endpoint, run, timeout_s))
 
 
 def client_settings(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> str:
-    """What ``open_session`` needs: to write it costs more memory than a node has to spare, so others do it for it."""
+    """The settings of such a session. The launcher makes them for its nodes, as that takes memory."""
     timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
     namespace = {} if run is None else {"namespace": run}
     return _settings({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
@@ -65,7 +65,7 @@ def open_session(settings: str) -> zenoh.Session:
 
 
 def _settings(paths: Mapping[str, Any]) -> str:
-    """The tree of these paths in JSON: a configuration read as a whole costs less memory than one set key by key."""
+    """The tree of these paths in JSON: a configuration read as a whole takes less memory than one set key by key."""
     tree: dict[str, Any] = {}
     for path, value in paths.items():
         *branches, leaf = path.split("/")

@@ -1,4 +1,4 @@
-"""What a driver must know of a run and of each of its processes: plain values that travel in a join answer."""
+"""What a driver must know of a run and of each of its processes: plain values, sent in a join reply."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """What all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
+    """The part that all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
 
-    ``partitions`` are times at which some cannot be reached: (from ns, until ns, their ids, the medium or None for
-    every one). ``queue`` frames may wait for a radio.
+    ``partitions`` are times at which some processes cannot be reached: (from ns, until ns, their ids, the medium or
+    None for all). ``queue`` frames may wait for a radio.
     """
 
     run: str
@@ -45,16 +45,16 @@ class RunSpec:
 class ProcessSpec:
     """One process: the name of its role, the ``module:attribute`` and arguments that make it, and its surroundings.
 
-    ``sound`` is the plain form of its sensor, acoustic or (with a ``kind``) of a user's own; empty: none. ``cell`` is
-    where its broadcasts go, ``cells`` those it listens to (none if no role of it consumes broadcasts). ``media`` are
-    the radios and wires it has. ``peers`` says where those are whose frames it may hear, not the whole field. A process
-    that moves has ``legs``, as ``link/places.py`` has them; ``x``, ``y`` is where it is at the start.
+    ``sound`` is the plain form of its sensor, acoustic or (with a ``kind``) a user's own; empty: none. ``cell`` is
+    where its broadcasts go, ``cells`` those it listens to (none if none of its roles consumes broadcasts). ``media``
+    are the radios and wires it has. ``peers`` are the places of the processes whose frames it may receive, not of the
+    whole field. A process that moves has ``legs`` as in ``link/places.py``; ``x``, ``y`` is its place at the start.
 
     A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
-    ``clock`` is made into its ``Clock``, ``power`` into its ``Battery`` (empty: mains). ``freezes`` are times
-    (from ns, until ns) at which it does nothing, ``jumps`` (at ns, by ns) are of its clock, and ``faults`` of its
-    sensor, as ``world/faulty.py`` has them.
+    ``clock`` holds the arguments of its ``Clock``, ``power`` those of its ``Power`` (empty: not counted). ``freezes``
+    are times (from ns, until ns) at which it does nothing, ``jumps`` (at ns, by ns) belong to its clock, and
+    ``faults`` to its sensor, as in ``world/faulty.py``.
     """
 
     id: str
@@ -81,7 +81,7 @@ class ProcessSpec:
 
     @property
     def name(self) -> str:
-        """The process's own name: its id, and which life of it this is if it is not the first."""
+        """The process's name: its id, and the number of this life unless it is the first."""
         return life_name(self.id, self.incarnation)
 
     @property
@@ -90,7 +90,7 @@ class ProcessSpec:
         return life_name(self.id, self.incarnation - 1)
 
     def plain(self) -> Plain:
-        """The form that travels; what a battery holds may be beyond 64 bits."""
+        """The form that is sent; a battery's capacity may exceed 64 bits."""
         power = {name: None if value is None else str(value) for name, value in self.power.items()}
         return {**asdict(self), "power": power}
 
@@ -121,7 +121,7 @@ class ProcessSpec:
 
 
 def life_name(id: str, incarnation: int) -> str:
-    """What the process of this id is called in this life."""
+    """The name of this life of the process with this id."""
     return f"{id}~{incarnation}" if incarnation else id
 
 
@@ -140,7 +140,7 @@ def _legs(plain: Iterable[Sequence[Any]]) -> Path:
 
 
 def role_factory(place: str) -> Callable[..., Role[Any]]:
-    """What makes roles, from ``module:attribute``; loading it registers the message kinds that its module defines."""
+    """The maker of a role at ``module:attribute``; loading it registers the message kinds that its module defines."""
     factory: Callable[..., Role[Any]] = load(place)
     return factory
 
@@ -187,7 +187,7 @@ def _senses(spec: ProcessSpec) -> Sense:
 
 def _ears(spec: ProcessSpec) -> Ears:
     if "kind" in spec.sound:
-        from trackfield.world.own import own_ears  # late: others need not carry it
+        from trackfield.world.own import own_ears  # late: other nodes need not load it
 
         return own_ears(spec.sound, spec.faults)
     healthy = AcousticSensor.from_plain(spec.sound)

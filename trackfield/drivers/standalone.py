@@ -1,4 +1,4 @@
-"""A role that starts alone, on this machine or another, and gets all that it must know from the launcher."""
+"""A role that is started by hand or in a container, and gets all its parameters from the launcher."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_name
 
 RETRY_S: Final = 1.0
-"""How often one who waits looks for a run with a place for it."""
+"""How often a waiting process looks for a run with a free place."""
 
 
 def main(role: str, description: str | None) -> None:
@@ -44,7 +44,7 @@ def main(role: str, description: str | None) -> None:
 
 
 def _leave() -> NoReturn:
-    """End at once: a thread of Zenoh's that asks for an interpreter in shutdown would abort the process."""
+    """End at once: a Zenoh thread that calls Python during interpreter shutdown would abort the process."""
     logging.shutdown()
     sys.stdout.flush()
     sys.stderr.flush()

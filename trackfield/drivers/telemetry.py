@@ -1,4 +1,4 @@
-"""Telemetry on its way from a process to the recorder: MessagePack of ``[type, key, field, ...]``."""
+"""The encoding of telemetry from a process to the recorder: MessagePack of ``[type, key, field, ...]``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def pack(output: Telemetry) -> bytes:
 
 
 def _fields(flat: object) -> tuple[Any, ...]:
-    """The values of a dataclass that holds no others; ``astuple`` would load and copy more than a node has to."""
+    """The values of a dataclass without nested ones; ``astuple`` would load and copy more than a node needs."""
     return tuple(getattr(flat, name) for name in type(flat).__match_args__)  # type: ignore[attr-defined]
 
 

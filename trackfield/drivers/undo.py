@@ -1,4 +1,4 @@
-"""Events that can be undone, and what has to leave when they were and are handled again."""
+"""Events that can be undone, and the outputs to send when they are handled again."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class History:
         self._handled: deque[Handled] = deque()
 
     def add(self, handled: Handled, forget_ns: int) -> None:
-        """Remember this one, and none that is as old as ``forget_ns``."""
+        """Remember this one, and forget those as old as ``forget_ns``."""
         self._handled.append(handled)
         while self._handled and self._handled[0].key[0] <= forget_ns:
             self.forgotten = self._handled.popleft().key
 
     def since(self, key: EventKey) -> list[Handled]:
-        """Take out all that was handled after this key, in its order."""
+        """Remove and return all events handled from this key on, in order."""
         undone: list[Handled] = []
         while self._handled and self._handled[-1].key > key:
             undone.append(self._handled.pop())
@@ -36,11 +36,11 @@ class History:
 def difference(
     old: list[Output], new: list[Output], since: EventKey, ghosts: set[Identity], recall: Callable[[Frame], bool]
 ) -> tuple[list[Output], bool]:
-    """What must leave: frames that are new, and telemetry again if it changed; whether anything left by mistake.
+    """The outputs to send: new frames, and telemetry again if it changed; and whether anything left by mistake.
 
-    ``old`` left the first time, ``new`` when all from the event ``since`` on was handled again. ``recall`` takes back
-    a frame that should not have left, if it still can. What it cannot joins the ``ghosts``: their like does not leave
-    again.
+    ``old`` are the outputs of the first time, ``new`` those after all events from ``since`` on were handled again.
+    ``recall`` withdraws a frame that should not have left, if it still can. A frame that cannot be withdrawn joins the
+    ``ghosts``: an equal frame is not sent again.
     """
     left, again = _frames(old), _frames(new)
     vanished = [frame for frame in left if frame not in again]

@@ -15,16 +15,16 @@ from trackfield.role import IllegalEvent
 
 
 class Sink(Protocol):
-    """Who listens to all of a run: the ledger."""
+    """The receiver of everything that happens in a run: the ledger."""
 
     def sent(self, frame: Frame) -> None:
         """A frame left."""
 
     def told(self, process: str, output: Told | Refused | Undone) -> None:
-        """A process told something."""
+        """A process sent telemetry."""
 
     def final(self, process: str, record: Mapping[str, Any]) -> None:
-        """A process's last word."""
+        """A process's final record."""
 
 
 class Virtual:
@@ -59,7 +59,7 @@ class Virtual:
             self.now_ns = key[0]
             core = self.cores[name]
             if core.next_key() != key:
-                continue  # something earlier came in between; that has an entry of its own
+                continue  # an earlier event was added meanwhile, with an entry of its own
             if not core.life.started:
                 self._inherit(core)
             outputs = core.handle_next()
@@ -69,7 +69,7 @@ class Virtual:
             self.sink.final(name, core.record(self.end_ns))
 
     def _inherit(self, core: Core) -> None:
-        """A life is given what the one before it kept last."""
+        """Give a life what the one before it stored last."""
         if core.incarnation:
             before = self.cores[self._lives[core.owner][core.incarnation - 1]]
             core.inherit(before.life.stored, spent(before.record(self.end_ns)))

@@ -1,1 +1,1 @@
-"""Estimation: one algorithm a file, pure functions over values that nobody writes into."""
+"""Estimation: one algorithm per file, pure functions over immutable values."""

@@ -1,6 +1,6 @@
-"""Many runs of SP-CPF as one array operation: a Monte-Carlo campaign without a loop over its runs.
+"""Many runs of SP-CPF as one array operation: a Monte-Carlo campaign without a loop over runs.
 
-Each run draws from a generator of its own, as it would alone, and gets the same track.
+Each run draws from its own generator, as it would alone, and gives the same track.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def step(
 
 
 def stacked(reports: Sequence[Reports]) -> Reports:
-    """The reports of R runs at one step as one, arrays (R, K, ...), K the most that any of them has.
+    """The reports of R runs at one step as one, arrays (R, K, ...), K the largest number of any run.
 
-    Each has at least one. Runs with fewer than K are filled up by their first, with a level of minus infinity.
+    Each run has at least one. Runs with fewer than K are padded with their first, with a level of minus infinity.
     """
     most = max(map(len, reports))
     chosen = [np.where((k := np.arange(most)) < len(one), k, 0) for one in reports]

@@ -1,4 +1,4 @@
-"""Bootstrap particle filter (Gordon, Salmond & Smith 1993): motion proposes, the likelihood weighs."""
+"""Bootstrap particle filter (Gordon, Salmond & Smith 1993): motion as proposal, weights from the likelihood."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Bootstrap:
     """Bootstrap particle filter: motion moves the particles, the likelihood weighs them.
 
     The ``n`` particles are resampled in every step that has reports. With an ``ess_share`` below 1, only when their
-    effective number is at most that share of n; until then they carry weights, which the particles of the estimate do
-    not show.
+    effective number is at most that share of n; until then they carry weights, which are not part of the estimate's
+    particles.
     """
 
     n: int = 2000
@@ -45,14 +45,14 @@ class Bootstrap:
     def step(
         self, state: BootstrapState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[BootstrapState, Estimate]:
-        """Propagate, weigh by the readings, resample; without reports propagate only."""
+        """Propagate, weight by the readings, resample; without reports propagate only."""
         model, prior, particles, before = state
         if particles is None:
             particles = draw(prior, self.n, rng)
         particles = propagate(particles, dt, model.sigma_v, rng)
         log_weights = log_likelihood(model, particles, reports)
         if before is not None:
-            with np.errstate(divide="ignore"):  # who has no weight gets none
+            with np.errstate(divide="ignore"):  # a weight of 0 stays 0
                 log_weights = log_weights + np.log(before)
         weights = normalised(log_weights)
         mean, covariance = moments(weights, particles)
@@ -64,5 +64,5 @@ class Bootstrap:
         return BootstrapState(model, prior, particles, kept), Estimate(mean, covariance, particles[:, :2])
 
     def motion(self, before: BootstrapState, after: BootstrapState, dt: float) -> Motion:
-        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        """The predicted motion between two states, ``dt`` seconds apart."""
         return constant_velocity(dt, after.model.sigma_v)

@@ -1,12 +1,12 @@
-"""Lower bounds of the error with which a state can be estimated.
+"""Lower bounds of the estimation error.
 
 Both are the recursion of Tichavsky, Muravchik & Nehorai (1998, eq. 21) for linear motion x_t = F x_{t-1} + v, v of
-covariance Q: J_t = (F J_{t-1}^-1 F^T + Q)^-1 + D_t, where D_t is what the measurements of step t say of the state. It
+covariance Q: J_t = (F J_{t-1}^-1 F^T + Q)^-1 + D_t, where D_t is the information of the measurements of step t. It
 is computed on the bound C = J^-1 itself, which may be singular, as may Q.
 
-They differ in what D_t is taken of. The posterior bound (PCRLB) holds before anything is known but the prior: D_t is
-the mean over all paths that the target may take. The bound along a trajectory takes D_t where the target was: it is
-the covariance of a Kalman filter linearised about the truth (Taylor 1979), the yardstick for an error on this path.
+They differ in D_t. The posterior bound (PCRLB) holds when only the prior is known: D_t is the mean over all paths that
+the target may take. The bound along a trajectory takes D_t at the target's true states: it is the covariance of a
+Kalman filter linearised about the truth (Taylor 1979), the reference for the error on this path.
 In the linear case D_t is the same everywhere, and both are the Kalman filter's covariance.
 """
 
@@ -19,10 +19,10 @@ from trackfield.filters.types import Array
 
 
 def information(jacobian: Array, sd: Array | float) -> Array:
-    """D (..., n, n): what K independent measurements say of a state.
+    """D (..., n, n): the information of K independent measurements about a state.
 
-    ``jacobian`` (..., K, n) holds their slopes dh/dx there, ``sd`` (scalar or (..., K)) their noise, positive and in
-    their own unit; an infinite sd is a measurement that was not made.
+    ``jacobian`` (..., K, n) holds their derivatives dh/dx there, ``sd`` (scalar or (..., K)) their noise, positive and
+    in their own unit; an infinite sd stands for a measurement that was not made.
     """
     slopes = jacobian / np.asarray(sd, float)[..., None]
     return np.asarray(np.swapaxes(slopes, -1, -2) @ slopes)
@@ -32,7 +32,7 @@ def trajectory_crlb(prior: Array, motions: Motion, informations: Array) -> Array
     """Bounds (..., T, n, n) for steps 1 to T along given trajectories, leading axes for several of them.
 
     ``prior`` (n, n) is the covariance at step 0. ``motions`` lead to each step, (..., T, n, n), or (n, n) if they are
-    all the same. ``informations`` (..., T, n, n) are those at the true states of these steps.
+    all the same. ``informations`` (..., T, n, n) are D at the true states of these steps.
     """
     F, Q = (np.broadcast_to(matrix, informations.shape) for matrix in motions)
     bounds = np.empty(informations.shape)
@@ -48,9 +48,9 @@ def trajectory_crlb(prior: Array, motions: Motion, informations: Array) -> Array
 def pcrlb(prior: Array, motions: Motion, informations: Array) -> Array:
     """Posterior bounds (T, n, n) for steps 1 to T, as ``trajectory_crlb``.
 
-    ``informations`` (R, T, n, n) are those along R paths drawn from the target's motion. Their mean need not exist:
-    the information of a bearing grows as 1 / distance^2, so where the target may pass over a sensor the mean over
-    ever more paths grows without limit, as the logarithm of R, and the bound sinks. It says no more than R does.
+    ``informations`` (R, T, n, n) are D along R paths drawn from the target's motion. Their mean need not exist: the
+    information of a bearing grows as 1 / distance^2, so if the target may pass over a sensor the mean grows without
+    limit, as the logarithm of R, and the bound falls. It is then meaningful only together with R.
     """
     return trajectory_crlb(prior, motions, informations.mean(axis=0))
 

@@ -1,4 +1,4 @@
-"""A user's tracker, whose estimates are looked at before they are used."""
+"""A user's tracker, whose estimates are checked before they are used."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SHAPES: Final = {"mean": (4,), "covariance": (4, 4)}
 
 @dataclass(frozen=True)
 class Checked(Generic[S]):
-    """``tracker``, whose errors name it and whose estimates are finite and of the right shapes.
+    """``tracker``, with checks that its estimates are finite and of the right shapes, and errors that name it.
 
     ``step`` raises ``RunFailed`` if they are not, and passes the tracker's own errors on with a note.
     """
@@ -48,7 +48,7 @@ class Checked(Generic[S]):
 
 
 class CheckedForesees(Checked[S]):
-    """The same of a tracker that tells how it expected the target to move, so that its track can be smoothed."""
+    """The same for a tracker with a method ``motion``, so that its track can be smoothed."""
 
     def motion(self, before: Any, after: Any, dt: float) -> Motion:
         """See ``fusion.smoothing.Foresees``."""
@@ -60,7 +60,7 @@ class CheckedForesees(Checked[S]):
 
 
 def checked(name: str, tracker: Tracker[S]) -> Checked[S]:
-    """The tracker with its estimates looked at, under this name in messages."""
+    """The tracker with its estimates checked, under this name in messages."""
     return CheckedForesees(name, tracker) if hasattr(tracker, "motion") else Checked(name, tracker)
 
 

@@ -1,7 +1,8 @@
 """Extended Kalman update for independent measurements (Bar-Shalom, Li & Kirubarajan 2001, sec. 10.3).
 
-With G = H^T R^-1 H, what the measurements tell, the update is P+ = (I + P G)^-1 P: a system of the state's size however
-many measurements there are, and no inverse of P, which may be singular. In the linear case it is the Kalman filter.
+With G = H^T R^-1 H, the information of the measurements, the update is P+ = (I + P G)^-1 P: a system of the state's
+size for any number of measurements, and no inverse of P, which may be singular. In the linear case it is the Kalman
+filter.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ Map = Callable[[Array], Array]
 def update(
     prior: Gaussian, z: Array, sd: Array | float, measure: Map, jacobian: Map, residual: Map | None = None
 ) -> Update:
-    """Take in measurements ``z`` (..., K) of independent noise ``sd`` (scalar or (..., K)), all at once.
+    """Update with measurements ``z`` (..., K) of independent noise ``sd`` (scalar or (..., K)), all at once.
 
-    ``measure`` maps states (..., n) to measurements (..., K) and ``jacobian`` to their slopes (..., K, n), both
-    taken at the prior's mean; ``residual`` maps differences of measurements into the range where they mean
-    something (for angles, to [-pi, pi)). ``prior`` may have leading batch axes, and be singular. A measurement
-    of infinite ``sd`` is none, so steps with fewer reports fit into one array.
+    ``measure`` maps states (..., n) to measurements (..., K) and ``jacobian`` to their derivatives (..., K, n), both
+    taken at the prior's mean; ``residual`` maps differences of measurements into their valid range (for angles,
+    [-pi, pi)). ``prior`` may have leading batch axes, and be singular. A measurement of infinite ``sd`` has no effect,
+    so steps with fewer reports fit into one array.
     """
     after, told = _update(prior, z, sd, measure, jacobian, residual)
     nis = np.square(told.miss).sum(axis=-1) - (told.pull * (after.covariance @ told.pull[..., None])[..., 0]).sum(
@@ -38,7 +39,7 @@ def update(
 def posterior(
     prior: Gaussian, z: Array, sd: Array | float, measure: Map, jacobian: Map, residual: Map | None = None
 ) -> Gaussian:
-    """That of ``update`` alone, which takes less time than with the evidence."""
+    """The posterior of ``update`` without the evidence, which takes less time."""
     return _update(prior, z, sd, measure, jacobian, residual)[0]
 
 

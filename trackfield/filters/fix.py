@@ -2,7 +2,7 @@
 
 With x = m + L u and P = L L^T, the MAP point minimises |u|^2 / 2 + |wrap(z - h(x))|^2 / (2 sigma_w^2). Its
 normal matrix I + J^T J is never singular, even where P is, and its inverse gives the covariance. Next to a sensor
-J is so steep that the I would drown in rounding, so J over I is factorised instead of their product.
+J is so large that I would be lost in rounding, so J stacked on I is factorised instead of their product.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def centroid(reports: Reports) -> Array:
 def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     """The belief after ``prior`` over (x, y, vx, vy) and the bearings of ``reports`` (at least one).
 
-    Gauss-Newton from the intensity-weighted centroid and from the prior's mean, and the better end: a single
-    bearing has no slope at the first, which is its sensor, and a prior that is off starts the other astray.
-    Covariance and evidence are Laplace's approximation there.
+    Gauss-Newton from the intensity-weighted centroid and from the prior's mean; the better result counts. A single
+    bearing has no slope at the centroid, which is its sensor, and a wrong prior is a bad start. Covariance and
+    evidence are Laplace's approximation there.
     """
     L, eye = root(prior.covariance), np.eye(prior.mean.shape[-1])
 
@@ -81,10 +81,10 @@ def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
 
 
 def certain_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Gaussian | None:
-    """The belief after these bearings, or None if they do not say where the target is: one alone never does.
+    """The belief after these bearings, or None if they do not determine the position, as a single one never does.
 
-    A fix must be certain to within half the (rms) distance to its sensors: over that, bearings are no longer
-    nearly linear in the position and the covariance means nothing.
+    The sd of a fix must be below half the (rms) distance to its sensors: beyond that, bearings are no longer nearly
+    linear in the position and the covariance is not valid.
     """
     if len(reports) < 2:
         return None
@@ -95,7 +95,7 @@ def certain_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Gaussian |
 
 @dataclass(frozen=True)
 class _Fixes:
-    """Judges bearings by the fix that they give. Of many that are off, only the ``_SUSPECTS`` worst are tried."""
+    """Evidence of bearings for the fix that they give. Of many outliers, only the ``_SUSPECTS`` worst are tried."""
 
     prior: Gaussian
     reports: Reports
@@ -116,15 +116,15 @@ class _Fixes:
 
 
 def agreeing(prior: Gaussian, reports: Reports, sigma_w: float, clutter: Array | float = CLUTTER) -> Story:
-    """Which bearings to fix a position from; ``clutter`` (K,) is the probability of each to be that."""
+    """Which bearings to fix a position from; ``clutter`` (K,) is the probability that a bearing is clutter."""
     return likeliest(np.broadcast_to(clutter, len(reports)), _Fixes(prior, reports, sigma_w))
 
 
 def _trust(J: Array, L: Array, apart: Array) -> Array:
-    """How much of each bearing's slope (K,) holds over the region where the target may be.
+    """Factors (K,) for each bearing's slope, averaged over the region where the target may be.
 
     The slope falls as 1/r with the distance r to the sensor. Over a region of extent s it counts as
-    r / (r^2 + s^2): else a fix next to a sensor would be certain to millimetres.
+    r / (r^2 + s^2): otherwise a fix next to a sensor would have an sd of millimetres.
     """
     _, R = np.linalg.qr(np.vstack((J, np.eye(J.shape[1]))))  # R^T R = I + J^T J
     region = np.square(np.linalg.solve(R.T, L[:2].T)).sum()

@@ -1,8 +1,8 @@
-"""Fix + joint-DOA proposal: a particle filter that draws where all bearings of the step say.
+"""Fix + joint-DOA proposal: a particle filter that draws from the posterior of all bearings of a step.
 
 The belief between steps is a Gaussian (a Gaussian particle filter; Kotecha & Djuric 2003). Its prediction and all
-bearings together give the MAP point and Laplace's covariance there, in the first step that is the fix; the
-particles drawn from that weigh p(y | x) N(x; F m, F P F^T + Q) / q(x). As they lie where the weight is, few do.
+bearings together give the MAP point and Laplace's covariance there (in the first step, the fix); the particles
+drawn from that have weights p(y | x) N(x; F m, F P F^T + Q) / q(x). As most of them have a high weight, few suffice.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class FixDoa:
     def step(
         self, state: FixDoaState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[FixDoaState, Estimate]:
-        """Predict, propose from the joint bearings, weigh; without reports predict only."""
+        """Predict, draw from the joint bearings, weight; without reports predict only."""
         sigma_w = state.model.sigma_w
         belief = predict(state.belief, constant_velocity(dt, self.sigma_v))
         if len(reports) == 0:
@@ -58,5 +58,5 @@ class FixDoa:
         return FixDoaState(state.model, belief), Estimate(*belief, particles[:, :2])
 
     def motion(self, before: FixDoaState, after: FixDoaState, dt: float) -> Motion:
-        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        """The predicted motion between two states, ``dt`` seconds apart."""
         return constant_velocity(dt, self.sigma_v)

@@ -1,8 +1,7 @@
 """Fix + IMM-UKF: a MAP fix from the first bearings, then interacting unscented Kalman filters.
 
-Two models share nearly constant velocity and differ in the acceleration they expect, a quiet and a
-manoeuvring one; in the third the target stands, without which a parked vehicle seems to crawl whenever a few
-errors point the same way.
+Two models, a quiet and a manoeuvring one, have nearly constant velocity and differ in the acceleration they expect; in
+the third the target stands. Without it a parked vehicle seems to crawl whenever a few errors point the same way.
 """
 
 from __future__ import annotations
@@ -26,20 +25,19 @@ from trackfield.models.doa import wrap
 _QUIET, _MANOEUVRE = 0.1, 1.5
 """sd of the acceleration per axis, m/s^2."""
 _STIR = 0.5
-"""sd of a standing target's velocity per axis, m/s: the jitter of a parked satellite receiver."""
+"""sd of a standing target's velocity per axis, m/s: the jitter of a parked satellite-navigation receiver."""
 
-# Probabilities per step of going from quiet, manoeuvring, standing to each of them. To stand ends rarely: a
-# departure proves itself in two or three steps whatever its prior, while each per cent here is false speed of
-# parked vehicles.
+# Probabilities per step of going from quiet, manoeuvring, standing to each of them. Standing ends rarely: a departure
+# is detected in two or three steps whatever its prior, while each per cent here adds false speed to parked vehicles.
 _SWITCHING = np.array([[0.97, 0.02, 0.01], [0.1, 0.88, 0.02], [0.0, 0.002, 0.998]])
 
 _ASTRAY, _WIDER = np.log(1e-2), 10.0
-"""Log odds that the track is astray, and by how much its sd is then larger than it says."""
+"""Log odds that the track is off the target (``astray``), and the factor by which its sd is then too small."""
 
 
 class FixImmUkfState(NamedTuple):
-    """The bank of M=3 models; ``fixed`` once bearings have been taken in; what sensors are suspected of; whether the
-    track was taken for ``astray`` in the last step."""
+    """The bank of M=3 models; ``fixed`` after the first bearings; the suspicion about each sensor; whether the track
+    was considered ``astray`` (off the target) in the last step."""
 
     model: Model
     bank: imm.Bank
@@ -52,7 +50,7 @@ Take = Callable[[Gaussian, Reports, float], Update]
 
 
 class _Plan(NamedTuple):
-    """What to do with the bearings of a step: from which bank to ``take`` in which of them, ``astray`` or not."""
+    """How to use the bearings of a step: the bank to update, the bearings to ``take``, and whether ``astray``."""
 
     bank: imm.Bank
     take: Take
@@ -64,13 +62,13 @@ class _Plan(NamedTuple):
 class FixImmUkf:
     """Least-squares fix at the start, then unscented Kalman filters under three motion models (IMM).
 
-    Without its ``gate`` it believes every bearing.
+    Without its ``gate`` it uses every bearing.
     """
 
     gate: bool = True
 
     def init(self, prior: Gaussian, model: Model) -> FixImmUkfState:
-        """The state of belief ``prior``, shared by all models, which start as equals."""
+        """The state of belief ``prior``, shared by all models, which start with equal probabilities."""
         m = len(_SWITCHING)
         bank = imm.Bank(np.full(m, 1.0 / m), np.tile(prior.mean, (m, 1)), np.tile(prior.covariance, (m, 1, 1)))
         return FixImmUkfState(model, bank, fixed=False)
@@ -78,7 +76,7 @@ class FixImmUkf:
     def step(
         self, state: FixImmUkfState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[FixImmUkfState, Estimate]:
-        """Mix, predict, take in the bearings; the first bearings by a fix, since the prior may be wide."""
+        """Mix, predict, update with the bearings; the first bearings by a fix, since the prior may be wide."""
         bank = imm.mix(state.bank, _SWITCHING)
         bank = imm.Bank(bank.probability, *predict(Gaussian(bank.mean, bank.covariance), _motions(dt)))
         bank, take, believed, astray = self._plan(state, bank, reports)
@@ -92,7 +90,7 @@ class FixImmUkf:
         return FixImmUkfState(state.model, bank, True, suspicion, astray), Estimate(*imm.combined(bank))
 
     def motion(self, before: FixImmUkfState, after: FixImmUkfState, dt: float) -> Motion:
-        """How the target was expected to move between two states ``dt`` seconds apart, over all models."""
+        """The predicted motion between two states ``dt`` seconds apart, over all models."""
         F, Q = imm.expected(before.bank, _SWITCHING, _motions(dt))
         if after.astray:
             ahead = predict(imm.combined(before.bank), Motion(F, Q)).covariance
@@ -112,16 +110,16 @@ class FixImmUkf:
             anywhere = imm.combined(wide)
             other = agreeing(anywhere, reports, sigma_w, chances)
             likelier = other.log_odds + _ASTRAY > story.log_odds
-            # going where no fix says would make the track only wider, step after step
+            # inflating the covariance without a fix would only widen the track, step after step
             if likelier and certain_fix(anywhere, reports.only(other.believed), sigma_w) is not None:
                 return _Plan(wide, _fix, other.believed, astray=True)
         return _Plan(bank, take, story.believed)
 
 
 def _usual(chances: Array, sigma_w: float) -> float:
-    """Log odds on average of bearings as accurate as they should be, when the track is certain.
+    """Average log odds of bearings of the nominal accuracy, for a certain track.
 
-    A story that comes near cannot be beaten by one that has to pay for a track astray.
+    If a hypothesis comes near this value, the hypothesis that the track is astray cannot be likelier.
     """
     gain = -np.log(sigma_w) - 0.5 * np.log(2.0 * np.pi * np.e)
     return float((gain - left_out(chances)).sum())
@@ -145,7 +143,7 @@ def _track(belief: Gaussian, reports: Reports, sigma_w: float) -> Update:
 
 @dataclass(frozen=True)
 class _Bearings:
-    """Judges bearings by the whole bank: the models' evidences weighed by their probabilities."""
+    """Evidence of bearings for the whole bank: the models' evidences weighted by their probabilities."""
 
     bank: imm.Bank
     reports: Reports

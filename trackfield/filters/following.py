@@ -1,12 +1,12 @@
-"""Following a target with any tracker: a start from the first reports alone, and again after a loss.
+"""Following a target with any tracker: track initiation from reports alone, also after a loss.
 
-A track is doubted by Page's cumulative sum test (Page 1954): each bearing adds the log ratio of how well "it
-may come from anywhere" explains it to how well the track does, and the sum never falls below zero. When it
-exceeds ``_LOST_AT``, the track is given up; a right track lasts at least e^_LOST_AT bearings on average. A
-share ``CLUTTER`` of bearings may come from anywhere although the track is right: no single one can end it.
+A lost track is detected by Page's cumulative sum test (Page 1954): each bearing adds the log likelihood ratio of
+"uniformly distributed" to "from the track", and the sum never falls below zero. When it exceeds ``_LOST_AT``, the
+track is given up; a correct track lasts at least e^_LOST_AT bearings on average. A share ``CLUTTER`` of bearings may
+be uniformly distributed although the track is correct: no single one can end it.
 
-Of a user's own sensors nobody knows how they read what comes from anywhere. Their tracks are given up only when they
-say themselves that they are lost.
+For users' own sensors the distribution of false readings is not known. Their tracks are given up only when their own
+standard deviation becomes too large.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ S = TypeVar("S")
 
 _LOST_AT = math.log(1e6)
 ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
-"""Covariance of a target nobody knows: wide against any field's spacing; a vehicle in town."""
+"""Covariance of an unknown target: wide compared with any field's spacing, and with the speeds of vehicles in town."""
 
 
 class Followed(NamedTuple, Generic[S]):
@@ -45,12 +45,12 @@ class Followed(NamedTuple, Generic[S]):
 
 @dataclass(frozen=True)
 class Following(Generic[S]):
-    """A tracker that needs no prior; given one, it is the bare tracker and never starts anew."""
+    """A tracker that needs no prior; with a prior it is the plain tracker and is never restarted."""
 
     tracker: Tracker[S]
     model: Model
     lost_m: float = LOST_M
-    """A track that started alone is given up when the sd of its position exceeds this."""
+    """A track that started without a prior is given up when the sd of its position exceeds this."""
 
     def begin(self, prior: Gaussian | None) -> Followed[S]:
         """The state before the first step; without a prior the track starts from the first reports."""
@@ -59,7 +59,7 @@ class Following(Generic[S]):
         return Followed(self.tracker.init(prior, self.model), 0.0, alone=False)
 
     def resume(self, belief: Gaussian) -> Followed[S]:
-        """The state after a pause that began with ``belief``; it may start anew, as without a prior."""
+        """The state after a pause that began with ``belief``; it may be restarted, as without a prior."""
         return Followed(self.tracker.init(belief, self.model), 0.0, alone=True)
 
     def step(
@@ -93,7 +93,7 @@ def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
 
 
 def doubts(estimate: Estimate, reports: Reports, sigma_w: float) -> float:
-    """Log of how much likelier the bearings come from anywhere than from the estimate; 0 without reports."""
+    """Log likelihood ratio of uniformly distributed bearings to bearings of the estimate; 0 without reports."""
     H = doa.jacobian(estimate.mean, reports.positions)
     variance = np.einsum("ki,ij,kj->k", H, estimate.covariance, H) + sigma_w**2
     misses = wrap(reports.bearings - doa.measure(estimate.mean, reports.positions))

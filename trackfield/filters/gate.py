@@ -1,13 +1,13 @@
-"""Which bearings to believe: the likeliest story of a step, by Bayes' rule (Box & Tiao 1968).
+"""Gating: the likeliest hypothesis (``Story``) on which bearings of a step to use, by Bayes' rule (Box & Tiao 1968).
 
-A bearing is the target's, with probability 1 - ``CLUTTER``, or it comes from anywhere: its sensor is stuck,
-biased, babbling, or late by its clock. A story says which are which. Its posterior odds are the evidence that
-the believed bearings give for the prior, times 1 - ``CLUTTER`` for each of them and ``CLUTTER`` / 2 pi for each
-other. The search is stepwise: it begins with all believed and leaves out, one after the other, the bearing
-without which the story is likelier by most.
+A bearing is the target's, with probability 1 - ``CLUTTER``, or clutter, uniformly distributed: its sensor is stuck,
+biased, babbling, or late by its clock. A hypothesis says which are which. Its posterior odds are the evidence that
+the accepted bearings give for the prior, times 1 - ``CLUTTER`` for each of them and ``CLUTTER`` / 2 pi for each
+other. The search is stepwise: it begins with all bearings accepted and leaves out, one after the other, the bearing
+whose removal makes the hypothesis likeliest.
 
-As the evidence is joint, each bearing is judged by the prior and all other bearings together. Bearings that
-are off together, as when the target turns, support each other; one that is off alone is left out.
+As the evidence is joint, each bearing is judged by the prior and all other bearings together. Bearings that deviate
+together, as when the target turns, support each other; a single deviating bearing is left out.
 """
 
 from __future__ import annotations
@@ -21,41 +21,41 @@ import numpy.typing as npt
 from trackfield.filters.types import Array
 
 CLUTTER: Final = 0.05
-"""The probability that a bearing of a sensor of which nothing is known does not come from the target."""
+"""The probability that a bearing of a sensor without history is clutter."""
 
 Indices = npt.NDArray[np.intp]
 
 
 def left_out(clutter: Array | float) -> Array:
-    """What leaving out a bearing adds to the log odds of a story, beside the change of its evidence."""
+    """The change of a hypothesis's log odds when a bearing is left out, without the change of its evidence."""
     odds: Array = np.log(clutter) - np.log1p(-np.asarray(clutter)) - math.log(2.0 * math.pi)
     return odds
 
 
 class Judge(Protocol):
-    """What some bearings, at least one, tell: the log evidence that they give for the prior."""
+    """The log evidence that some bearings, at least one, give for the prior."""
 
     def evidence(self, which: Indices) -> float:
-        """Of these bearings together."""
+        """The evidence of these bearings together."""
         ...
 
     def without(self, which: Indices) -> Array:
-        """What it would be without each of them (k,); minus infinity for those that cannot be at fault."""
+        """The evidence without each of them (k,); minus infinity for those that cannot be left out."""
         ...
 
 
 class Story(NamedTuple):
-    """The bearings believed, ascending, and the story's log odds against the one in which all are clutter."""
+    """A hypothesis: the accepted bearings, ascending, and its log odds against all bearings being clutter."""
 
     believed: Indices
     log_odds: float
 
 
 def likeliest(clutter: Array, judge: Judge) -> Story:
-    """The likeliest story of K bearings, ``clutter`` (K,) the probability of each to be that.
+    """The likeliest hypothesis on K bearings; ``clutter`` (K,) is the probability that each is clutter.
 
-    When leaving out helps no more, a bearing left out before may fit those that are left: it comes back, and so
-    on for as long as the odds improve.
+    When leaving out no longer helps, a bearing left out before may fit the remaining ones: it is accepted again, and
+    so on as long as the odds improve.
     """
     gain = left_out(clutter)
     story = _fewer(Story(np.arange(len(clutter)), -np.inf), gain, judge)
@@ -77,7 +77,7 @@ def _fewer(story: Story, gain: Array, judge: Judge) -> Story:
 
 
 def _more(story: Story, gain: Array, judge: Judge) -> Story:
-    """The likeliest story that believes one bearing more; this one if all are believed."""
+    """The likeliest hypothesis with one more bearing accepted; this one if all are."""
     wider = [np.sort(np.append(story.believed, k)) for k in np.setdiff1d(np.arange(len(gain)), story.believed)]
     stories = [Story(which, judge.evidence(which) - float(gain[which].sum())) for which in wider]
     return max(stories, key=lambda other: other.log_odds, default=story)

@@ -29,7 +29,7 @@ def constant_velocity(dt: float, sigma_v: float) -> Motion:
 
 @lru_cache(maxsize=64)
 def constant(rows: motion.Rows) -> Array:
-    """A matrix of ``trackfield.models.motion`` as an array, made once and then shared: nobody can write into it."""
+    """A matrix of ``trackfield.models.motion`` as a read-only array, made once and then shared."""
     matrix = np.array(rows)
     matrix.flags.writeable = False
     return matrix

@@ -23,14 +23,14 @@ class Bank(NamedTuple):
 
 
 def mix(bank: Bank, switching: Array) -> Bank:
-    """Each model's start: the beliefs of all, by how likely the target came from them.
+    """Each model's initial belief: the beliefs of all, mixed by the probability that the target came from them.
 
     ``switching`` (M, M): row i holds the probabilities of going from model i to each model. The result's
     ``probability`` is that predicted for the coming step.
     """
     joint = bank.probability[..., :, None] * switching
     predicted = joint.sum(axis=-2)
-    likely = np.maximum(predicted, np.finfo(np.float64).tiny)  # nobody goes to an impossible model: no 0 / 0
+    likely = np.maximum(predicted, np.finfo(np.float64).tiny)  # avoids 0 / 0 for a model that cannot be reached
     origin = np.swapaxes(joint / likely[..., None, :], -1, -2)
     mixed = collapse(origin, bank.mean[..., None, :, :], bank.covariance[..., None, :, :, :])
     return Bank(predicted, mixed.mean, mixed.covariance)

@@ -1,7 +1,6 @@
 """The reports of a step as one measurement vector, for filters that take any sensor.
 
-Its K m numbers are those of the first sensor, then those of the second, and so on. States may have leading batch
-axes.
+Its K m numbers are those of the first sensor, then those of the second, and so on. States may have leading batch axes.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ def jacobians(model: Model, states: Array, reports: Reports) -> Array:
 
 
 def residual(model: Model, difference: Array) -> Array:
-    """Differences of readings (..., K m) where they mean something; for angles, wrapped."""
+    """Differences of readings (..., K m) in their valid range; angles are wrapped."""
     if model.own is None:
         return doa.wrap(difference)
     apart = difference.reshape(*difference.shape[:-1], -1, len(model.own.sd))

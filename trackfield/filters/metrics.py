@@ -1,4 +1,4 @@
-"""How good a track was. Errors are estimate minus truth, (..., T, d), leading axes for runs."""
+"""Measures of a track's quality. Errors are estimate minus truth, (..., T, d), leading axes for runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from trackfield.filters.types import Array
 
 LOST_M: Final = 50.0
-"""A position error above this (m) is that of a lost target, unless the field says otherwise."""
+"""Default position error (m) above which a target counts as lost."""
 
 
 def rmse(errors: Array) -> float:
@@ -41,8 +41,9 @@ def nees(errors: Array, covariances: Array) -> Array:
 def nees_band(dof: int, n: float, level: float = 0.95) -> tuple[float, float]:
     """Where the mean of ``n`` independent values of NEES lies with probability ``level``, if covariances are right.
 
-    The sum of n chi-square values of ``dof`` degrees of freedom is one of n dof (Bar-Shalom, Li & Kirubarajan 2001,
-    sec. 5.4.2). ``n`` need not be whole. The same of NIS, innovations in place of errors, for ``dof`` measurements.
+    The sum of n chi-square values of ``dof`` degrees of freedom is chi-square with n dof (Bar-Shalom, Li & Kirubarajan
+    2001, sec. 5.4.2). ``n`` need not be whole. It also holds for NIS (innovations in place of errors) of ``dof``
+    measurements.
     """
     from scipy.special import gammaincinv
 
@@ -51,7 +52,7 @@ def nees_band(dof: int, n: float, level: float = 0.95) -> tuple[float, float]:
 
 
 def effective_count(values: Array) -> float:
-    """How many independent values (n,) would give as sure a mean as these, which follow each other in time.
+    """The effective number of independent values in a time series (n,), for the uncertainty of its mean.
 
     n over the integrated autocorrelation time, its sum cut at Geyer's initial positive sequence (Geyer 1992,
     sec. 3.3); at most n.
@@ -69,8 +70,8 @@ def effective_count(values: Array) -> float:
 class Lost:
     """When a target counts as lost: off for ``steps`` steps in a row, somewhere in the last ``within`` (None: in all).
 
-    Off is a position error above ``beyond_m`` metres, and no track at all. As it stands the last step decides. Raises
-    ``ValueError`` for ``steps`` below 1, and for more than ``within``.
+    Off means a position error above ``beyond_m`` metres, or no track. By default the last step decides. Raises
+    ``ValueError`` for ``steps`` below 1 or above ``within``.
     """
 
     beyond_m: float = LOST_M

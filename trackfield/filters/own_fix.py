@@ -1,4 +1,4 @@
-"""A position from the readings of one instant, of any sensor: the likeliest of many descents, if there is one such.
+"""A position from the readings of one instant, of any sensor: the best of many descents, if it is unique.
 
 Gauss-Newton as in ``fix.py``, from a grid of places within the sensors' range at once. Readings such as ranges may fit
 several places equally well; then there is no fix.
@@ -16,13 +16,13 @@ _GRID = np.stack(np.meshgrid(*2 * (np.linspace(-0.8, 0.8, 5),)), axis=-1).reshap
 """(25, 2) of the range: where descents begin."""
 _STEPS = 30
 _SHORTER = 0.5 ** np.arange(8)[:, None, None]
-"""By how much a step may have to be cut."""
+"""The factors by which a step may be shortened."""
 _AS_LIKELY = 13.8
-"""A place costs at most so much more than the best (twice the log of 1000) not to be ruled out."""
+"""A place whose cost exceeds the best by more than this (twice the log of 1000) is ruled out."""
 
 
 def own_fix(anywhere: Array, model: Model, reports: Reports, lost_m: float) -> Gaussian | None:
-    """The belief over (x, y, vx, vy) from readings alone; ``anywhere`` (4, 4) is the covariance of not knowing.
+    """The belief over (x, y, vx, vy) from readings alone; ``anywhere`` (4, 4) is the covariance without information.
 
     None if they fit several places, or leave the position's sd above ``lost_m``.
     """

@@ -1,4 +1,4 @@
-"""What particle filters have in common: to draw particles, to propagate and to weigh them."""
+"""Common functions of particle filters: drawing, propagating and weighting particles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def draw(belief: Gaussian, n: int, rng: np.random.Generator) -> Array:
 
 
 def placed(belief: Gaussian, normals: Array) -> Array:
-    """Points (..., n, d) of a Gaussian, out of independent ``normals`` (..., n, d)."""
+    """Points (..., n, d) of a Gaussian, from independent ``normals`` (..., n, d)."""
     points = normals @ root(belief.covariance).mT
     points += belief.mean[..., None, :]
     return points
@@ -31,7 +31,7 @@ def propagate(particles: Array, dt: float, sigma_v: float, rng: np.random.Genera
 
 
 def moved(particles: Array, dt: float, sigma_v: float, normals: Array) -> Array:
-    """The same of ``particles`` (..., n, 4), out of independent ``normals`` (..., n, 2)."""
+    """The same for ``particles`` (..., n, 4), from independent ``normals`` (..., n, 2)."""
     onward, kick = _motion(dt, sigma_v)
     after = particles @ onward
     after += normals @ kick
@@ -48,7 +48,7 @@ def log_likelihood(particles: Array, reports: Reports, sigma_w: float) -> Array:
     """log p(y | x) (..., n) of all bearings for ``particles`` (..., n, 4), up to a constant.
 
     The arrays of ``reports`` may have the leading axes of runs, too (``batch.stacked``); a report with a level of
-    minus infinity then only fills its run up.
+    minus infinity is only padding.
     """
     misses = wrap(reports.bearings[..., None, :] - doa.measure(particles, reports.positions[..., None, :, :]))
     if reports.levels.ndim > 1:

@@ -20,8 +20,8 @@ Resampler = Callable[[Array, int, np.random.Generator], Indices]
 def systematic(weights: Array, n: int, rng: np.random.Generator) -> Indices:
     """Indices (n,), ascending, of ``n`` draws from ``weights`` (m,): floor or ceil of n w_i times each i.
 
-    The weights need not sum to 1 exactly; what has no weight is never drawn. Raises ValueError if nothing has
-    weight.
+    The weights need not sum to 1 exactly; particles of weight 0 are never drawn. Raises ``ValueError`` if all
+    weights are 0.
     """
     return evenly(weights, n, rng.random())
 
@@ -59,7 +59,7 @@ def residual(weights: Array, n: int, rng: np.random.Generator) -> Indices:
 
 
 def effective_size(weights: Array) -> Array:
-    """How many equal weights are worth as much as these (..., n): 1 / sum w^2 if they sum to 1 (Kong et al. 1994)."""
+    """The effective sample size of weights (..., n): 1 / sum w^2 if they sum to 1 (Kong et al. 1994)."""
     size: Array = np.square(weights.sum(axis=-1)) / np.square(weights).sum(axis=-1)
     return size
 

@@ -12,7 +12,7 @@ _FLAT = 1e-12
 
 
 def smooth(filtered: Gaussian, motion: Motion) -> Gaussian:
-    """What T filtered beliefs (..., T, n) become when each also knows of all later measurements.
+    """The smoothed beliefs: T filtered beliefs (..., T, n), each given all later measurements too.
 
     ``motion`` leads from each belief to the next: (..., T-1, n, n), or (n, n) for all. A predicted covariance
     may be singular. Exact if motion and measurements are linear.

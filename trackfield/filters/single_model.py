@@ -1,4 +1,4 @@
-"""Trackers of one Gaussian belief and one motion model, nearly constant velocity: EKF, UKF, and none at all."""
+"""Trackers with one Gaussian belief and one motion model (nearly constant velocity): EKF, UKF, prediction only."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SingleState(NamedTuple):
 
 @dataclass(frozen=True)
 class PredictOnly:
-    """Predicts from the prior and takes no reports: shows what reports are worth."""
+    """Predicts from the prior and takes no reports: a baseline that shows the value of reports."""
 
     def init(self, prior: Gaussian, model: Model) -> SingleState:
         """The state of belief ``prior``."""
@@ -31,14 +31,14 @@ class PredictOnly:
     def step(
         self, state: SingleState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[SingleState, Estimate]:
-        """Predict with ``Model.sigma_v``, then take in the readings, if there are any; nothing is drawn."""
+        """Predict with ``Model.sigma_v``, then update with the readings, if any; no random draws."""
         belief = predict(state.belief, constant_velocity(dt, state.model.sigma_v))
         if len(reports):
             belief = self._take(belief, reports, state.model)
         return SingleState(state.model, belief), Estimate(*belief)
 
     def motion(self, before: SingleState, after: SingleState, dt: float) -> Motion:
-        """How the target was expected to move between two states, ``dt`` seconds apart."""
+        """The predicted motion between two states, ``dt`` seconds apart."""
         return constant_velocity(dt, after.model.sigma_v)
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
@@ -48,7 +48,7 @@ class PredictOnly:
 class Ekf(PredictOnly):
     """Extended Kalman filter with one motion model.
 
-    All readings of a step are one update, with slopes at the predicted place.
+    All readings of a step are one update, linearised at the predicted position.
     """
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:

@@ -1,17 +1,17 @@
 """SP-CPF: state-partition centralised particle filter (Zhai et al. 2009, algorithm 1).
 
-The bank of parallel EKFs proposes one Gaussian, from which the particles are drawn and then weighed.
+The bank of parallel EKFs gives one Gaussian proposal, from which the particles are drawn and then weighted.
 
 Deviations from the paper, and why:
 
 - The particle weight of eq. 26 has a prior p(x_t | x_{t-1}) of rank 2 under the paper's motion model and a
-  proposal that knows no ancestors, so it has no value. ``paper`` weights are p(y | x) alone, which reproduces
+  proposal that knows no ancestors, so it has no value. ``paper`` weights are p(y | x) only, which reproduces
   the paper's figures; ``gaussian-prior`` weights are p(y | x) N(x; F m, F P F^T + Q) / q(x) with the last
-  posterior's m, P. A single bearing says nothing of range, so a step with one sensor always takes the latter.
+  posterior's m, P. A single bearing gives no range, so a step with one sensor always takes the latter.
 - The filters' covariance is carried on as the sensors' weighted mean of eq. 19; the reset to zero that eqs.
-  7-9 read like loses the target.
+  7-9 suggest loses the target.
 - The estimate is the weighted mean before resampling: the paper's mean after it has the same expectation and
-  more noise. Its covariance takes in the proposal's as one more sample, since few particles may hold all the
+  more noise. Its covariance includes the proposal's as one more sample, since few particles may hold all the
   weight.
 """
 
@@ -50,7 +50,7 @@ class SpCpfState(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """The random numbers of a step: which particles become nominals, and what moves, places and resamples."""
+    """The random numbers of a step: for choosing nominals, moving and placing particles, and resampling."""
 
     chosen: npt.NDArray[np.intp]
     """(..., N) of Ns"""
@@ -81,7 +81,7 @@ class SpCpf:
     def step(
         self, state: SpCpfState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[SpCpfState, Estimate]:
-        """Propose by the EKF bank, weigh, resample; without reports predict only."""
+        """Draw from the EKF bank's proposal, weight, resample; without reports predict only."""
         model, prior, cloud = state
         if cloud is None:
             cloud = Cloud(prior, prior.covariance, draw(prior, self.particles, rng))
@@ -93,7 +93,7 @@ class SpCpf:
         return SpCpfState(model, prior, cloud), Estimate(*cloud.posterior, cloud.particles[:, :2])
 
     def draws(self, rng: np.random.Generator) -> Draws:
-        """Those of a step with reports."""
+        """The draws of a step with reports."""
         chosen = (rng.random(self.nominals) * self.particles).astype(np.intp)
         normals = rng.standard_normal(2 * self.nominals + 4 * self.particles)
         noise, places = normals[: 2 * self.nominals], normals[2 * self.nominals :]
@@ -113,7 +113,7 @@ def fuse(
 ) -> Cloud:
     """A step with reports, at least one: algorithm 1 as a pure function of its random numbers.
 
-    All arrays may have leading axes of runs. ``by_prior`` (...,): the particles weigh as ``gaussian-prior`` says.
+    All arrays may have leading axes of runs. ``by_prior`` (...,): use the weights ``gaussian-prior``.
     """
     nominals = picked(cloud.particles, draws.chosen)
     proposal, carried = sp_pekf.advance(

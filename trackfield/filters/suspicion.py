@@ -1,8 +1,8 @@
-"""How much to trust each sensor, from how often its bearings were left out.
+"""The reliability of each sensor, from how often its bearings were left out.
 
 A sensor is sound or faulty, a Markov chain of two states. Sound sensors give clutter rarely, faulty ones mostly;
-what the gate found of a bearing updates the probability by Bayes' rule (the forward algorithm of Rabiner 1989,
-eq. 20). A sensor about which nothing is known gives clutter with the gate's ``CLUTTER``.
+the gate's decision on a bearing updates the probability by Bayes' rule (the forward algorithm of Rabiner 1989, eq. 20).
+A sensor without history gives clutter with the gate's ``CLUTTER``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FAILS, _RECOVERS = 0.001, 0.03
 _UNKNOWN: Final = (CLUTTER - _SOUND) / (_FAULTY - _SOUND)
 
 Suspicion = Map[str, float]
-"""The probability to be faulty, of sensors that have reported."""
+"""The probability that a sensor is faulty, for sensors that have reported."""
 
 
 def clutter(suspicion: Suspicion, sensors: Sequence[str]) -> Array:
@@ -35,9 +35,9 @@ def clutter(suspicion: Suspicion, sensors: Sequence[str]) -> Array:
 
 
 def learn(suspicion: Suspicion, sensors: Sequence[str], believed: npt.NDArray[np.intp]) -> Suspicion:
-    """The suspicion after the bearings of ``sensors``, of which these were believed.
+    """The suspicion after the bearings of ``sensors``, of which those at ``believed`` were accepted.
 
-    A step in which most were not says nothing of the sensors: it is the track that is off.
+    A step in which most were rejected says nothing about the sensors: then the track is wrong.
     """
     if 2 * len(believed) <= len(sensors):
         return suspicion

@@ -30,13 +30,13 @@ TRACKERS: Final = Plugins(
     methods=("init", "step"),
 )
 ANY_SENSOR: Final = frozenset({"bootstrap", "ekf", "ukf", "predict-only"})
-"""Those of our own that take readings of any kind; the others take bearings alone."""
+"""Trackfield's own trackers that take readings of any kind; the others take bearings only."""
 
 
 def register_tracker(name: str, maker: Maker) -> None:
     """Let scenarios of this Python process name a tracker of your own (``trackfield.filters.types.Tracker``).
 
-    ``maker`` is its class; its parameters, as the fields of a frozen dataclass, are what ``fusion.options`` may set.
+    ``maker`` is its class; ``fusion.options`` may set its parameters, such as the fields of a frozen dataclass.
     Runs over processes need a class that can be imported. Raises ``ScenarioError`` for a name that is taken by one of
     Trackfield's own, and for a class without ``init`` and ``step``.
     """
@@ -46,11 +46,11 @@ def register_tracker(name: str, maker: Maker) -> None:
 def make_tracker(
     name: str, options: Mapping[str, Any] | None = None, places: Mapping[str, str] | None = None
 ) -> Tracker[Any]:
-    """The tracker of this name; ``options`` are its fields; ``tracker`` among them says whose variant it is.
+    """The tracker of this name with these ``options``; an option ``tracker`` makes it a variant of that tracker.
 
-    ``places`` (``module:attribute``, by name) are those of trackers that were registered in another process. What is
-    not our own comes ``Checked``. Raises ``ScenarioError`` with the nearest name if there is none, and for options that
-    it does not have or that do not fit.
+    ``places`` (``module:attribute``, by name) are those of trackers that were registered in another process. Users'
+    own trackers are returned as ``Checked``. Raises ``ScenarioError`` with the nearest name for an unknown tracker, and
+    for unknown or unsuitable options.
     """
     fields = dict(options or {})
     kind = fields.pop("tracker", name)

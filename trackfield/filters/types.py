@@ -1,6 +1,6 @@
-"""What filters and trackers take and give. Metres, seconds, radians; bearings clockwise from north (+y).
+"""Inputs and outputs of filters and trackers. Metres, seconds, radians; bearings clockwise from north (+y).
 
-The target's state is (x, y, vx, vy). Nobody writes into the arrays.
+The target's state is (x, y, vx, vy). The arrays must not be modified.
 """
 
 from __future__ import annotations
@@ -38,31 +38,31 @@ class Reports:
     step: int
     sensors: tuple[str, ...]
     positions: Array
-    """(K, 2) m, where the sensors say they stand."""
+    """(K, 2) m, the assumed places of the sensors."""
     bearings: Array
     """(K,) rad, direction from sensor to target."""
     levels: Array
     """(K,) dB, received sound."""
     readings: Array | None = None
-    """(K, m), what sensors read that hear no bearings; then ``bearings`` and ``levels`` are NaN."""
+    """(K, m), readings of sensors that report no bearings; then ``bearings`` and ``levels`` are NaN."""
 
     def __len__(self) -> int:
         return len(self.sensors)
 
     @property
     def values(self) -> Array:
-        """(K, m) what was measured, whatever the sensor: in the units of ``Model.sensor``."""
+        """(K, m) the readings of any kind of sensor, in the units of ``Model.sensor``."""
         return self.bearings[:, None] if self.readings is None else self.readings
 
     def only(self, which: npt.NDArray[np.intp]) -> Reports:
-        """These of the reports, by their place."""
+        """The reports at these indices."""
         sensors = tuple(self.sensors[i] for i in which)
         readings = None if self.readings is None else self.readings[which]
         return Reports(self.step, sensors, self.positions[which], self.bearings[which], self.levels[which], readings)
 
 
 class Measurement(Protocol):
-    """What a reading of m numbers says of the target: z = h(x) + noise, independent, Gaussian, of sd ``sd``."""
+    """A measurement model for readings of m numbers: z = h(x) + noise, independent, Gaussian, of sd ``sd``."""
 
     @property
     def sd(self) -> Sequence[float]:
@@ -78,7 +78,7 @@ class Measurement(Protocol):
         ...
 
     def residual(self, difference: Array) -> Array:
-        """Differences of readings (..., m) where they mean something; for angles, wrapped."""
+        """Differences of readings (..., m) in their valid range; angles are wrapped."""
         ...
 
 
@@ -87,13 +87,13 @@ class OwnMeasurement(Measurement, Protocol):
 
     @property
     def range_m(self) -> float:
-        """How far (m) from a sensor that measured it the target is at most."""
+        """The largest distance (m) between the target and a sensor that measured it."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What a tracker is told of the deployment."""
+    """The knowledge of a tracker about the deployment."""
 
     sigma_w: float
     """sd of a reported bearing, rad; NaN if the sensors report no bearings."""
@@ -124,12 +124,12 @@ S = TypeVar("S")
 
 
 class Tracker(Protocol[S]):
-    """A tracker is two pure functions over a state of its own, an immutable value."""
+    """A tracker: two pure functions over a state of its own, an immutable value."""
 
     def init(self, prior: Gaussian, model: Model) -> S:
         """The state of belief ``prior`` over (x, y, vx, vy)."""
         ...
 
     def step(self, state: S, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[S, Estimate]:
-        """The state ``dt`` seconds later, when ``reports`` were taken, and the estimate for that time."""
+        """The state ``dt`` seconds later, when ``reports`` were measured, and the estimate for that time."""
         ...

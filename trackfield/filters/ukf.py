@@ -19,7 +19,7 @@ from trackfield.filters.gaussian import log_scale, root, symmetric
 from trackfield.filters.types import Array, Gaussian, Update
 
 _KAPPA = 1.0
-"""The central point weighs kappa/(n+kappa). The textbook's 3-n is negative for n=4, and P+ may be then."""
+"""The central point has weight kappa/(n+kappa). The textbook's 3-n is negative for n=4; P+ may then be indefinite."""
 
 
 def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
@@ -28,7 +28,7 @@ def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
 
 
 def _offsets(belief: Gaussian) -> Array:
-    """Of the points from the mean."""
+    """The offsets of the points from the mean."""
     axes = np.sqrt(belief.mean.shape[-1] + _KAPPA) * np.swapaxes(root(belief.covariance), -1, -2)
     return np.concatenate((np.zeros_like(axes[..., :1, :]), axes, -axes), axis=-2)
 
@@ -62,11 +62,11 @@ def _same(difference: Array) -> Array:
 
 
 def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Update:
-    """Take in measurements ``z`` (..., K) of independent noise ``sd`` (scalar or (..., K)).
+    """Update with measurements ``z`` (..., K) of independent noise ``sd`` (scalar or (..., K)).
 
     ``measure`` maps sigma points (..., 2n+1, n) to measurements (..., 2n+1, K); ``residual`` maps their
-    differences into the range where they mean something (for angles, to [-pi, pi)). ``prior`` may have leading
-    batch axes. A measurement of infinite ``sd`` is none, so steps with fewer reports fit into one array.
+    differences into their valid range (for angles, [-pi, pi)). ``prior`` may have leading batch axes. A measurement
+    of infinite ``sd`` has no effect, so steps with fewer reports fit into one array.
     """
     after, told = _update(prior, z, sd, measure, residual)
     log_evidence = -0.5 * (told.nis + np.linalg.slogdet(told.system)[1] + log_scale(np.broadcast_to(sd, z.shape)))
@@ -74,7 +74,7 @@ def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual:
 
 
 def posterior(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Gaussian:
-    """That of ``update`` alone, which takes less time than with the evidence."""
+    """The posterior of ``update`` without the evidence, which takes less time."""
     return _update(prior, z, sd, measure, residual)[0]
 
 
@@ -86,7 +86,7 @@ class _Told(NamedTuple):
 
 
 def _update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map) -> tuple[Gaussian, _Told]:
-    """Of I + A A^T and I + A^T A, which have the same determinant, the smaller one is solved (Woodbury)."""
+    """Solves the smaller of I + A A^T and I + A^T A, which have the same determinant (Woodbury)."""
     ensemble = _ensemble(prior, z, sd, measure, residual)
     A, B, innovation = ensemble
     AT = np.swapaxes(A, -1, -2)
@@ -107,11 +107,11 @@ def _update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual
 
 
 def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Array:
-    """log p(z_k | all others) (..., K): how far each measurement is what the prior and the others let expect.
+    """log p(z_k | all others) (..., K): how well the prior and the other measurements predict each measurement.
 
-    Arguments as for ``update``. With e_k what the update leaves of the innovation and l_k the measurement's
-    leverage, the others expect it e_k / (1 - l_k) off, with variance 1 / (1 - l_k), in units of the noise: the
-    deleted residual of regression (Cook & Weisberg 1982, sec. 2.2.1).
+    Arguments as for ``update``. With e_k the innovation that remains after the update and l_k the
+    measurement's leverage, its error given the others is e_k / (1 - l_k), with variance 1 / (1 - l_k), in units of the
+    noise: the deleted residual of regression (Cook & Weisberg 1982, sec. 2.2.1).
     """
     ensemble = _ensemble(prior, z, sd, measure, residual)
     A, _, innovation = ensemble

@@ -1,4 +1,4 @@
-"""Radio links and clocks: what lies between a frame's sending and its arrival. Scalar, without numpy."""
+"""Radio links and clocks: losses and delays of frames, and local time. Scalar, without numpy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a radio comes to the channel before it sends."""
+"""Channel access of a radio before it sends."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from collections.abc import Callable
 from typing import Protocol
 
 Draw = Callable[[str, int], float]
-"""A draw from (0, 1), by what it is for and its number."""
+"""A draw from (0, 1), by its purpose and number."""
 
 
 class Access(Protocol):
     """An access method. ``busy`` is the share of the time in which the channel is found busy, below 1."""
 
     def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
-        """Of transmission number ``attempt`` (from 0): how long until its first bit, and True.
+        """For transmission number ``attempt`` (from 0): the time until its first bit, and True.
 
-        If it is given up: how long until then, and False.
+        If it is given up: the time until then, and False.
         """
         ...
 
@@ -25,7 +25,7 @@ class Access(Protocol):
 
 
 class Aloha:
-    """Sends at once, whoever else does."""
+    """Sends at once, without regard to other senders."""
 
     def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""

@@ -10,15 +10,15 @@ _NS: Final = 1_000_000_000
 _HOUR: Final = 3600 * _NS
 _UNIT: Final = _NS * 2 * _HOUR
 _LONG: Final = 8766 * _HOUR
-"""A year: for so long, before the start and after, a ramp goes on; from then on the drift stays."""
+"""A year: a ramp lasts this long, before the start and after; beyond that the drift stays constant."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
     """Shows ``offset_ns`` at the start of the run and gains ``drift_ppb`` ns in each second of true time.
 
-    With a ramp, as of a temperature that rises, the drift itself grows by ``ramp_ppb_per_h`` in each hour of true time.
-    Raises ``ValueError`` for a clock that stops or turns back, with a ramp: within a year of the start.
+    With a ramp, as from rising temperature, the drift itself grows by ``ramp_ppb_per_h`` in each hour of true time.
+    Raises ``ValueError`` for a clock that stops or turns back (with a ramp: within a year of the start).
     """
 
     offset_ns: int = 0
@@ -55,7 +55,7 @@ class Clock:
     # g(t) = (1 + drift) t + ramp t^2 / 2 up to a year from the start, and straight on from there.
 
     def _rate(self, true_ns: int) -> int:
-        """g'(t), up to a year from the start; it only grows, or only falls, with t."""
+        """g'(t), up to a year from the start; monotonic in t."""
         return (_NS + self.drift_ppb) * 2 * _HOUR + 2 * self.ramp_ppb_per_h * true_ns
 
     def _gained(self, true_ns: int) -> int:

@@ -12,7 +12,7 @@ class Csma:
     """A random number of back-off units, a look at the channel (CCA), and again if it was busy, ``tries`` times.
 
     The number is below 2^BE; BE grows by one with each try, from ``be_min`` to ``be_max``. The channel is found busy
-    with the same probability each time. ``turnaround_ns`` is the radio's way from listening to sending.
+    with the same probability each time. ``turnaround_ns`` is the radio's switching time from listening to sending.
     """
 
     unit_ns: int = 320_000

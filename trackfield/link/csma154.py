@@ -1,4 +1,4 @@
-"""The delays of unslotted CSMA-CA alone: every frame is received, unless its sender gives the channel up."""
+"""The delays of unslotted CSMA-CA alone: every frame is received unless its sender gives up channel access."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackfield.link.transfer import Transfer
 
 @dataclass(frozen=True)
 class Csma154:
-    """An 802.15.4 radio within easy reach; ``busy``, ``ack`` and ``acks`` as in ``Transfer``."""
+    """An 802.15.4 radio at short range; ``busy``, ``ack`` and ``acks`` as in ``Transfer``."""
 
     seed: int
     busy: float = 0.0

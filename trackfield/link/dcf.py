@@ -11,8 +11,8 @@ from trackfield.link.access import Draw
 class Dcf:
     """DIFS, then a random number of slots below the contention window, which doubles with each repeat.
 
-    The count of slots stands still while the channel is busy, so it takes 1 / (1 - busy) times as long, in the mean:
-    the single interruptions are not drawn. The figures are those of 802.11b.
+    The slot counter stops while the channel is busy, so it takes 1 / (1 - busy) times as long in the mean: single
+    interruptions are not drawn. The figures are those of 802.11b.
     """
 
     slot_ns: int = 20_000

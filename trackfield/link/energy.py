@@ -1,7 +1,7 @@
-"""What a device draws from its battery: figures of devices by name, in exact integers.
+"""Power figures of devices by name, in exact integers.
 
-Powers are in microwatts and energies in femtojoules, so that power times nanoseconds is an energy. Integers, because
-whether a battery is empty must not depend on the order in which two drivers add.
+Powers are in microwatts and energies in femtojoules, so that power times nanoseconds is an energy. They are integers,
+so that the instant at which a battery is empty does not depend on the order in which the two drivers add.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from typing import Final
 
 CAUSES: Final = ("send", "receive", "listen", "sleep", "sense")
-"""What energy is spent for."""
+"""The causes of energy use."""
 
 
 @dataclass(frozen=True, slots=True)
 class Power:
     """The figures of one device, its processor included.
 
-    While its radio sends, receives, listens in vain or is off it draws ``send_uw``, ``receive_uw``, ``listen_uw``,
+    While its radio sends, receives, only listens or is off it draws ``send_uw``, ``receive_uw``, ``listen_uw``,
     ``sleep_uw``; ``sample_fj`` is spent on each reading of a sensor. ``battery_fj`` is what the battery holds (None:
-    mains). A link that knows no radio does not say how long a frame is on air: then it is ``overhead_bytes`` longer
+    mains). A link without a radio model gives no time on air: then a frame is ``overhead_bytes`` longer
     than its payload, and a byte takes ``byte_ns``.
     """
 
@@ -35,12 +35,12 @@ class Power:
 
 
 NODE_UW: Final = 6_000
-"""What a sensor node draws besides its radio, whatever that does: Castalia's baseline, 6 mW. It is part of all four
-powers of a node below, so that one that sleeps pays for it too; what its radio draws is the rest."""
+"""The power of a sensor node besides its radio, in every state: Castalia's baseline, 6 mW. It is part of all four
+powers of a node below, also asleep; the rest is the power of its radio."""
 
 
 def _node(send_uw: int, receive_uw: int, sleep_uw: int, byte_ns: int = 32_000, overhead_bytes: int = 17) -> Power:
-    """A sensor node with this radio, which listens at what it receives at."""
+    """A sensor node with this radio, which takes the same power for listening as for receiving."""
     send_uw, receive_uw, sleep_uw = send_uw + NODE_UW, receive_uw + NODE_UW, sleep_uw + NODE_UW
     return Power(send_uw, receive_uw, receive_uw, sleep_uw, byte_ns=byte_ns, overhead_bytes=overhead_bytes)
 
@@ -60,4 +60,4 @@ DEVICES: Final[Mapping[str, Power]] = {
     # of 192 us is as long as 24 bytes, ahead of 36 of headers.
     "wifi11b": Power(478_500, 198_000, 198_000, 2_970, byte_ns=8_000, overhead_bytes=60),
 }
-"""Devices by name, on mains, with sensors that cost nothing: what a scenario starts from."""
+"""Devices by name, on mains, with sensors that use no energy: the defaults of a scenario."""

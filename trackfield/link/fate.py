@@ -1,4 +1,4 @@
-"""What becomes of a frame on the air: a pure function of the frame and the seed."""
+"""The fate of a frame on the air: a pure function of the frame and the seed."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from trackfield.draw import uniform
 MIN_DELAY_NS: Final = 1_000_000
 """Every frame takes at least 1 ms, so that a cause precedes its effect."""
 FIELD: Final = "field"
-"""The medium whose draws are keyed without its name."""
+"""The medium whose name is not part of the keys of draws."""
 
 FrameKey = tuple[str, str, str, *tuple[str | int, ...]]
-"""What draws for a frame are keyed by: src, dst, kind, sent_ns, copy, and its medium unless that is ``FIELD``."""
+"""The key of a frame's draws: src, dst, kind, sent_ns, copy, and its medium unless that is ``FIELD``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fate:
     """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent.
 
-    What it cost: ``attempts`` transmissions by the sender, over all fragments and repeats, of together
-    ``bytes_on_air`` in ``air_ns``, and ``ack_bytes`` sent back by the hearer in ``ack_air_ns``. The sender's radio is
-    taken for ``busy_ns`` from ``sent_ns`` on: by its way to the channel, by sending, by waiting for acknowledgements.
-    Bytes and times are 0 where a model knows no radio.
+    Its cost: ``attempts`` transmissions by the sender, over all fragments and repeats, of ``bytes_on_air`` in total in
+    ``air_ns``, and ``ack_bytes`` sent back by the receiver in ``ack_air_ns``. The sender's radio is occupied for
+    ``busy_ns`` from ``sent_ns`` on: by channel access, sending, and waiting for acknowledgements. Bytes and times are 0
+    in models without a radio.
     """
 
     cause: str | None
@@ -41,12 +41,12 @@ LOST: Final = Fate("radio")
 
 
 def lost(fate: Fate, cause: str) -> Fate:
-    """The fate of a frame that its hearer could not hear: its sender spends what it would have spent."""
+    """The fate of a frame that does not reach its receiver: its sender spends the same energy as otherwise."""
     return replace(fate, cause=cause, delay_ns=0, ack_bytes=0, ack_air_ns=0)
 
 
 class Link(Protocol):
-    """A link model. Equal arguments have equal fates, in any process and in any order of asking."""
+    """A link model. Equal arguments have equal fates, in any process and in any order of calls."""
 
     def fate(
         self,
@@ -62,28 +62,28 @@ class Link(Protocol):
         """The fate of a frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time).
 
         ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A ``broadcast``
-        has a fate per hearer, and is never acknowledged; what it costs its sender is the same for every hearer, and
-        for one whose place is not known: its sender asks about ``*``. Whatever is drawn, for a frame or for a pair of
-        processes, is drawn anew for each ``medium``.
+        has a fate per receiver, and is never acknowledged; its cost for the sender is the same for every receiver,
+        and for one whose place is not known: its sender asks about ``*``. All draws, for a frame or for a pair of
+        processes, are independent for each ``medium``.
         """
         ...
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run.
 
-        ``kind`` matters where kinds are acknowledged differently; None is one that is not mentioned there. Who moves
-        is where it is at ``at_ns``. The medium is ``FIELD``.
+        ``kind`` matters if kinds are acknowledged differently; None is a kind without its own setting. Places,
+        and lines of a trace, are those at ``at_ns``. The medium is ``FIELD``.
         """
         ...
 
 
 def of_medium(medium: str) -> tuple[str, ...]:
-    """What the key of a draw for a link ends with, so that each medium has draws of its own."""
+    """The end of the key of a link's draw, so that each medium has its own draws."""
     return () if medium == FIELD else (medium,)
 
 
 def frame_key(src: str, dst: str, kind: str, sent_ns: int, copy: int, medium: str) -> FrameKey:
-    """What the draws of this frame are keyed by."""
+    """The key of the draws of this frame."""
     key = (src, dst, kind, sent_ns, copy)
     return key if medium == FIELD else (*key, medium)
 

@@ -1,8 +1,8 @@
 """Losses in bursts: the two-state channel of Gilbert (1960) and Elliott (1963), in continuous time.
 
 Each directed link of a medium is good or bad for exponentially distributed dwell times. Dwell k of a link is drawn by
-its number, so the channel's path does not depend on which frames are asked about; a frame reads the state at the
-instant it was sent. The path starts in the stationary distribution, P(bad) = bad_s / (good_s + bad_s), and as
+its number, so the channel's states do not depend on the frames that are asked about; the state at the instant of
+sending counts for a frame. The channel starts in the stationary distribution, P(bad) = bad_s / (good_s + bad_s), and as
 an exponential dwell has no memory, the first one is distributed like all others.
 """
 
@@ -39,7 +39,7 @@ class GilbertElliott:
     delay_ms: float = 1.0
     jitter_ms: float = 0.0
     # The dwell that each link was last asked about: (number, begin, end, whether dwell 0 is bad). One entry
-    # per link in use, however long the run; only a place to walk on from, so it changes no answer.
+    # per link in use, however long the run; only a starting point for the search, so it changes no answer.
     _last: dict[tuple[str, ...], tuple[int, int, int, bool]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )

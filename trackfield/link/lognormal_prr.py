@@ -1,4 +1,4 @@
-"""A radio under path loss with frozen shadowing (``shadowing``), received by its own curve (``reception``)."""
+"""A radio with path loss, constant shadowing per link (``shadowing``) and a reception curve (``reception``)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 class LognormalPrr:
     """``radio`` and ``channel`` are names in ``RADIOS`` and ``CHANNELS``, ``sf`` is LoRa's spreading factor.
 
-    What is None is as the radio has it. A frame from or to a process whose place is not known is out of range.
+    Parameters that are None take the radio's value. A frame from or to a process of unknown place is out of range.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class LognormalPrr:
         self._seed, self._places = seed, places
         self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack, acks)
         self._moving = frozenset(id for id, place in places.items() if moves(place))
-        # What was computed before, of links whose ends stand still: a few entries per link in use.
+        # Cache for links whose ends do not move: a few entries per link in use.
         self._prr: dict[tuple[str, str, int, str], float] = {}
 
     def fate(

@@ -24,12 +24,12 @@ def _ideal(seed: int, places: Places) -> Link:
 
 
 def _ethernet(seed: int, places: Places, delay_ms: float = 1.0) -> Link:
-    """A wire: loses nothing, takes the same time always."""
+    """A wire: loses nothing, constant delay."""
     return Fixed(seed, delay_ms=delay_ms)
 
 
 def _anywhere(model: Callable[..., Link]) -> Callable[..., Link]:
-    """A model that does not ask where processes stand."""
+    """A model that does not depend on places."""
     return lambda seed, places, **parameters: model(seed, **parameters)
 
 
@@ -48,7 +48,7 @@ MODELS: Final[Mapping[str, Callable[..., Link]]] = {
 def make_link(spec: Mapping[str, Any], seed: int, places: Places = MappingProxyType({})) -> Link:
     """The link of a ``[link]`` section: its ``model``, that model's parameters, and ``range_m`` if it has an end.
 
-    ``places`` says where all those stand between whom fates will be asked for. Raises ``ValueError`` for an unknown
+    ``places`` holds the places of all processes between which frames may be sent. Raises ``ValueError`` for an unknown
     model or parameter, a missing one, or a value out of range.
     """
     parameters = {name: value for name, value in spec.items() if name not in ("model", "range_m")}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from trackfield.link.fate import FIELD, Fate, Link, lost
 
 Cut = tuple[int, int, Sequence[str], str | None]
-"""From when until when (ns) these ids are on a side of their own, on which medium; None: on every one."""
+"""From when until when (ns) these ids are on a side of their own, and on which medium (None: on every one)."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Partitioned:
         broadcast: bool = False,
         medium: str = FIELD,
     ) -> Fate:
-        """See ``Link.fate``; what the sender spends is spent all the same."""
+        """See ``Link.fate``; the sender spends the same energy for a lost frame."""
         fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast, medium)
         return lost(fate, "partition") if self._cut(src, dst, sent_ns, medium) else fate
 

@@ -1,4 +1,4 @@
-"""Where processes stand, and where those that move are at an instant."""
+"""Places of processes, and their positions over time if they move."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def position(places: Places, id: str, t_ns: int) -> Point:
 
 
 def distance_m(places: Places, a: str, b: str, t_ns: int) -> float:
-    """How far two are apart at an instant. Raises ``KeyError`` for one whose place is not known."""
+    """The distance between two processes at an instant. Raises ``KeyError`` for one whose place is not known."""
     return dist(position(places, a, t_ns), position(places, b, t_ns))
 
 

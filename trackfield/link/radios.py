@@ -1,4 +1,4 @@
-"""Radios by name: power, noise, frames, and how they come to the channel."""
+"""Radios by name: power, noise, frames, and channel access."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from trackfield.link.lora868 import Lora
 
 @dataclass(frozen=True, slots=True)
 class Radio:
-    """What a frame needs of its radio; ``what`` it is, in words.
+    """The parameters of a radio; ``what`` describes it in words.
 
     A payload of up to ``payload_bytes`` goes into one frame, which is ``overhead_bytes`` longer on the air.
-    ``prr(snr_db, frame_bytes)`` is the share of frames received, ``airtime_ns(frame_bytes)`` what one takes.
+    ``prr(snr_db, frame_bytes)`` is the share of frames received, ``airtime_ns(frame_bytes)`` the time on air of one.
     An acknowledgement begins ``turnaround_ns`` after a frame and has ``ack_bytes``; a sender waits ``patience_ns`` for
-    it in vain. ``ack`` is how often a frame is sent at most until it is acknowledged; 0: once, and it never is.
+    it. ``ack`` is the most transmissions of a frame until it is acknowledged; 0: sent once, never acknowledged.
     ``channel`` names the path loss (``CHANNELS``) under which its figures are usually given. ``duty`` is the share of
     any hour in which a device may send by law; no model enforces it.
     """
@@ -130,4 +130,4 @@ RADIOS: Final[Mapping[str, Callable[[int], Radio]]] = {
     "mica2": lambda _: _MICA2,
     "wifi11b": lambda _: _WIFI11B,
 }
-"""What makes a radio, from a spreading factor (which only LoRa looks at)."""
+"""Makers of radios, from a spreading factor (which only LoRa uses)."""

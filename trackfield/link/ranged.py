@@ -1,4 +1,4 @@
-"""Any link with an end: who is further away hears nothing."""
+"""Any link with a maximum range."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Ranged:
         broadcast: bool = False,
         medium: str = FIELD,
     ) -> Fate:
-        """See ``Link.fate``; what the sender spends is spent all the same."""
+        """See ``Link.fate``; the sender spends the same energy for a lost frame."""
         fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast, medium)
         return fate if self._reaches(src, dst, sent_ns) else lost(fate, "radio")
 

@@ -1,4 +1,4 @@
-"""From the signal-to-noise ratio to the share of frames received whole (packet reception ratio, PRR).
+"""The share of frames that are received (packet reception ratio, PRR), from the signal-to-noise ratio.
 
 Zuniga and Krishnamachari (2004): PRR = (1 - BER)^(8 f) for a frame of f bytes on the air, bit errors independent.
 """

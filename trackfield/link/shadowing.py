@@ -1,4 +1,4 @@
-"""Path loss with log-normal shadowing, frozen for each link.
+"""Path loss with log-normal shadowing, constant for each link.
 
 PL(d) = PL0 + 10 n log10(d / d0) + N(0, sigma) [+ N(0, asymmetry)], in dB: the first draw belongs to the pair, the
 second to the direction. Zuniga and Krishnamachari (2004), "Analyzing the Transitional Region in Low Power Wireless
@@ -18,7 +18,7 @@ from trackfield.link.places import Places, distance_m
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """How a signal weakens: ``pl0_db`` at ``d0_m``, ``exponent`` n, ``sigma_db`` and ``asymmetry_db`` around that.
+    """Path loss: ``pl0_db`` at ``d0_m``, ``exponent`` n, ``sigma_db`` and ``asymmetry_db`` of its draws.
 
     Nearer than ``d0_m`` the loss is that at ``d0_m``; the far field, for which the law holds, begins there.
     """

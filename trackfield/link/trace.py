@@ -1,4 +1,4 @@
-"""A measured link, replayed: a CSV file says when which frames got through, and how late."""
+"""A measured link, replayed: a CSV file gives reception and delay of frames over time."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Line = tuple[int, Fate]
 
 
 class Trace:
-    """Frames share the fate of the last line at or before their sending, for their sender and hearer.
+    """The last line at or before the sending of a frame, for its sender and receiver, gives its fate.
 
     ``file`` has the columns src, dst, t_s (seconds since the start of the run), received (1 or 0) and delay_ms, its
     lines in any order. A link receives nothing before its first line, nor if it has none. If ``places`` are known,
-    other links are not kept. Raises ``ValueError`` for a file that cannot be read, with the line.
+    only links between them are kept. Raises ``ValueError`` for a file that cannot be read, with the line.
     """
 
     def __init__(self, seed: int, places: Places, file: str) -> None:
@@ -56,9 +56,8 @@ class Trace:
         return lines[last - 1][1] if last else Fate("radio")
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
-        """The share of the link's lines that say received."""
-        lines = self._lines.get((src, dst), [])
-        return sum(fate.cause is None for _, fate in lines) / len(lines) if lines else 0.0
+        """1 if frames sent at ``at_ns`` are received, else 0."""
+        return float(self.fate(src, dst, "", at_ns, 0, size).cause is None)
 
     def _add(self, row: dict[str, str], places: Places, where: str) -> None:
         link = (row["src"], row["dst"])

@@ -1,4 +1,4 @@
-"""A frame's way through a radio: fragments, channel access, repeats, acknowledgements, all within its fate."""
+"""A frame's transfer by radio: fragments, channel access, repeats, acknowledgements, all within its fate."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Transfer:
     """Sends payloads over a radio whose channel is busy for a share ``busy`` of the time.
 
     With ``ack`` = n a fragment is sent until an acknowledgement arrives, n times at most, and counts as arrived when
-    its first acknowledgement is out; with 0 it is sent once. ``acks`` says so for some kinds of message, by name, over
-    ``ack``. Fragments follow each other; each has a fate of its own, and the payload arrives with the last one, if none
-    is lost.
+    its first acknowledgement is out; with 0 it is sent once. ``acks`` overrides ``ack`` for some kinds of
+    message, by name. Fragments are sent one after the other; each has a fate of its own, and the payload arrives with
+    the last one, if none is lost.
     """
 
     seed: int
@@ -41,10 +41,10 @@ class Transfer:
     def fate(self, frame: FrameKey, size: int, broadcast: bool, there: Prr, back: Prr) -> Fate:
         """The fate of a payload.
 
-        ``there`` is the share received of what the sender sends, ``back`` of what its hearer sends.
+        ``there`` is the share of frames received in the payload's direction, ``back`` in that of acknowledgements.
         """
         src, dst, kind, *which = frame
-        # A broadcast leaves once for all its hearers, so they share its way to the channel.
+        # A broadcast is sent once for all its receivers, so they share its channel access.
         sender = (src, "*" if broadcast else dst, kind, *which)
         ack = 0 if broadcast else self.acks.get(kind, self.ack)
         now, attempts, on_air, air, acks, arrived = 0, 0, 0, 0, 0, True

@@ -1,4 +1,4 @@
-"""Direction of arrival: the bearings under which several sensors hear a target, and their slopes.
+"""Direction of arrival: the bearings at which several sensors hear a target, and their derivatives.
 
 For the filters, so arrays only; a single bearing without numpy is ``sound.bearing``.
 """
@@ -15,7 +15,7 @@ from trackfield.models.sound import bearing
 
 Array = npt.NDArray[np.float64]
 
-_AT_SENSOR = 1e-6  # m^2: on top of a sensor the slope has no value; this one is finite
+_AT_SENSOR = 1e-6  # m^2: at a sensor's own place the derivative is undefined; this keeps it finite
 
 
 def measure(state: Array, sensors: Array) -> Array:
@@ -40,7 +40,7 @@ def wrap(angle: Array) -> Array:
 
 
 def _apart(state: Array, sensors: Array) -> tuple[Array, Array]:
-    """Where states are, seen from sensors: (..., K) m east and north.
+    """The positions of states relative to sensors: (..., K) m east and north.
 
     States lie next to each other in memory, not sensors: there are many of the former, and long loops are fast.
     """
@@ -69,5 +69,5 @@ class Bearings:
         return jacobian(states, positions)[..., None, :]
 
     def residual(self, difference: Array) -> Array:
-        """Differences of readings (..., 1), the short way round."""
+        """Differences of readings (..., 1), wrapped."""
         return wrap(difference)

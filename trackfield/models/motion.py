@@ -25,12 +25,12 @@ def process_noise(dt: float, sigma_v: float) -> Rows:
 
 
 def standing_transition() -> Rows:
-    """F (4x4) of a target that stands: its place stays, and what velocity it had is gone."""
+    """F (4x4) of a target that stands: its position stays, and its velocity becomes zero."""
     return ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
 def standing_noise(dt: float, sigma: float) -> Rows:
-    """Q (4x4) of a target that stands but stirs: a velocity of sd ``sigma`` m/s per axis, new each step."""
+    """Q (4x4) of a standing target with jitter: a velocity of sd ``sigma`` m/s per axis, new each step."""
     return _spread(((dt, 0.0), (0.0, dt), (1.0, 0.0), (0.0, 1.0)), sigma)
 
 

@@ -1,4 +1,4 @@
-"""Sound of a point source, and the angles under which it is heard.
+"""Sound of a point source, and the bearings at which it is heard.
 
 Every function takes numbers, or arrays with ``xp=numpy``: numpy shares the names with ``math``, so nodes that
 never load numpy use the same formulas. Bearings are in radians, clockwise from north (+y).

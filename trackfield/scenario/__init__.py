@@ -1,6 +1,6 @@
 """Scenario files: what stands in a field, what moves through it, and how the two are set up for a run.
 
-The launcher's side only: a process of the field is told what it needs and never reads a scenario.
+Only the launcher reads scenarios: the processes of a field are given what they need.
 """
 
 from __future__ import annotations

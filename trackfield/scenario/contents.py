@@ -1,4 +1,4 @@
-"""All that a scenario file says: its sections, composed.
+"""The contents of a scenario file: its sections, composed.
 
 Units are part of the keys' names. A section that comes in several kinds (a link model, a layout, a kind of path) is
 a union told apart by one of its keys. Descriptions become docs/scenarios.md, the schema for editors and the comments
@@ -27,16 +27,16 @@ from trackfield.scenario.sensors import Acoustic, Sensor
 
 
 class Contents(Section):
-    """All that a scenario file says."""
+    """The contents of a scenario file."""
 
     name: str = Field(
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
         json_schema_extra={"expected": "letters, digits, and _ . - between them"},
-        description="what runs of this scenario are called",
+        description="the scenario's name; its run folders begin with it",
     )
-    seed: int = Field(default=1, ge=0, description="of every random draw; another seed, another run")
+    seed: int = Field(default=1, ge=0, description="seed of every random draw; another gives another run")
     restart: Literal["never", "on-death"] = Field(
-        default="never", description="what becomes of a process that dies unplanned: nothing, or it is started again"
+        default="never", description="whether a process that dies unplanned is started again"
     )
     field: Layout = Grid()
     sensor: Sensor = Acoustic()
@@ -54,8 +54,8 @@ class Contents(Section):
     @field_validator("targets")
     @classmethod
     def _go_together(cls, targets: tuple[PathSection, ...], info: ValidationInfo) -> tuple[PathSection, ...]:
-        """One target at least, each with an id of its own, all with the steps of the first."""
-        if "target" not in info.data:  # what is wrong with it is told already
+        """At least one target, each with its own id, all with the steps of the first."""
+        if "target" not in info.data:  # its own error is reported already
             return targets
         every = _keyed(info.data["target"], targets)
         if not every:
@@ -65,13 +65,13 @@ class Contents(Section):
             if key != "target" and "id" not in one.model_fields_set:
                 raise wrong("missing", ID_WORDS, f"{key}.id")
             if one.id in seen:
-                raise wrong(f"{one.id!r} is there twice", "another id for each target", f"{key}.id")
+                raise wrong(f"{one.id!r} is given twice", "a different id for each target", f"{key}.id")
             seen.add(one.id)
             for name in ("step_s", "steps"):
                 own, right = getattr(one, name), getattr(first, name)
                 if name in one.model_fields_set and own != right:
                     what = f"is {own:g}, and {first_key}.{name} is {'unset' if right is None else format(right, 'g')}"
-                    raise wrong(what, "the same as of the first target, or left out", f"{key}.{name}")
+                    raise wrong(what, "the same as for the first target, or left out", f"{key}.{name}")
         return targets
 
     @model_validator(mode="after")
@@ -86,27 +86,27 @@ class Contents(Section):
 
     @property
     def keyed_targets(self) -> tuple[tuple[str, PathSection], ...]:
-        """The targets in their order, each with its key: ``target``, ``targets[0]``, ..."""
+        """The targets in order, each with its key: ``target``, ``targets[0]``, ..."""
         return _keyed(self.target, self.targets)
 
     @property
     def every_target(self) -> tuple[PathSection, ...]:
-        """The targets in their order; that of ``[target]`` is the first."""
+        """The targets in order, that of ``[target]`` first."""
         return tuple(target for _, target in self.keyed_targets)
 
     @property
     def step_s(self) -> float:
-        """How long a step takes (s)."""
+        """Length of a step (s)."""
         return self.every_target[0].step_s
 
     @property
     def steps(self) -> int | None:
-        """How many steps the run has; None: as many as its longest path."""
+        """Number of steps of the run; None: until its longest path ends."""
         return self.every_target[0].steps
 
     @property
     def lost_beyond_m(self) -> float:
-        """In a step in which a track is further off than that (m), it counts as lost."""
+        """Position error (m) above which a track counts as lost in a step."""
         beyond_m = self.score.lost.beyond_m
         return self.fusion.lost_m if beyond_m is None else beyond_m
 

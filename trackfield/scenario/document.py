@@ -27,7 +27,7 @@ def tables() -> str:
 
 
 def updated(text: str) -> str:
-    """The document with the tables between its marks made anew. Raises ``ValueError`` if it has no marks."""
+    """The document with the tables between its marks generated again. Raises ``ValueError`` if it has no marks."""
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
@@ -36,13 +36,13 @@ def updated(text: str) -> str:
 
 
 def _table(kinds: Mapping[str, Mapping[str, Key]], tag: str) -> Iterable[str]:
-    """Rows of a Markdown table; keys that several kinds share with one meaning have one row."""
+    """Rows of a Markdown table; a key that several kinds share with the same meaning has one row."""
     rows: dict[Key, list[str]] = {}
     for kind, keys in kinds.items():
         for key in keys.values():
             for one in (key, *(replace(part, name=f"{key.name}.{part.name}") for part in key.parts)):
                 rows.setdefault(one, []).append(kind)
-    heads = ["key", *([f"for `{tag}`"] if tag else []), "unit", "default", "has to be", "meaning"]
+    heads = ["key", *([f"for `{tag}`"] if tag else []), "unit", "default", "allowed values", "meaning"]
     yield _row(heads)
     yield _row(["---"] * len(heads))
     for key, owners in sorted(rows.items(), key=lambda row: row[0].name != tag):

@@ -21,9 +21,9 @@ _UNITS: Final = {
 
 @dataclass(frozen=True)
 class Key:
-    """A key: its unit, its default in TOML (empty if it has none), what it has to be, and what it means.
+    """A key: its unit, its default in TOML (empty if it has none), its allowed values, and what it means.
 
-    One whose value is a table has ``parts``, the keys of that.
+    A key whose value is a table has ``parts``, the keys of that table.
     """
 
     name: str
@@ -37,11 +37,11 @@ class Key:
 
 @dataclass(frozen=True)
 class Kinds:
-    """A section: the key ``tag`` that tells its kinds apart, and the keys of each kind.
+    """A section: the key ``tag`` that selects its kind, and the keys of each kind.
 
-    With one kind only the tag is empty, and so is that kind's name. ``default`` is the kind of a section that
-    is left out; empty if it may not be. A section that is ``many`` stands any number of times, as ``[[name]]``.
-    One that is ``open`` has the kind ``OTHER``, for whatever else its tag says, with further keys unknown here.
+    A section with one kind has an empty tag and an empty kind name. ``default`` is the kind of a section that is
+    left out; empty if it is required. A section that is ``many`` may occur any number of times, as ``[[name]]``.
+    A section that is ``open`` has the kind ``OTHER`` for all other values of its tag, with keys unknown here.
     """
 
     tag: str
@@ -51,11 +51,11 @@ class Kinds:
 
     @property
     def open(self) -> bool:
-        """Whether users bring kinds of their own."""
+        """Whether users may add kinds of their own."""
         return OTHER in self.kinds
 
     def named(self, kind: object) -> str | None:
-        """The kind that this value of the tag chooses; None if it is none."""
+        """The kind that this value of the tag selects; None if there is none."""
         if isinstance(kind, str) and kind in self.kinds:
             return kind
         return OTHER if self.open and isinstance(kind, str) else None
@@ -65,7 +65,7 @@ class Kinds:
         return f"[[{name}]]" if self.many else f"[{name}]"
 
     def keys(self, kind: object) -> Mapping[str, Key]:
-        """The keys of this kind; those of all kinds for one that does not exist."""
+        """The keys of this kind; the keys of all kinds if there is no such kind."""
         name = self.named(kind)
         if name is not None:
             return self.kinds[name]
@@ -93,12 +93,12 @@ def sections_of_file() -> Mapping[str, Kinds]:
 
 
 def own_option(name: str) -> Key:
-    """A key of a kind that a user brings."""
+    """A key of a kind that a user added."""
     return Key(name, "", "", "a number, a text, or true or false", "of that kind", required=False)
 
 
 def _models(hint: Any, tag: str | Discriminator | None) -> tuple[list[type[Section]], str]:
-    """The kinds of section in a type, and the key that tells them apart; empty if there is one kind, or none."""
+    """The kinds of section in a type, and the key that selects one; empty if there is one kind, or none."""
     if get_origin(hint) is Annotated:
         hint, *about = get_args(hint)
         return _models(hint, next((one.discriminator for one in about if isinstance(one, FieldInfo)), tag))
@@ -143,14 +143,14 @@ def _key(name: str, about: Mapping[str, Any], required: bool, parts: tuple[Key, 
 
 
 def _written(value: Any) -> str:
-    """A default in TOML; a table without what is unset in it."""
+    """A default in TOML; tables without their unset keys."""
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{key} = {json.dumps(one)}' for key, one in value.items() if one is not None)} }}"
     return json.dumps(value)
 
 
 def _expected(about: Mapping[str, Any]) -> str:
-    """A JSON schema in words, unless the key brings its own."""
+    """A JSON schema in words, unless the key has its own."""
     if "expected" in about:
         return str(about["expected"])
     about = next((one for one in about.get("anyOf", ()) if one.get("type") != "null"), about)

@@ -1,8 +1,8 @@
 """Makes ``bus.gpx``, the ride of the packaged scenario ``bus``: ``python -m trackfield.scenario.make_bus``.
 
-The streets are made up, and lie in the open sea. A bus leaves a stop, drives around three corners, serves two
-more stops and ends at the last; it brakes and accelerates as standing passengers bear it. A receiver on board
-notes a fix each second, off by a slowly wandering error.
+The streets are invented and lie in the open sea. A bus leaves a stop, drives around three corners, serves two
+more stops and ends at the last; it brakes and accelerates within the limits that standing passengers can bear. A
+receiver on board records a fix each second, with a slowly varying error.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ BEGIN: Final = datetime(2025, 3, 3, 8, 0, tzinfo=UTC)
 STREETS: Final = ((0.0, 0.0), (130.0, 18.0), (144.0, 160.0), (274.0, 147.0), (296.0, 255.0))
 """Corners in metres east and north."""
 LIMITS: Final = (11.0, 8.5, 13.0, 10.0)
-"""How fast traffic lets the bus go in each street, m/s."""
+"""The bus's speed limit in each street, m/s."""
 STOPS: Final = ((0.0, 2.0), (215.0, 6.0), (385.0, 6.0), (1e9, 3.0))
-"""Metres along the way, seconds of waiting; the last lies at the end."""
+"""Stops: metres along the way, seconds of waiting; the last is at the end."""
 
 TURN_M: Final = 14.0
 """Radius of a corner."""
@@ -42,7 +42,7 @@ BRAKE: Final = 1.3  # m/s^2
 NOISE_M: Final = 0.5
 """Standard deviation of a fix's error, east and north."""
 NOISE_S: Final = 12
-"""Seconds in which the error wanders."""
+"""Seconds over which the error varies."""
 
 
 def way() -> list[tuple[float, float, float]]:
@@ -87,7 +87,7 @@ def _corner(a: Point, corner: Point, b: Point) -> list[Point]:
 
 
 def ride() -> tuple[list[float], list[Point]]:
-    """Times (s) at which the bus is at places (m) along its way; both once more at the end of a wait."""
+    """Times (s) and positions (m) of the bus along its way; a position is repeated at the end of a wait."""
     points = way()
     steps = [hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(points)]
     along = [0.0]
@@ -129,7 +129,7 @@ def fixes() -> list[tuple[datetime, float, float]]:
 
 
 def _error(axis: str, second: int) -> float:
-    """The receiver's error in metres: the mean of some draws, most of which the next second shares."""
+    """The receiver's error in metres: a moving average of keyed draws, so that consecutive seconds are correlated."""
     draws = (normal(0, "bus", 0, axis, k) for k in range(second, second + NOISE_S))
     return NOISE_M * sum(draws) / sqrt(NOISE_S)
 

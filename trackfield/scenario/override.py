@@ -13,7 +13,7 @@ from trackfield.scenario.section import OTHER
 
 
 def parse(text: str) -> tuple[str, Any]:
-    """``key.path=value`` as (key path, value): a TOML value, a number like ``.5``, or else bare text.
+    """``key.path=value`` as (key path, value): a TOML value, a number like ``.5``, or else plain text.
 
     Raises ``ScenarioError`` if there is no key or no ``=``.
     """
@@ -33,14 +33,14 @@ def parse(text: str) -> tuple[str, Any]:
 def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """The scenario ``data`` with the ``values`` set, each by its key path.
 
-    A section that changes its kind keeps the keys that the new kind has too. Setting keys that only one kind
-    has chooses that kind: ``link.loss`` the model ``fixed``, ``target.file`` the path ``file``.
+    A section that changes its kind keeps the keys that the new kind has too. Setting a key that only
+    one kind has selects that kind: ``link.loss`` the model ``fixed``, ``target.file`` the path ``file``.
     """
     changed: dict[str, Any] = deepcopy(dict(data))
     for name, section in sections_of_file().items():
         own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith(f"{name}.")}
         if own and section.many:
-            what = "are a list, which is set as a whole"
+            what = "are a list, which can only be set as a whole"
             raise ScenarioError(what, key=name, expected=f"{name}=[{{{section.tag}='...', ...}}, ...]")
         old = changed.get(name, {section.tag: section.default})
         if own and section.tag and isinstance(old, dict):
@@ -60,7 +60,7 @@ def _of_kind(section: Kinds, old: Mapping[str, Any], own: Mapping[str, Any]) -> 
     """``old`` as the kind that ``own`` names or needs, without the keys that this kind does not have."""
     now = old.get(section.tag, section.default)
     able = [kind for kind, keys in section.kinds.items() if own.keys() <= keys.keys() and kind != OTHER]
-    chosen = len(able) == 1 and now in section.kinds  # a kind of a user's own may have keys of any name
+    chosen = len(able) == 1 and now in section.kinds  # a user's own kind may have keys of any name
     kind = own.get(section.tag, able[0] if chosen else now)
     if kind == now or section.named(kind) is None:
         return dict(old)

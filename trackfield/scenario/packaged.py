@@ -22,5 +22,5 @@ def packaged_file(name: str) -> Path:
 
 
 def summary(name: str) -> str:
-    """What the packaged scenario ``name`` is, in a line: its file's first comment."""
+    """One line that describes the packaged scenario ``name``: its file's first comment."""
     return packaged_file(name).read_text(encoding="utf-8").partition("\n")[0].lstrip("# ")

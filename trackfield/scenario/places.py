@@ -1,4 +1,4 @@
-"""A file that says where the sensors of a field stand."""
+"""Files with the places of a field's sensors."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Place = tuple[str, float, float]
 
 ROLES: Final = ("node", "fusion")
 RESERVED: Final = ("router", "recorder", "live")
-"""Other processes of a run that go by these names."""
+"""Ids that other processes of a run have."""
 
 
 def read_places(file: FilePath, origin: Array | None, centre: str) -> tuple[list[Place], Point | None]:
-    """The sensors of a CSV file in its own order, and where it has the fusion centre stand.
+    """The sensors of a CSV file in its order, and the fusion centre's place if the file has it.
 
     Columns are ``id``, either ``lat``, ``lon`` in degrees or ``x``, ``y`` in metres, and, if the file has it,
     ``role``: ``node`` (also where it is empty) or ``fusion``, for the row whose id is ``centre``. ``origin`` (2,) is
-    the latitude and longitude of (0, 0); None if nobody knows them. A file with both kinds of place is read as the
-    origin has it. Raises ``ScenarioError`` if the file cannot be used.
+    the latitude and longitude of (0, 0); None if they are not known. Of a file with both kinds of place, those are
+    read that fit the origin. Raises ``ScenarioError`` if the file cannot be used.
     """
     degrees, metres = ("id", "lat", "lon"), ("id", "x", "y")
     formats = (metres, degrees) if origin is None else (degrees, metres)
@@ -52,14 +52,16 @@ def read_places(file: FilePath, origin: Array | None, centre: str) -> tuple[list
     found = {id: (x, y) for id, (x, y) in places}
     place = found.pop(centre, None)
     if not found:
-        raise ScenarioError("no sensors", file=str(file), expected="a row at least whose role is node")
+        raise ScenarioError("no sensors", file=str(file), expected="at least one row with the role node")
     return [(id, *point) for id, point in found.items()], place
 
 
 def _check_name(where: str, id: str, role: str, centre: str, lines: dict[str, int]) -> None:
-    """Raise ``ScenarioError`` unless the id is new, and free for this role."""
+    """Raise ``ScenarioError`` unless the id is new and allowed for this role."""
     if id in lines:
-        raise ScenarioError(f"id {id!r} is there twice", file=where, expected=f"another than in line {lines[id]}")
+        raise ScenarioError(
+            f"id {id!r} is given twice", file=where, expected=f"an id other than that of line {lines[id]}"
+        )
     if id in RESERVED or (id == centre) != (role == "fusion"):
         expected = f"the id {centre}" if role == "fusion" else f"an id other than {', '.join((centre, *RESERVED))}"
         if role == "fusion" and id not in RESERVED:

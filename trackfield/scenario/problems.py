@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, for the person who wrote it: where, what, and what would be right."""
+"""The errors of a scenario, for its author: where, what, and what is expected."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, t
 from trackfield.scenario.nearest import suggestion
 
 NUMBER: Final = re.compile(r"\[(\d+)\]")
-"""Which of a list of sections: ``faults[0]``."""
+"""The index in a list of sections: ``faults[0]``."""
 
 
 def problems(error: ValidationError, file: str, text: str, set_keys: Collection[str]) -> list[ScenarioError]:
-    """All that validation found in a ``file`` with this ``text``, of which ``set_keys`` were set anew."""
+    """All that validation found in a ``file`` with this ``text``, of which ``set_keys`` were overridden."""
     found: dict[str, ScenarioError] = {}
     for one in error.errors(include_url=False):
         path, what, expected = _problem(one)
@@ -34,7 +34,7 @@ def problems(error: ValidationError, file: str, text: str, set_keys: Collection[
 
 
 STAND_INS: Final = {"name": "scenario", "target": {"path": "s1"}}
-"""What takes the place of what a scenario cannot do without, to look at the rest of it."""
+"""Stand-ins for required parts, so that the rest of a scenario can be checked."""
 
 
 def section_of(key: str) -> str:
@@ -43,7 +43,7 @@ def section_of(key: str) -> str:
 
 
 def without(data: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
-    """A scenario without these keys; a list of sections goes as a whole, and so does one whose kind is unknown."""
+    """A scenario without these keys; a list of sections, or a section of unknown kind, is removed as a whole."""
     less = dict(data)
     for key in keys:
         name, _, rest = key.partition(".")
@@ -58,7 +58,7 @@ def without(data: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
 
 
 def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
-    """The key's path, what is wrong with it, and what is expected."""
+    """The key's path, its error, and what is expected."""
     path, section, kind = _where(error["loc"])
     context = error.get("ctx", {})
     missing = error["type"] == "missing" and isinstance(error["loc"][-1], str)
@@ -88,7 +88,7 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
 
 
 def _where(loc: Sequence[str | int]) -> tuple[list[str], Kinds | None, str]:
-    """The path of the key at this place, the section that it is in, and which kind of it."""
+    """The path of the key at this place, its section, and the section's kind."""
     path = [part for part in loc if isinstance(part, str)]
     section = sections_of_file().get(path[0]) if path else None
     if section is None:
@@ -106,13 +106,13 @@ def _parts(key: Key) -> dict[str, Key]:
 
 
 def _a_section(name: str, section: Kinds) -> str:
-    """What stands where a section of this name ought to be: one, or (where its number is missing) a list of them."""
+    """The section expected under this name, in words: one, or a list of them where an index is missing."""
     alone = re.sub(NUMBER, "", name)
     return f"{'sections' if section.many and alone == name else 'a section'} {section.header(alone)}"
 
 
 def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str, str]:
-    """What to say of a key that nobody knows, or that belongs to another kind of its section."""
+    """The message for a key that is unknown, or that belongs to another kind of its section."""
     name = path[-1]
     if section is None:
         known: Collection[str] = [*top_level(), *sections_of_file()]
@@ -141,7 +141,7 @@ def _short(value: object) -> str:
 
 
 def line_of(text: str, path: Sequence[str]) -> int | None:
-    """The line on which a TOML text sets this key, or else opens its section; None if neither can be told.
+    """The line on which a TOML text sets this key, or else opens its section; None if neither is found.
 
     Knows ``[section]``, ``[section.key]`` and ``[[section]]`` headers, and ``key =`` on a line of its own, which is how
     scenario files are written.

@@ -36,9 +36,9 @@ class Scenario(Contents):
     ) -> Self:
         """The scenario of a packaged name, a TOML file or a dict, with some keys set to other values.
 
-        Files that it names lie relative to its own; those in ``overrides`` and in a dict relative to the
+        Files that it names are relative to its own; those in ``overrides`` and in a dict relative to the
         working directory. The trackers' names are checked if ``known_trackers`` are given. Raises
-        ``ScenarioError``, which tells all that is wrong, a line each.
+        ``ScenarioError`` with all errors, one per line.
         """
         scenario, errors = cls.examine(source, overrides, known_trackers=known_trackers)
         if scenario is None or errors:
@@ -53,7 +53,7 @@ class Scenario(Contents):
         *,
         known_trackers: Collection[str] | None = None,
     ) -> tuple[Self | None, list[ScenarioError]]:
-        """As ``load``, but with all that is wrong, and the scenario without the keys that are: none if it cannot be."""
+        """Like ``load``, but returns all errors, and the scenario without the wrong keys (None if there is none)."""
         try:
             data, file, text = _written(source)
             changed = _anchored(apply(data, overrides or {}), Path.cwd())
@@ -80,19 +80,19 @@ class Scenario(Contents):
         return self.set_all({key: value})
 
     def set_all(self, values: Mapping[str, Any]) -> Self:
-        """The scenario with several keys set to other values at once: those of a kind beside the kind."""
+        """The scenario with several keys set at once, such as a section's kind together with the keys of that kind."""
         return self.load(self.model_dump(mode="json", by_alias=True, exclude_unset=True), values)
 
     def plain(self) -> dict[str, Any]:
         """All keys that have a value, defaults too, as nested dicts, lists, numbers and text."""
         written = self.model_dump(mode="json", by_alias=True, exclude_none=True)
         for target, values in zip(self.targets, written["targets"], strict=True):
-            for name in {"step_s", "steps"} - target.model_fields_set:  # the first target's count
+            for name in {"step_s", "steps"} - target.model_fields_set:  # the first target's values count
                 values.pop(name, None)
         return {name: value for name, value in written.items() if value != []}
 
     def to_toml(self) -> str:
-        """A scenario file that says the same, with every default written out and every key explained."""
+        """The same scenario as a file, with every default written out and every key explained."""
         document = tomlkit.document()
         for name, value in self.plain().items():
             if name in top_level():
@@ -116,7 +116,7 @@ def schema() -> dict[str, Any]:
 
 
 def _written(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:
-    """What a source says, its file and that file's text; both are empty for a dict. Raises ``ScenarioError``."""
+    """The contents of a source, its file and that file's text; both are empty for a dict. Raises ``ScenarioError``."""
     if isinstance(source, Mapping):
         return _anchored(source, Path.cwd()), "", ""
     file = _file_of(source)
@@ -125,7 +125,7 @@ def _written(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], st
         data = tomllib.loads(text)
     except OSError as error:
         raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
-    except ValueError as error:  # bytes that are no text, or text that is no TOML
+    except ValueError as error:  # bytes that are not text, or text that is not TOML
         raise ScenarioError(f"not a TOML file ({error})", file=str(file)) from None
     return _anchored(data, file.parent), str(file), text
 
@@ -147,7 +147,7 @@ def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
 
 
 def _with_file(part: Any, base: Path) -> Any:
-    """A section, or a list of them, with its file as an absolute path; what is neither stays as it is."""
+    """A section, or a list of them, with its file as an absolute path; anything else unchanged."""
     if isinstance(part, list | tuple):
         return [_with_file(one, base) for one in part]
     if isinstance(part, Mapping) and isinstance(part.get("file"), str) and part["file"]:

@@ -11,11 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 OTHER: Final = "any other"
-"""Stands for all kinds of a section that users bring."""
+"""Stands for all kinds of a section that users add."""
 
 ID: Final = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}"
-"""What a process or a target may be called: what ``trackfield.wire.keys.check_id`` lets pass."""
-ID_WORDS: Final = "1 to 32 of A-Z a-z 0-9 _ . -, the first of them no . or -"
+"""The id of a process or a target, as ``trackfield.wire.keys.check_id`` accepts it."""
+ID_WORDS: Final = "1 to 32 characters of A-Z a-z 0-9 _ . -, not beginning with . or -"
 
 Id = Annotated[str, Field(pattern=f"^{ID}$", json_schema_extra={"expected": ID_WORDS})]
 Positive = Annotated[float, Field(gt=0)]
@@ -31,10 +31,10 @@ class Section(BaseModel):
 
 
 def one_of(kinds: Sequence[type[Section]], tag: str) -> Any:
-    """The type of a section that comes in these kinds, told apart by its key ``tag``."""
+    """The type of a section that has these kinds, selected by its key ``tag``."""
     return Annotated[reduce(or_, kinds), Field(discriminator=tag)] if len(kinds) > 1 else kinds[0]
 
 
 def wrong(what: str, expected: str, key: str = "") -> PydanticCustomError:
-    """An error in words of our own; ``key`` is where, if it is not where it was found."""
+    """A validation error with this message; ``key`` is its place if that is not where it was found."""
     return PydanticCustomError("own", "{what}", {"what": what, "expected": expected, "key": key})

@@ -1,4 +1,4 @@
-"""What a scenario comes to: the targets' paths, the sensors, and who can hear them when."""
+"""A scenario worked out: the targets' paths, the sensors, and when each sensor can hear a target."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _NS: Final = 1_000_000_000
 class Site:
     """A scenario worked out; all times are emulated, in ns since the start of the run.
 
-    Step k is at ``origin_ns`` + k ``step_ns``, up to and including ``steps``. ``paths`` are those of the targets by
-    their ids, in their order. ``windows`` hold for each sensor when it may hear any of them, in order and apart;
-    ``believed`` are the sensors where the fusion centre takes them to stand; ``centre`` is where it stands itself (m),
-    and if it drives, ``route`` when it is where: (t ns, x m, y m), in a straight line from one to the next.
+    Step k is at ``origin_ns`` + k ``step_ns``, up to and including ``steps``. ``paths`` are the targets' paths by
+    id, in order. ``windows`` hold for each sensor when it may hear any target, in order and disjoint; ``believed``
+    are the sensors at the places that the fusion centre assumes; ``centre`` is the centre's own place (m), and
+    ``route`` its positions over time if it moves: (t ns, x m, y m), with straight lines between them.
     """
 
     scenario: Scenario
@@ -47,12 +47,12 @@ class Site:
     route: tuple[Leg, ...] = ()
 
     def sound(self, index: int) -> dict[str, Any]:
-        """The plain form of the sensor of this index, acoustic or of a user's own."""
+        """The plain form of the sensor of this index, acoustic or a user's own."""
         scenario, paths = self.scenario, tuple(self.paths.values())
         return scenario.sensor.plain(self.sensors[index], paths, self.windows[index], scenario.seed)
 
     def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
-        """What the acoustic sensor of this index hears."""
+        """The acoustic sensor of this index."""
         sensor, seed, paths = self.scenario.sensor, self.scenario.seed, tuple(self.paths.values())
         assert isinstance(sensor, Acoustic)
         return sensor.placed(self.sensors[index], paths, self.windows[index], seed, incarnation)
@@ -93,13 +93,13 @@ def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Po
     origin = partial(origin_of, scenario.keyed_targets)
     sensors, place = scenario.field.stand(Ground(scenario.seed, paths, centre, origin))
     if any(id == centre for id, *_ in sensors):
-        what = f"is {centre!r}, and so is a sensor's id"
+        what = f"is {centre!r}, which is also a sensor's id"
         raise ScenarioError(what, key="architecture.centre", expected="an id that no sensor has")
     return sensors, place
 
 
 def believed(scenario: Scenario, sensors: Sequence[Place]) -> Sequence[Place]:
-    """The sensors where the fusion centre takes them to stand: off by a Gaussian error, east and north."""
+    """The sensors at the places that the fusion centre assumes: off by a Gaussian error, east and north."""
     seed, sd = scenario.seed, scenario.sensor.position_error_m
     if not sd:
         return sensors
@@ -113,7 +113,7 @@ def _centre(scenario: Scenario, surveyed: Point | None, positions: Array) -> Poi
     """Where the fusion centre stands at the start: as its section says, as its file says, or amid the sensors."""
     fusion = scenario.fusion
     if fusion.path is not None:
-        return fusion.path[0][1:]  # from the start on: no time in it is below 0
+        return fusion.path[0][1:]  # where it rests until then: no time of a path is below 0
     east, north = surveyed or ((positions.min(axis=0) + positions.max(axis=0)) / 2).tolist()
     return east if fusion.x_m is None else fusion.x_m, north if fusion.y_m is None else fusion.y_m
 
@@ -121,23 +121,23 @@ def _centre(scenario: Scenario, surveyed: Point | None, positions: Array) -> Poi
 def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     """The number of steps, and each target's path by its id, from the first step to the last at most.
 
-    Raises ``ScenarioError`` if a file cannot be used, or a target is not there long enough for a step.
+    Raises ``ScenarioError`` if a file cannot be used, or a target is not present for a whole step.
     """
     step_ns, targets = _step_ns(scenario), scenario.keyed_targets
-    origin = origin_of(targets) if len(targets) > 1 else None  # who moves alone lays the plane by the way
+    origin = origin_of(targets) if len(targets) > 1 else None  # a single target decides the origin itself
     course = partial(Course, scenario.seed, step_ns, scenario.steps, origin)
     runs = together(partial(target.run, course(key)) for key, target in targets)
     longest = max(steps for steps, _ in runs)
     steps = min(longest, scenario.steps or longest)
     if steps > MAX_STEPS:
         what, key = f"the run would have {steps} steps", f"{targets[0][0]}.steps"
-        raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, as far as a report counts")
+        raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, the highest step that a report can hold")
     end_s = steps * step_ns / _NS
     for (key, _), (there_for, path) in zip(targets, runs, strict=True):
         if there_for < 1 or path.start_s > end_s:
             there = f"{path.start_s:g} s to {path.end_s:g} s"
-            what = f"the target is there from {there}, and the run ends after {end_s:g} s"
-            raise ScenarioError(what, key=f"{key}.steps", expected="some step at which it is there")
+            what = f"the target is present from {there}, but the run ends after {end_s:g} s"
+            raise ScenarioError(what, key=f"{key}.steps", expected="at least one step at which it is present")
     return steps, {target.id: path.clip(0.0, end_s) for (_, target), (_, path) in zip(targets, runs, strict=True)}
 
 
@@ -149,9 +149,9 @@ def check(scenario: Scenario, sensors: Sequence[Place], paths: Sequence[Path]) -
         return
     far = np.min([distances(positions, path, np.inf) for path in paths], axis=0)
     nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
-    who = "the target never comes in range: it stays" if len(paths) == 1 else "no target comes in range: they stay"
-    expected = f"a path within the {radius:.0f} m that a sensor hears"
-    raise ScenarioError(f"{who} {nearest}", key=scenario.sensor.reach_key, expected=expected)
+    what = "the target never comes in range: it stays" if len(paths) == 1 else "no target comes in range: they stay"
+    expected = f"a path within the {radius:.0f} m in which a sensor hears a target"
+    raise ScenarioError(f"{what} {nearest}", key=scenario.sensor.reach_key, expected=expected)
 
 
 def _step_ns(scenario: Scenario) -> int:

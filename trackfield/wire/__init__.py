@@ -1,4 +1,4 @@
-"""What travels between processes: messages, their bytes, their keys and their envelopes (docs/wire.md)."""
+"""The data sent between processes: messages, their bytes, keys and envelopes (docs/wire.md)."""
 
 from __future__ import annotations
 

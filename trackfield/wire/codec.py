@@ -19,8 +19,8 @@ MAX_BYTES: Final = 256
 def encode(message: object) -> bytes:
     """The payload of a message, its numbers rounded to their resolution.
 
-    Raises ``WireError`` for what is no message (``kind``), for a field of the wrong type (``type``) or out of
-    range (``range``; NaN and infinity are), and for too many numbers (``fields``).
+    Raises ``WireError`` for an object that is not a message (``kind``), for a field of the wrong type (``type``) or
+    out of range (``range``; also NaN and infinity), and for too many numbers (``fields``).
     """
     kind = kind_of(message)
     packed: bytes = msgpack.packb((VERSION, kind.number, *kind.pack(message)))
@@ -30,7 +30,7 @@ def encode(message: object) -> bytes:
 def decode(data: bytes) -> Any:
     """The message in a payload; raises ``WireError`` for anything else, whatever the bytes are.
 
-    An integer may be written longer than it has to be: small devices like fixed widths.
+    An integer may have a longer form than needed: small devices often use fixed widths.
     """
     if not isinstance(data, bytes):
         raise WireError("type", f"payload: {type(data).__name__}")

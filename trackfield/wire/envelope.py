@@ -17,7 +17,7 @@ class Envelope:
     ``sent_ns`` is the logical send time in true emulated time (ns since the start of the run);
     ``incarnation`` counts the sender's lives; ``copy`` counts frames of one kind to one address on one medium
     sent at the same instant; ``seq`` counts the sender's frames and only serves to find gaps. ``put_ns`` is the host's
-    monotonic clock at the put, 0 if unknown: it measures the host and decides nothing.
+    monotonic clock at the put, 0 if unknown: it only serves to measure the host.
     """
 
     sent_ns: int
@@ -27,7 +27,7 @@ class Envelope:
     put_ns: int = 0
 
     def pack(self) -> bytes:
-        """24 bytes, little-endian; raises ``WireError`` (``range``) for what does not fit."""
+        """24 bytes, little-endian; raises ``WireError`` (``range``) for a value that does not fit."""
         self._check()
         try:
             return _LAYOUT.pack(self.sent_ns, self.incarnation, self.copy, self.seq, self.put_ns)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 
 class WireError(ValueError):
-    """A message, key or attachment that is not what docs/wire.md says.
+    """A message, key or attachment that does not conform to docs/wire.md.
 
-    ``reason`` is a short slug to count by: ``size``, ``malformed``, ``version``, ``kind``, ``fields``,
+    ``reason`` is a short name for counting: ``size``, ``malformed``, ``version``, ``kind``, ``fields``,
     ``type``, ``range``, ``key`` or ``envelope``.
     """
 

@@ -1,4 +1,4 @@
-"""Zenoh keys: which plane, from whom, to whom, what. All are relative to the run's namespace."""
+"""Zenoh keys: plane, receiver, sender, kind. All are relative to the run's namespace."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ ALL_DATA: Final = "data/**"
 ALL_TELEMETRY: Final = "telemetry/**"
 ALL_LIVE: Final = "live/**"
 JOIN: Final = "control/join"
-"""Whoever comes asks here (a query) for its place in the run."""
+"""A process asks here (a query) for its place in the run."""
 CLAIM: Final = "control/claim"
-"""Who does not know its name asks here (a query: role and host, packed) for a place to join under."""
+"""A process without a name asks here (a query: role and host, packed) for a place to join under."""
 LAUNCHER: Final = "control/launcher"
-"""The liveliness token by which those who do not know the run find it."""
+"""The liveliness token by which processes find a run whose id they do not know."""
 ORDERS: Final = "control/*"
-"""What the launcher orders of all."""
+"""The launcher's orders to all processes."""
 START: Final = "control/start"
 """The host's monotonic time (ns, decimal) at which emulated time begins."""
 END: Final = "control/end"
@@ -31,7 +31,7 @@ END: Final = "control/end"
 STOP: Final = "control/stop"
 """All roles leave."""
 FINISH: Final = "control/finish"
-"""The recorder closes its books."""
+"""The recorder finishes."""
 LIFE: Final = "control/recorder/life"
 """An unplanned life takes the place of one that died: its specification in plain form, packed. None of ``ORDERS``."""
 
@@ -52,7 +52,7 @@ def check_id(text: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """What a data key says; exactly one of ``to`` (a process) and ``cell`` (a neighbourhood) is set."""
+    """The parts of a data key; exactly one of ``to`` (a process) and ``cell`` (a neighbourhood) is set."""
 
     medium: Medium
     to: str | None
@@ -67,22 +67,22 @@ def unicast(medium: str, dst: str, src: str, kind: str) -> str:
 
 
 def broadcast(medium: str, cell: str, src: str, kind: str) -> str:
-    """The key of a frame from ``src`` to everybody who hears ``cell``; raises ``WireError`` (``key``)."""
+    """The key of a frame from ``src`` to all processes that listen to ``cell``; raises ``WireError`` (``key``)."""
     return f"data/{_check_medium(medium)}/all/{check_id(cell)}/{check_id(src)}/{check_id(kind)}"
 
 
 def inbox(medium: str, process: str) -> str:
-    """What a process subscribes to for the frames to itself; raises ``WireError`` (``key``)."""
+    """The key expression of the frames to a process; raises ``WireError`` (``key``)."""
     return f"data/{_check_medium(medium)}/to/{check_id(process)}/**"
 
 
 def neighbourhood(medium: str, cell: str) -> str:
-    """What a process subscribes to for the broadcasts in a cell; raises ``WireError`` (``key``)."""
+    """The key expression of the broadcasts in a cell; raises ``WireError`` (``key``)."""
     return f"data/{_check_medium(medium)}/all/{check_id(cell)}/**"
 
 
 def parse(key: str) -> Address:
-    """What a data key says; raises ``WireError`` (``key``) for anything else."""
+    """The parts of a data key; raises ``WireError`` (``key``) for anything else."""
     chunks = key.split("/") if isinstance(key, str) else []
     if len(chunks) != 6 or chunks[0] != "data" or chunks[2] not in ("to", "all"):
         raise WireError("key", f"{key!r} is not a data key")
@@ -108,12 +108,12 @@ def id_of(name: str) -> str:
 
 
 def telemetry(name: str, what: str) -> str:
-    """The key under which a life tells ``what`` about itself; raises ``WireError`` (``key``)."""
+    """The key of a life's telemetry ``what``; raises ``WireError`` (``key``)."""
     return f"telemetry/{check_name(name)}/{check_id(what)}"
 
 
 def telemetry_of_all(what: str) -> str:
-    """What subscribes to ``what`` of every process; raises ``WireError`` (``key``)."""
+    """The key expression of the telemetry ``what`` of every process; raises ``WireError`` (``key``)."""
     return f"telemetry/*/{check_id(what)}"
 
 

@@ -14,7 +14,7 @@ _MICROSECONDS: Final = Scaled(-(10**15), 10**15, unit="us")
 @kind(1, "doa")
 @dataclass(frozen=True, slots=True)
 class Doa:
-    """What a sensor node heard at one of the filter's instants: from where, and how loud.
+    """The bearing and level of the sound that a sensor node heard at a filter step.
 
     ``bearing_deg`` points from the node to the sound, clockwise from north (+y).
     """
@@ -27,7 +27,7 @@ class Doa:
 @kind(2, "sync-request")
 @dataclass(frozen=True, slots=True)
 class SyncRequest:
-    """A node asks for the time; ``sent_us`` is its own clock as it sent this (t0 of the exchange)."""
+    """A node asks for the time; ``sent_us`` is its own clock at sending (t0 of the exchange)."""
 
     exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
     sent_us: Annotated[int, _MICROSECONDS]
@@ -36,7 +36,7 @@ class SyncRequest:
 @kind(3, "sync-reply")
 @dataclass(frozen=True, slots=True)
 class SyncReply:
-    """The answer: the request's ``exchange`` and ``sent_us``, and the reference clock as it came (t1) and left (t2)."""
+    """The answer: the request's ``exchange`` and ``sent_us``, and the reference clock at arrival (t1), reply (t2)."""
 
     exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
     sent_us: Annotated[int, _MICROSECONDS]
@@ -47,7 +47,7 @@ class SyncReply:
 @kind(4, "threshold")
 @dataclass(frozen=True, slots=True)
 class Threshold:
-    """The fusion centre tells sensors from which level on to report, from step ``step`` on."""
+    """The fusion centre sets the level from which a sensor reports, from step ``step`` on."""
 
     step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     level_db: Annotated[float, Scaled(-50, 200, 0.01, "dB")]
@@ -56,7 +56,7 @@ class Threshold:
 @kind(5, "measurement")
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What a sensor of a user's own measured at one of the filter's instants, in steps of its resolutions."""
+    """The reading of a user's own sensor at a filter step, in steps of its resolutions."""
 
     step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     values: tuple[Annotated[int, Scaled(-(10**15), 10**15, unit="resolution")], ...]

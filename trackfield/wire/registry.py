@@ -72,7 +72,7 @@ class Field:
         if isinstance(value, bool) or not isinstance(value, int if self.integral else int | float):
             raise WireError("type", f"{self.name}: {type(value).__name__}")
         steps = value * self.per_unit
-        if not self.first - 2 <= steps <= self.last + 2:  # NaN and infinity fail it too, and cannot be rounded
+        if not self.first - 2 <= steps <= self.last + 2:  # also fails for NaN and infinity, which cannot be rounded
             raise WireError("range", f"{self.name}: not in {self.scaled.low}..{self.scaled.high}")
         number = round(steps)
         if self.scaled.cyclic and number == self.last + 1:
@@ -160,7 +160,7 @@ def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
 
 
 def kind_of(message: object) -> Kind:
-    """The kind of a message; raises ``WireError`` (``kind``) for what is none."""
+    """The kind of a message; raises ``WireError`` (``kind``) for an object that is not a message."""
     try:
         return _by_class[type(message)]
     except KeyError:

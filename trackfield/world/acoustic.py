@@ -17,12 +17,12 @@ _NS: Final = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class AcousticSensor:
-    """The microphones of node ``id`` at ``position`` (x, y in metres), and the targets that they may hear.
+    """The microphone array of node ``id`` at ``position`` (x, y in metres), and the targets that it may hear.
 
-    ``windows`` hold all times at which any target may be audible here, in order and apart; of the ``paths`` no
-    more than those is needed. Each source has ``source_db`` at 1 m and decays with ``alpha``; below
-    ``audible_db`` nothing is heard, and of several the loudest alone. ``doa_sd_deg`` and ``level_sd_db`` are standard
-    deviations of Gaussian noise, drawn anew for every instant.
+    ``windows`` hold all times at which any target may be audible here, in order and disjoint; the ``paths`` are only
+    used within them. Each source has ``source_db`` at 1 m and decays with ``alpha``; below ``audible_db`` nothing is
+    heard, and of several targets only the loudest. ``doa_sd_deg`` and ``level_sd_db`` are standard deviations of
+    Gaussian noise, drawn for every instant.
     """
 
     id: str
@@ -53,7 +53,7 @@ class AcousticSensor:
         return window_at(self.windows, t_ns)
 
     def to_plain(self) -> dict[str, Any]:
-        """What makes the same sensor elsewhere: lists, numbers and text, and of the paths what it needs."""
+        """The sensor in plain form: lists, numbers and text, and the parts of the paths that it needs."""
         intervals = [(a / _NS, b / _NS) for a, b in self.windows]
         return {
             **{field.name: getattr(self, field.name) for field in fields(self)},

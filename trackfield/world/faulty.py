@@ -10,14 +10,14 @@ from trackfield.draw import uniform
 from trackfield.world.readings import Ears, Heard, Reading
 
 STUCK_DB: Final = 3.0
-"""How far above its threshold a sensor reads that got stuck while it heard nothing."""
+"""How far above its threshold the reading of a sensor is that got stuck while it heard nothing."""
 BABBLE_DB: Final = 10.0
-"""Up to how far above its threshold a babbling sensor reads."""
+"""How far at most the readings of a babbling sensor are above its threshold."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorFault:
-    """What is wrong in [``from_ns``, ``until_ns``) (None: for good); see ``Faulty``."""
+    """A fault in [``from_ns``, ``until_ns``) (None: to the end of the run); see ``Faulty``."""
 
     kind: str
     from_ns: int
@@ -26,7 +26,7 @@ class SensorFault:
     bias_db: float = 0.0
 
     def lasts(self, t_ns: int) -> bool:
-        """Whether it is there at this time."""
+        """Whether it is present at this time."""
         return self.from_ns <= t_ns and not self.over(t_ns)
 
     def over(self, t_ns: int) -> bool:
@@ -35,16 +35,16 @@ class SensorFault:
 
 
 class Placed(Ears, Protocol):
-    """A sensor at a node, in one of its lives: what its draws are keyed by."""
+    """A sensor at a node, in one of its lives, with the keys of its draws."""
 
     @property
     def id(self) -> str:
-        """Of its node."""
+        """The id of its node."""
         ...
 
     @property
     def seed(self) -> int:
-        """Of the run."""
+        """The seed of the run."""
         ...
 
     @property
@@ -55,15 +55,15 @@ class Placed(Ears, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Faulty:
-    """``sensor`` with ``faults``, the first of which counts while several last; all biases do.
+    """``sensor`` with ``faults``; of several at a time the first counts, but all biases add up.
 
-    - ``stuck``: the reading of its beginning over and over; where nothing was heard then, from a random direction,
+    - ``stuck``: repeats the reading at its start; if nothing was heard then, one from a random direction,
       somewhat above ``threshold_db``;
     - ``babble``: at every instant a reading from a random direction, above the threshold by up to 10 dB;
     - ``deaf``: hears nothing;
-    - ``bias``: what is heard, off by ``bias_deg`` and ``bias_db``.
+    - ``bias``: readings are off by ``bias_deg`` and ``bias_db``.
 
-    A sensor that is stuck or babbles is awake all the while, whatever there is to be heard.
+    A sensor that is stuck or babbles is awake all the time, target or not.
     """
 
     sensor: Placed

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Fixes:
-    """The fixes of a file in the order of their times, at least two of them.
+    """The fixes of a file in order of time, at least two.
 
     ``t`` (n,) are increasing seconds since ``zero``, the time of the first in the file's own zone, or the
     file's own seconds where it gives no dates and ``zero`` is None. ``points`` (n, 2) are latitude and
@@ -36,7 +36,7 @@ class Fixes:
     zero: datetime | None = None
 
     def span(self) -> str:
-        """From when to when, for a message."""
+        """The first and last time, for a message."""
         if self.zero is None:
             return f"{self.t[0]:g} s to {self.t[-1]:g} s"
         return f"{self.zero} to {self.zero + timedelta(seconds=self.t[-1])}"
@@ -70,7 +70,7 @@ def _gpx(file: FilePath) -> Fixes:
 
 
 def _csv(file: FilePath) -> Fixes:
-    """All rows; columns other than those of the format found are left alone."""
+    """All rows; columns other than those of the format are ignored."""
     rows = [list(values.values()) for _, values in read_rows(file, _FORMATS, _COLUMNS)]
     return _in_order(file, rows, geodetic=isinstance(rows[0][0], datetime))
 
@@ -93,6 +93,6 @@ def _in_order(file: FilePath, fixes: Sequence[Sequence[Any]], *, geodetic: bool)
         times = [(when - zero).total_seconds() for when in dated]
     t, same = np.unique(np.array(times, dtype=float), return_inverse=True)
     if len(t) < 2:
-        raise ScenarioError("has a single fix", file=str(file), expected="a track of two at least")
+        raise ScenarioError("has a single fix", file=str(file), expected="a track of at least two")
     sums = [np.bincount(same, weights=[row[i] for row in fixes]) for i in (1, 2)]
     return Fixes(t, np.column_stack(sums) / np.bincount(same)[:, None], geodetic, zero)

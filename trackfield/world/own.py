@@ -1,4 +1,4 @@
-"""A sensor of a user's own at a node, and its faults: a pure function of the time, as the acoustic one."""
+"""A user's own sensor at a node, and its faults: a pure function of the time, like the acoustic one."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from trackfield.world.sensors import Sensor, make_sensor
 
 _NS: Final = 1_000_000_000
 _MOST: Final = 10**15
-"""As far as a number of a report goes (docs/wire.md)."""
+"""The largest number of a report (docs/wire.md)."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlacedSensor:
     """The ``sensor`` of node ``id`` at ``position`` (x, y in metres), and the targets that it may measure.
 
-    ``windows`` hold all times at which any target may be within its range, in order and apart; of the ``paths`` no
-    more than those is needed. Its noise is drawn anew for every instant.
+    ``windows`` hold all times at which any target may be within its range, in order and disjoint; the ``paths`` are
+    only used within them. Its noise is drawn for every instant.
     """
 
     id: str
@@ -36,7 +36,7 @@ class PlacedSensor:
     incarnation: int = 0
 
     def sample(self, t_ns: int) -> Reading | None:
-        """The reading of the nearest target at this true time; None if none is in range, or it is not measured."""
+        """The reading of the nearest target at this true time; None if none is in range, or the sensor misses it."""
         there = [state for path in self.paths if (state := path.at(t_ns / _NS)) is not None]
         nearest = min(there, key=self._squared_m2, default=None)
         if nearest is None or self._squared_m2(nearest) > self.sensor.range_m**2:
@@ -48,7 +48,7 @@ class PlacedSensor:
         return window_at(self.windows, t_ns)
 
     def elsewhere(self, purpose: str, t_ns: int) -> Reading | None:
-        """The reading of a target at rest anywhere in range, another for each purpose and instant."""
+        """The reading of a target at rest at a random place in range, drawn for each purpose and instant."""
         key = (self.id, self.incarnation, purpose)
         r = self.sensor.range_m * sqrt(uniform(self.seed, *key, "distance", t_ns))
         angle = tau * uniform(self.seed, *key, "bearing", t_ns)
@@ -75,7 +75,7 @@ class PlacedSensor:
 
 
 class FaultyOwn(Faulty):
-    """As ``Faulty``; stuck with nothing measured, or babbling, it reads what a target anywhere in range would give.
+    """As ``Faulty``; stuck without a measurement, or babbling, it reads a target at a random place in range.
 
     A bias in degrees and dB has no meaning for it.
     """
@@ -88,7 +88,7 @@ class FaultyOwn(Faulty):
 
 
 def plain(placed: PlacedSensor, kind: str, options: Mapping[str, Any], place: str) -> dict[str, Any]:
-    """What makes the same sensor elsewhere, by ``own_ears``: lists, numbers and text."""
+    """The plain form of a sensor, for ``own_ears``: lists, numbers and text."""
     intervals = [(a / _NS, b / _NS) for a, b in placed.windows]
     return {
         "kind": kind,

@@ -24,8 +24,8 @@ class Path:
     """A target's path: knots at times ``t`` (s since the start of the run), never decreasing.
 
     ``x, y`` are metres east and north, ``vx, vy`` metres per second; one entry per knot. ``gaps`` are the
-    (from s, to s) for which there was no data and a straight line stands in. ``missing`` numbers the
-    stretches between knots that a ``cut`` left out. Raises ``ValueError`` for columns that are empty or of
+    (from s, to s) for which there was no data and a straight line stands in. ``missing`` are the numbers
+    of the stretches between knots that a ``cut`` left out. Raises ``ValueError`` for columns that are empty or of
     unequal length, for decreasing times, and for a target at two places at once.
     """
 
@@ -42,7 +42,7 @@ class Path:
             raise ValueError("a path needs at least one knot, and as many of each coordinate")
         for a, b in pairwise(zip(self.t, self.x, self.y, strict=True)):
             if b[0] < a[0] or (b[0] == a[0] and b != a):
-                raise ValueError(f"a path's knots go on in time, or stay at one place: {b} follows {a}")
+                raise ValueError(f"a path's knots go forward in time, or are at one place: {b} follows {a}")
 
     @classmethod
     def of(cls, knots: Iterable[Knot], gaps: Iterable[Interval] = ()) -> Self:
@@ -57,7 +57,7 @@ class Path:
 
     @property
     def end_s(self) -> float:
-        """When it was last seen."""
+        """When the target disappears."""
         return self.t[-1]
 
     def at(self, t_s: float) -> State | None:
@@ -78,8 +78,13 @@ class Path:
         """Whether this time lies inside a gap, where a straight line stands in for the truth."""
         return any(begin < t_s < end for begin, end in self.gaps)
 
+    @property
+    def gaps_inside(self) -> tuple[Interval, ...]:
+        """The gaps, as far as the path reaches; one that was clipped has no fix at that end."""
+        return tuple((max(a, self.start_s), min(b, self.end_s)) for a, b in self.gaps)
+
     def clip(self, from_s: float, to_s: float) -> Path:
-        """The part of a whole path between two times, with knots at its ends.
+        """The part of a whole path between two times, with knots at its ends; a gap that it cuts stays whole.
 
         Raises ``ValueError`` if the target is there at no time between them.
         """
@@ -92,12 +97,12 @@ class Path:
             knots.insert(0, (lo, *first))
         if knots[-1][0] < hi:
             knots.append((hi, *last))
-        return Path.of(knots, ((max(a, lo), min(b, hi)) for a, b in self.gaps if a < hi and b > lo))
+        return Path.of(knots, ((a, b) for a, b in self.gaps if a < hi and b > lo))
 
     def shifted(self, seconds: float) -> Path:
-        """A whole path, so much later, in whole nanoseconds; by 0 it is the path itself.
+        """A whole path, later by ``seconds``, in whole nanoseconds; 0 returns the path itself.
 
-        Of knots that come to lie at one instant, but not at one place, the first stays.
+        If knots at different places fall on one instant, the first is kept.
         """
         if not seconds:
             return self
@@ -113,9 +118,9 @@ class Path:
         return Path.of(knots, ((later(a), later(b)) for a, b in self.gaps))
 
     def cut(self, intervals: Iterable[Interval]) -> Path:
-        """As little of the path as answers ``at`` inside these (from s, to s), bit for bit as the whole does.
+        """The part of the path that gives the same ``at`` inside these (from s, to s), bit for bit, as the whole.
 
-        Small enough to be sent to the one node that hears the target in these intervals.
+        Used to send a node only what it needs of the path.
         """
         keep: set[int] = set()
         for a, b in intervals:

@@ -1,4 +1,4 @@
-"""What a sensor reads and when it may read anything: what all kinds of sensors, and those who ask them, stand on."""
+"""Readings of sensors and the windows in which they may read anything: shared by all kinds of sensors."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol, Self
 
 LOUDEST_DB: Final = 200.0
-"""The highest level that an array shows, and that fits into a report (docs/wire.md)."""
+"""The highest level that an array reads, and that fits into a report (docs/wire.md)."""
 
 Window = tuple[int, int]
 """(from ns, to ns), both included, in true time since the start of the run."""
@@ -16,27 +16,27 @@ Window = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What an array reads: level in dB, bearing to the source in degrees clockwise from north, [0, 360)."""
+    """The reading of an array: level in dB, bearing to the source in degrees clockwise from north, [0, 360)."""
 
     level_db: float
     bearing_deg: float
 
     @classmethod
     def at(cls, level_db: float, angle_deg: float) -> Self:
-        """The reading of an array that shows 200 dB at most, from any angle."""
+        """The reading of an array, limited to 200 dB, for any angle."""
         turned = angle_deg % 360.0  # a tiny negative angle rounds up to a full turn
         return cls(min(level_db, LOUDEST_DB), 0.0 if turned == 360.0 else turned)
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a sensor of a user's own measured: m whole numbers, in steps of the sensor's resolutions."""
+    """The reading of a user's own sensor: m whole numbers, in steps of the sensor's resolutions."""
 
     values: tuple[int, ...]
 
 
 class Ears(Protocol):
-    """What a node asks of its sensor; times are true."""
+    """The interface of a sensor to its node; times are true."""
 
     def sample(self, t_ns: int) -> Heard | Reading | None:
         """The reading at this time; None if nothing is heard."""

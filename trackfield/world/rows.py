@@ -11,9 +11,9 @@ from typing import Any, Final
 from trackfield.errors import ScenarioError, combined, together
 
 Column = tuple[Callable[[str], Any], str]
-"""What reads a cell, raising ``ValueError``, and what is expected there."""
+"""The parser of a cell, which raises ``ValueError``, and what is expected there."""
 MOST: Final = 5
-"""So many wrong lines of a file are told."""
+"""The number of wrong lines of a file that are reported."""
 Row = tuple[int, dict[str, Any]]
 """(line, values by column)"""
 
@@ -21,7 +21,7 @@ Row = tuple[int, dict[str, Any]]
 def number(limit: float, text: str) -> float:
     """A finite number of at most this size; raises ``ValueError``."""
     value = float(text)
-    if not abs(value) <= limit:  # also for what is not a number
+    if not abs(value) <= limit:  # also true for NaN
         raise ValueError
     return value
 
@@ -39,8 +39,8 @@ def read_rows(
 ) -> list[Row]:
     """All rows, with the columns of the first of the ``formats`` that the file has, and the ``optional`` it has.
 
-    Other columns are left alone, empty rows left out. Raises ``ScenarioError`` for what is no such file or has
-    no rows, ``OSError`` if it cannot be read.
+    Other columns and empty rows are ignored. Raises ``ScenarioError`` for a file without these columns or without
+    rows, ``OSError`` if it cannot be read.
     """
     kinds = " or ".join(",".join(names) for names in formats)
     fail = partial(ScenarioError, file=str(file), expected=f"a CSV file with columns {kinds}")
@@ -71,7 +71,7 @@ def read_rows(
 
 
 def _cells(where: str, values: Mapping[str, str], columns: Mapping[str, Column]) -> dict[str, Any]:
-    """A line's values by column. Raises ``ScenarioError`` for those that are none."""
+    """A line's values by column. Raises ``ScenarioError`` for invalid values."""
     found = together(partial(_cell, where, name, values.get(name, ""), column) for name, column in columns.items())
     return dict(zip(columns, found, strict=True))
 

@@ -1,4 +1,4 @@
-"""Sensors of users' own, by kind: what a class of one has to offer, and how it is made from a scenario."""
+"""Users' own sensors, by kind: the interface of their classes, and how they are made from a scenario."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 ACOUSTIC: Final = "acoustic"
-"""The kind that is Trackfield's own."""
+"""Trackfield's own kind."""
 MAX_VALUES: Final = 26
-"""As many numbers fit into a report (docs/wire.md)."""
+"""The most numbers that fit into a report (docs/wire.md)."""
 
 
 class Sensor(Protocol):
     """A kind of sensor, the same at every node: a frozen dataclass whose fields a scenario sets in ``[sensor]``.
 
-    A reading is m numbers, z = h(x) + noise. Nodes call ``simulate`` alone, trackers call the others. ``residual``
-    may be left out: it takes differences of readings (..., m) to where they mean something, as for angles. So may
-    ``fix_sensors``, how many sensors a position takes: two if m is 1, else one.
+    A reading is m numbers, z = h(x) + noise. Nodes only call ``simulate``, trackers call the others. ``residual`` may
+    be left out: it maps differences of readings (..., m) into their valid range, as for angles. So may
+    ``fix_sensors``, the number of sensors that a position fix needs: two if m is 1, else one.
     """
 
     @property
@@ -43,7 +43,7 @@ class Sensor(Protocol):
 
     @property
     def resolution(self) -> Sequence[float]:
-        """In which steps each number is reported (m,)."""
+        """The resolution with which each number is reported (m,)."""
         ...
 
     def simulate(
@@ -79,15 +79,15 @@ def register_sensor(kind: str, maker: Maker) -> None:
 
 
 def fix_sensors(sensor: Sensor) -> int:
-    """From how many sensors' readings of one instant a position follows."""
+    """The number of sensors whose readings of one instant determine a position."""
     return int(getattr(sensor, "fix_sensors", 2 if len(sensor.sd) == 1 else 1))
 
 
 def make_sensor(kind: str, options: Mapping[str, Any], place: str = "") -> Sensor:
     """The sensor of this kind with these options; ``place`` says where it is if another process registered it.
 
-    Raises ``ScenarioError`` with the nearest name if there is none, for options that it does not have or that do not
-    fit, and for a sensor without range, noise or resolution.
+    Raises ``ScenarioError`` with the nearest name for an unknown kind, for unknown or unsuitable options, and for a
+    sensor without range, noise or resolution.
     """
     if kind not in SENSORS and not place:
         raise SENSORS.unknown(kind, "sensor.kind")
@@ -105,5 +105,5 @@ def make_sensor(kind: str, options: Mapping[str, Any], place: str = "") -> Senso
         raise ScenarioError(what, key="sensor.fix_sensors", expected="a whole number of at least 1")
     if not len(sensor.sd) == len(sensor.resolution) <= MAX_VALUES:
         what = f"'{kind}' has {len(sensor.sd)} sd and {len(sensor.resolution)} resolutions"
-        raise ScenarioError(what, key="sensor.sd", expected=f"one of each for each number, {MAX_VALUES} at most")
+        raise ScenarioError(what, key="sensor.sd", expected=f"one of each per number, at most {MAX_VALUES}")
     return sensor

@@ -1,7 +1,7 @@
 """Targets whose paths are formulas: the three manoeuvres of Zhai et al. (2009), sec. V, and straight legs.
 
-The paper plots its trajectories without their numbers; those here were chosen so that its figures come out.
-Headings run counter-clockwise from east, as the paper has them, inside this module only.
+The paper plots its trajectories without their parameters; those here were chosen to match its figures.
+Headings are counter-clockwise from east, as in the paper, inside this module only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def s1(seed: int, steps: int = 60, step_s: float = 1.0, id: str = "target") -> P
     """Scenario 1: straight motion disturbed by a random acceleration (sd 0.1 m/s^2) that holds for a step.
 
     Starts at (50, 70) m with (6, 5) m/s and lasts ``steps`` times ``step_s`` seconds; another seed or
-    ``id``, another path.
+    ``id`` gives another path.
     """
     x, y, vx, vy = 50.0, 70.0, 6.0, 5.0
     knots: list[Knot] = [(0.0, x, y, vx, vy)]

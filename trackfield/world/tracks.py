@@ -1,9 +1,9 @@
-"""Targets from recorded tracks: a window of a GPX or CSV file, laid on a plane.
+"""Targets from recorded tracks: a window of a GPX or CSV file, projected on a plane.
 
 Latitude and longitude become metres east and north of the window's first fix, on the plane that touches the
 ellipsoid there (heights are left out). Between two fixes the position follows a shape-preserving cubic
-(Fritsch and Carlson 1980), so it never overshoots them. Where fixes are missing for longer, the target is
-taken along a straight line at constant speed, and the stretch is listed in ``Path.gaps``.
+(Fritsch and Carlson 1980), so it never overshoots them. Where fixes are missing for longer, the target
+moves in a straight line at constant speed, and the stretch is listed in ``Path.gaps``.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from trackfield.world.fixes import Array, Fixes, read_fixes
 from trackfield.world.path import Interval, Knot, Path
 
 GAP_S: Final = 5.0
-"""Fixes further apart than this, and than three intervals usual in the file or around them, have a gap between them."""
+"""Fixes further apart than this, and than three usual intervals of the file or around them, have a gap between them."""
 
 _AROUND: Final = 10
-"""So many intervals on either side tell what is usual: some receivers note more fixes in turns."""
+"""The number of intervals on either side that define the usual one: some receivers record more fixes in turns."""
 
 _DAY_S: Final = 86400
 
@@ -136,7 +136,7 @@ def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -
             return ((moment if moment.tzinfo else moment.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
     except ValueError:
         expected = "seconds" if zero is None else "HH:MM[:SS] or an ISO date and time"
-        raise ScenarioError(f"{text!r} is no time", file=str(file), key=key, expected=expected) from None
+        raise ScenarioError(f"{text!r} is not a time", file=str(file), key=key, expected=expected) from None
     zone = clock.tzinfo or zero.tzinfo
     first = (datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero).total_seconds()
     later = first + -(-(after_s - first) // _DAY_S) * _DAY_S

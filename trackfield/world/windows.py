@@ -1,11 +1,10 @@
-"""Who can hear a target when: audible windows of many sensors along one path.
+"""When each sensor can hear a target: audible windows of many sensors along one path.
 
-The path is taken apart into short pieces, each inside a circle (a cubic lies within the hull of its Bezier
-control points). Joined two by two, up to the whole path, the pieces form a tree, and all sensors go down it
-together: a sensor out of reach of a circle is out of reach of all below it, one that reaches around the
-circle hears all below it, and only where the circle's edge is in doubt the two halves are asked. What is
-still in doubt at the bottom counts as audible, so a window may be a piece too long at either end, but never
-too short.
+The path is split into short pieces, each inside a circle (a cubic lies within the hull of its Bezier control
+points). Joined two by two, up to the whole path, the pieces form a tree, which is searched for all sensors
+together: a sensor out of reach of a circle is out of reach of all pieces below it, a sensor whose range encloses
+the circle hears all pieces below it, and only otherwise are the two halves examined. Pieces that are undecided at
+the bottom count as audible, so a window may be a piece too long at either end, but never too short.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ Windows = tuple[Window, ...]
 
 _NS: Final = 1e9
 _ROUNDING: Final = 1.0 + 1e-9
-"""Makes up for what a level computed from a distance, and a radius from a level, differ by."""
+"""Covers the rounding difference between a level computed from a distance and a radius from a level."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ def windows(positions: Array, path: Path, radius_m: float) -> list[Windows]:
 
 
 def merged(parts: Iterable[Windows]) -> Windows:
-    """Windows of several paths as those of all: in order, and apart."""
+    """The union of the windows of several paths, in order and disjoint."""
     found: list[Window] = []
     for begin, end in sorted(window for part in parts for window in part):
         if found and begin <= found[-1][1]:
@@ -81,7 +80,7 @@ def merged(parts: Iterable[Windows]) -> Windows:
 
 
 def distances(positions: Array, path: Path, within_m: float) -> Array:
-    """(n,) metres from ``positions`` (n, 2) to the path where nearest; infinite beyond ``within_m``.
+    """(n,) metres from ``positions`` (n, 2) to the nearest point of the path; infinite beyond ``within_m``.
 
     Never too short; near ``within_m``, too long by less than 0.1 % of it. Raises ``ValueError`` for a cut
     path.
@@ -133,7 +132,7 @@ def _pieces(path: Path, length_m: float) -> _Pieces:
 def _knots(path: Path, length_m: float) -> Array:
     """(n, 2, 5): the knots (t, x, y, vx, vy) at both ends of each piece of about this length."""
     if path.missing:
-        raise ValueError("the path was cut, and does not say where the target was meanwhile")
+        raise ValueError("the path was cut, and does not give the target's position in the missing parts")
     knots = np.column_stack([path.t, path.x, path.y, path.vx, path.vy])
     ends = np.stack([knots[:-1], knots[1:]], axis=1)
     ends = ends[ends[:, 1, 0] > ends[:, 0, 0]]

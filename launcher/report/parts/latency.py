@@ -17,7 +17,7 @@ from launcher.report.tracks import Array
 from trackfield.role import NS
 
 _USES: Final = ("sensors", "step", "told_ns")
-"""Who was used when, in tracks.parquet."""
+"""The columns of tracks.parquet that say when which reports were used."""
 
 
 def contents(run: Run) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def late(run: Run) -> str:
-    """How many reports came after their deadline, and by how much, in a sentence; nothing if none did."""
+    """How many reports came after their deadline, and by how much, in a sentence; empty if none did."""
     after = run.frames.late_s(run.site.step_ns, run.scenario.fusion.deadline_s)
     after, of = after[np.isfinite(after)], int(run.frames.reports.sum())
     if not len(after):
@@ -42,11 +42,11 @@ def table(run: Run) -> Table:
         [text, *(number(run.metrics["latency_ms"][key][q]) for q in ("p50", "p95", "p99", "max"))]
         for key, text in names.items()
     ]
-    return Table(["emulated, ms", "median", "95 %", "99 %", "longest"], rows)
+    return Table(["emulated time [ms]", "median", "95 %", "99 %", "longest"], rows)
 
 
 def latency(run: Run) -> Figure | None:
-    """The share of frames, reports and track points that took no longer than so long."""
+    """The share of frames, reports and track points that took no longer than x."""
     curves = {name: 1e3 * values for name, values in latencies(run).items() if len(values)}
     if not curves:
         return None

@@ -1,4 +1,4 @@
-"""What became of each tracker, in a sentence or two."""
+"""The verdict on each tracker, with a few sentences."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOOKS: Final = {TRACKED: "good", WITH_GAPS: "fair", LOST: "bad"}
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one tracker: its ``state`` in metrics.json, how that looks, and sentences."""
+    """The verdict on one tracker: its ``state`` as in metrics.json, how that looks, and sentences."""
 
     tracker: str
     colour: str
@@ -59,7 +59,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
 
 
 def _error(own: list[Track], m: dict[str, Any]) -> str:
-    """How far off it was, over which steps, and against which bound."""
+    """Its errors, over which steps, and against which bound."""
     expected = m["steps_expected"]
     steps = f"all {expected:,} steps" if m["steps"] >= expected else f"{m['steps']:,} of {expected:,} steps"
     blind = sum(int((track.coasting & track.scored).sum()) for track in own)
@@ -74,7 +74,7 @@ def _error(own: list[Track], m: dict[str, Any]) -> str:
 
 
 def _within(run: Run, m: dict[str, Any]) -> str:
-    """At how many steps it was near enough, unless that were all."""
+    """The share of steps at which it was near enough, unless that is all."""
     share = m["share_within"]
     if share is None or share >= 1.0:
         return ""
@@ -84,7 +84,7 @@ def _within(run: Run, m: dict[str, Any]) -> str:
 def _rule(run: Run) -> str:
     """Why a track counts as lost, by the rule of the scenario."""
     rule = run.scenario.score.lost
-    beyond = f"more than {run.scenario.lost_beyond_m:g} m off, or not there,"
+    beyond = f"more than {run.scenario.lost_beyond_m:g} m off, or without a track,"
     if (rule.steps, rule.within) == (1, 1):
         when = "at the last step"
     else:
@@ -94,7 +94,7 @@ def _rule(run: Run) -> str:
 
 
 def _in_gaps(m: dict[str, Any]) -> str:
-    """How far off it was from a line that stands in for the truth."""
+    """Its error from the straight line that stands in for the truth."""
     gap = m["gap"]
     if not gap["steps"]:
         return ""
@@ -105,7 +105,7 @@ def _in_gaps(m: dict[str, Any]) -> str:
 
 
 def gaps(run: Run) -> str:
-    """How much of the truth is interpolated, in a sentence; nothing if none is."""
+    """How much of the truth is interpolated, in a sentence; empty if none is."""
     times, guessed, count = run.course.at_ns, len(run.course.interpolated), len(run.gaps)
     if not guessed:
         return ""

@@ -1,4 +1,4 @@
-"""``[architecture]``: who works with whom. An architecture is a file here and a line in the table."""
+"""``[architecture]``: how processes are connected. An architecture is a file here and a line in the table."""
 
 from __future__ import annotations
 

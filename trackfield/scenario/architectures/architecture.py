@@ -7,7 +7,7 @@ from pydantic import Field, JsonValue, field_validator
 from trackfield.scenario.places import RESERVED
 from trackfield.scenario.section import ID_WORDS, Id, Section, wrong
 
-_CENTRE: JsonValue = f"{ID_WORDS}, and none of {', '.join(RESERVED)}"
+_CENTRE: JsonValue = f"{ID_WORDS}, other than {', '.join(RESERVED)}"
 
 
 class ArchitectureSection(Section):
@@ -20,5 +20,5 @@ class ArchitectureSection(Section):
     @classmethod
     def _free(cls, centre: str) -> str:
         if centre in RESERVED:
-            raise wrong(f"is {centre!r}, as another process of the run", str(_CENTRE))
+            raise wrong(f"is {centre!r}, which names another process of the run", str(_CENTRE))
         return centre

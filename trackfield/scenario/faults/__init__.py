@@ -1,4 +1,4 @@
-"""``[[faults]]``: what befalls whom, and when. A kind of fault is a file here and a line in the table."""
+"""``[[faults]]``: planned faults of processes and sensors. A kind of fault is a file here and a line in the table."""
 
 from __future__ import annotations
 

@@ -10,6 +10,6 @@ from trackfield.scenario.faults.fault import SensorFault
 
 
 class Babble(SensorFault):
-    """A sensor reads nonsense, all the time."""
+    """A sensor gives random readings all the time."""
 
-    kind: Literal["babble"] = Field(default="babble", description="a sensor reads loud nonsense in every step")
+    kind: Literal["babble"] = Field(default="babble", description="a sensor gives a random, loud reading in every step")

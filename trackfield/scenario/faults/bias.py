@@ -20,5 +20,5 @@ class Bias(SensorFault):
     @model_validator(mode="after")
     def _is_off(self) -> Self:
         if not self.bias_deg and not self.bias_db:
-            raise wrong("is 0, and so is bias_db", "one of them at least to be another", ".bias_deg")
+            raise wrong("is 0, and so is bias_db", "at least one of the two other than 0", ".bias_deg")
         return self

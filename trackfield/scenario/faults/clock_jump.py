@@ -11,7 +11,7 @@ from trackfield.scenario.section import NotNegative, wrong
 
 
 class ClockJump(FaultSection):
-    """A clock is wrong at once."""
+    """A clock jumps by a constant."""
 
     kind: Literal["clock_jump"] = Field(default="clock_jump", description="a process's clock jumps")
     at_s: NotNegative = Field(description="when it happens")
@@ -19,7 +19,7 @@ class ClockJump(FaultSection):
         ge=-1e9,
         le=1e9,
         json_schema_extra={"expected": "a number from -1e9 to 1e9, but not 0"},
-        description="by how much, forward or (below 0) back",
+        description="size of the jump, forward or (below 0) back",
     )
 
     @model_validator(mode="after")

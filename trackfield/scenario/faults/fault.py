@@ -1,4 +1,4 @@
-"""What all planned faults have in common: whom they befall, and when."""
+"""What all planned faults have in common: the processes they affect, and when."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from trackfield.scenario.section import NotNegative, Positive, Section, wrong
 
 SHORTEST_S: Final = 0.001
-"""No fault lasts shorter, and no process ends earlier."""
+"""The shortest fault, and the earliest end of a process."""
 
 T = TypeVar("T")
 Ids = Annotated[tuple[str, ...], Field(min_length=1)]
@@ -20,15 +20,17 @@ class FaultSection(Section):
     """A fault; ``kind`` is its name, and it happens or begins ``at_s``."""
 
     kind: str
-    nodes: Ids | None = Field(default=None, description="whom it befalls, by id; or say a share, or a role")
+    nodes: Ids | None = Field(default=None, description="the affected processes, by id; or give a share or a role")
     share: float | None = Field(
         default=None,
         gt=0,
         le=1,
-        description="of the role, or else of the sensor nodes, drawn by seed and the fault's number; or name nodes",
+        description="share of the role, or else of the sensor nodes, drawn by seed and fault number; instead of nodes",
     )
     role: str | None = Field(
-        default=None, min_length=1, description="all processes of it, like node or fusion; or a share of them"
+        default=None,
+        min_length=1,
+        description="all processes of this role, like node or fusion; with share, a share of them",
     )
     at_s: float
 
@@ -36,12 +38,12 @@ class FaultSection(Section):
     def _befalls_someone(self) -> Self:
         others = [name for name in ("share", "role") if getattr(self, name) is not None]
         if self.nodes is None and not others:
-            raise wrong("befalls nobody", "nodes, a list of ids, or share, from 0 to 1, or role", ".nodes")
+            raise wrong("affects no process", "nodes (a list of ids), share (from 0 to 1) or role", ".nodes")
         if self.nodes is not None and others:
-            raise wrong("stands beside nodes", "either of them alone", f".{others[0]}")
+            raise wrong("is given together with nodes", "one of the two", f".{others[0]}")
         for id in self.nodes or ():
             if self.nodes and self.nodes.count(id) > 1:
-                raise wrong(f"{id!r} is there twice", "each id once", ".nodes")
+                raise wrong(f"{id!r} is given twice", "each id once", ".nodes")
         return self
 
 
@@ -57,7 +59,7 @@ class WindowFault(FaultSection):
 
 
 class SensorFault(FaultSection):
-    """A fault of a sensor, which may last."""
+    """A fault of a sensor, which may last to the end of the run."""
 
     at_s: NotNegative = Field(description="when it begins")
     until_s: Positive | None = Field(default=None, description="when it ends; unset: never")
@@ -68,7 +70,7 @@ class SensorFault(FaultSection):
 
 
 def ordered(fault: T, at_s: float, until_s: float | None, least_s: float = SHORTEST_S) -> T:
-    """The fault, unless it ends too early: an error."""
+    """The fault; raises an error if it ends too early."""
     if until_s is not None and round(until_s - at_s, 9) < least_s:  # 2.82 is a second after 1.82, but not in binary
         raise wrong(f"is {until_s:g}", f"a time at least {least_s:g} s after at_s, which is {at_s:g}", ".until_s")
     return fault

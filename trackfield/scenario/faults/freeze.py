@@ -12,4 +12,4 @@ from trackfield.scenario.faults.fault import WindowFault
 class Freeze(WindowFault):
     """A process does nothing for a while."""
 
-    kind: Literal["freeze"] = Field(default="freeze", description="a process does nothing for a while, and goes on")
+    kind: Literal["freeze"] = Field(default="freeze", description="a process does nothing for a while, then goes on")

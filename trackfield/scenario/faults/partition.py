@@ -10,11 +10,11 @@ from trackfield.scenario.faults.fault import WindowFault
 
 
 class Partition(WindowFault):
-    """Some cannot be reached by all others."""
+    """Some processes cannot be reached by all others."""
 
     kind: Literal["partition"] = Field(
-        default="partition", description="no frame passes between these and all others; each side has its own"
+        default="partition", description="no frame passes between these processes and all others"
     )
     medium: Literal["field", "backbone"] | None = Field(
-        default=None, description="on which medium alone; unset: on every one"
+        default=None, description="the only medium affected; unset: every medium"
     )

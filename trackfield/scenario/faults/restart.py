@@ -10,16 +10,16 @@ from trackfield.scenario.faults.fault import FaultSection, Instant, ordered
 from trackfield.scenario.section import Positive
 
 MIN_DOWN_S: Final = 1.0
-"""A process that is restarted is down for that long at least."""
+"""The shortest time for which a restarted process is down."""
 
 
 class Restart(FaultSection):
-    """A process ends, and comes back knowing nothing."""
+    """A process ends, and is started again with only what it stored."""
 
-    kind: Literal["restart"] = Field(default="restart", description="a process ends, and begins anew later")
+    kind: Literal["restart"] = Field(default="restart", description="a process ends and is started again later")
     at_s: Instant = Field(description="when it happens")
     until_s: Positive = Field(
-        json_schema_extra={"expected": "a number, at least 1 s after at_s"}, description="when it is up again"
+        json_schema_extra={"expected": "a number, at least 1 s after at_s"}, description="when it is started again"
     )
 
     @model_validator(mode="after")

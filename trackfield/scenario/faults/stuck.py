@@ -10,6 +10,6 @@ from trackfield.scenario.faults.fault import SensorFault
 
 
 class Stuck(SensorFault):
-    """A sensor reads the same over and over."""
+    """A sensor repeats the same reading."""
 
-    kind: Literal["stuck"] = Field(default="stuck", description="a sensor reads the same over and over")
+    kind: Literal["stuck"] = Field(default="stuck", description="a sensor repeats the same reading")

@@ -17,15 +17,15 @@ from trackfield.world.windows import Array, distances
 
 
 class AlongPath(SpacedSection):
-    """A grid of which only the part near the targets' paths is there."""
+    """A grid, with only the places near the targets' paths."""
 
     layout: Literal["along-path"] = Field(
         default="along-path", description="a grid, but only where a target comes near"
     )
-    within_m: Positive = Field(default=150.0, description="how near a path has to come")
+    within_m: Positive = Field(default=150.0, description="a place has a sensor if a path comes within this distance")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
-        """Within reach of a path, or the ``nodes`` places nearest to one.
+        """The places within reach of a path, or the ``nodes`` places nearest to one.
 
         The grid is shifted by half its spacing, so that no sensor stands where a path begins.
         """
@@ -38,14 +38,14 @@ class AlongPath(SpacedSection):
             points = points[np.argsort(far, kind="stable")[: self.nodes]]
         if not len(points):
             raise ScenarioError(
-                "no sensors: the path comes near no place of the grid",
+                "no sensors: the path comes near none of the grid's places",
                 key="field.within_m",
                 expected=f"more than half the spacing of {self.spacing_m:g} m",
             )
         return numbered(points[np.lexsort(points.T)]), None  # by y, then x
 
     def _near(self, paths: tuple[Path, ...], within: float) -> tuple[Array, Array]:
-        """The places of the shifted grid within reach of a path, (n, 2) by y, then x; how far they are, (n,)."""
+        """The places of the shifted grid within reach of a path, (n, 2) by y, then x, and their distances (n,)."""
         found = [self._near_one(path, within) for path in paths]
         points, far = np.vstack([one for one, _ in found]), np.concatenate([one for _, one in found])
         order = np.lexsort([far, *points.T])

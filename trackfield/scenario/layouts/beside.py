@@ -20,11 +20,14 @@ class Beside(LayoutSection):
         default="beside", description="one sensor, to the right of the first target's path"
     )
     distance_m: float = Field(
-        default=15_000.0, gt=0, le=1e7, description="from the target at half time, square to its way from begin to end"
+        default=15_000.0,
+        gt=0,
+        le=1e7,
+        description="from the target at half time, at right angles to the line between its ends",
     )
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
-        """To the right of the path's middle; of one that ends where it began, as if it led north."""
+        """To the right of the path's middle; a path that ends where it began counts as leading north."""
         path = ground.paths[0]
         half_s = (path.start_s + path.end_s) / 2
         middle = path.clip(half_s, half_s)

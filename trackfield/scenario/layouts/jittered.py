@@ -12,12 +12,12 @@ from trackfield.scenario.section import Share
 
 
 class Jittered(SquareSection):
-    """A square grid whose sensors stand a little off their places."""
+    """A square grid whose sensors are displaced a little at random."""
 
     layout: Literal["jittered"] = Field(
-        default="jittered", description="a square grid, but each sensor stands off its place"
+        default="jittered", description="a square grid, with each sensor displaced at random"
     )
-    jitter: Share = Field(default=0.25, description="by up to this share of the spacing, east and north")
+    jitter: Share = Field(default=0.25, description="largest displacement east and north, as a share of the spacing")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """See ``LayoutSection``."""

@@ -18,14 +18,14 @@ from trackfield.world.path import Path
 from trackfield.world.windows import Array
 
 LIMIT: Final = 1_000_000
-"""The most places that are looked at; more is a mistake in the units."""
+"""The largest number of places; more are taken for a mistake in the units."""
 
 
 @dataclass(frozen=True)
 class Ground:
-    """What a layout may go by: the seed, the targets' paths from the first step on (one at least), the centre's id.
+    """What a layout may use: the seed, the targets' paths from the first step on (at least one), the centre's id.
 
-    ``origin`` tells the latitude and longitude (2,) of (0, 0), or None: a call, as it may have to read a file.
+    ``origin()`` returns the latitude and longitude (2,) of (0, 0), or None; a call, as it may have to read a file.
     """
 
     seed: int
@@ -42,7 +42,7 @@ class LayoutSection(Section):
     def stand(self, ground: Ground) -> tuple[list[Place], Point | None]:
         """The sensors, and where the fusion centre stands if the layout says so (m).
 
-        Raises ``ScenarioError`` if there are none, or more than a million, and for a file that cannot be used.
+        Raises ``ScenarioError`` if there are no sensors or more than a million, or if a file cannot be used.
         """
         raise NotImplementedError
 
@@ -55,7 +55,7 @@ class SpacedSection(LayoutSection):
         default=None,
         ge=1,
         le=1_000_000,
-        description="about so many sensors at the same spacing, instead of the extent given",
+        description="approximate number of sensors at the same spacing; the size of the field follows from it",
     )
 
 
@@ -65,7 +65,7 @@ class SquareSection(SpacedSection):
     extent_m: NotNegative = Field(default=500.0, description="side of the square")
 
     def side(self) -> float:
-        """How many spacings the extent has; at most ``LIMIT``, which is far too many."""
+        """The extent in units of the spacing, at most ``LIMIT``."""
         return min(self.extent_m / self.spacing_m, LIMIT)
 
     def grid(self) -> Array:
@@ -87,22 +87,22 @@ def numbered(points: Array) -> list[Place]:
 
 
 def ids(number: int) -> Iterable[str]:
-    """The names of so many sensors."""
+    """The ids of this many sensors."""
     width = max(3, len(str(number - 1)))
     return [f"n{i:0{width}}" for i in range(number)]
 
 
 def offset(seed: int, id: str) -> Point:
-    """Uniform in the square from (-1, -1) to (1, 1), another for each sensor."""
+    """Uniform in the square from (-1, -1) to (1, 1), drawn for each sensor."""
     x, y = (uniform(seed, id, 0, "place", axis) for axis in ("x", "y"))
     return 2.0 * x - 1.0, 2.0 * y - 1.0
 
 
 def check_number(places: int) -> None:
-    """Raise ``ScenarioError`` if there are more ``places`` than anybody means."""
+    """Raise ``ScenarioError`` if there are more ``places`` than ``LIMIT``."""
     if places > LIMIT:
         raise ScenarioError(
             f"the field has {places} places or more",
             key="field.spacing_m",
-            expected=f"so much that there are at most {LIMIT}",
+            expected=f"a value that gives at most {LIMIT}",
         )

@@ -15,10 +15,10 @@ class Ring(LayoutSection):
     """Sensors on a circle, evenly spaced."""
 
     layout: Literal["ring"] = Field(
-        default="ring", description="evenly on a circle, from north clockwise; it touches both axes, as the grid does"
+        default="ring", description="evenly on a circle, clockwise from north; the circle touches both axes"
     )
-    radius_m: float = Field(default=250.0, gt=0, le=1e7, description="of the circle around (radius_m, radius_m)")
-    nodes: int = Field(default=30, ge=1, le=1_000_000, description="so many sensors")
+    radius_m: float = Field(default=250.0, gt=0, le=1e7, description="radius of the circle around (radius_m, radius_m)")
+    nodes: int = Field(default=30, ge=1, le=1_000_000, description="number of sensors")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """The first due north of the middle, then clockwise."""

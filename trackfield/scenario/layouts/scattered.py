@@ -14,11 +14,11 @@ from trackfield.scenario.section import Positive
 class Scattered(SquareSection):
     """Sensors anywhere in a square, independently of each other."""
 
-    layout: Literal["random"] = Field(default="random", description="anywhere in a square with its corner at (0, 0)")
-    spacing_m: Positive = Field(default=50.0, description="there is one sensor to a square of this side")
+    layout: Literal["random"] = Field(default="random", description="at random in a square with one corner at (0, 0)")
+    spacing_m: Positive = Field(default=50.0, description="side of a square with one sensor on average")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
-        """As many as squares of ``spacing_m`` have room, or ``nodes`` in a square with as much room for each."""
+        """One sensor for each square of ``spacing_m`` in the extent, or ``nodes`` sensors at the same density."""
         number = self.nodes or max(round(self.side() ** 2), 1)
         check_number(number)
         half = (self.extent_m if self.nodes is None else self.spacing_m * self.nodes**0.5) / 2

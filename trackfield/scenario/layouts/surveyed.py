@@ -12,14 +12,14 @@ from trackfield.scenario.places import Place, Point, read_places
 
 
 class Surveyed(LayoutSection):
-    """Sensors where a file says."""
+    """Sensors at the places that a file gives."""
 
-    layout: Literal["file"] = Field(default="file", description="where a file says")
+    layout: Literal["file"] = Field(default="file", description="at the places that a file gives")
     file: str = Field(
         min_length=1,
         description="CSV file with id and lat,lon or x,y of each sensor, relative to the scenario's own folder",
     )
 
     def stand(self, ground: Ground) -> tuple[list[Place], Point | None]:
-        """See ``LayoutSection``; the file may say where the fusion centre stands."""
+        """See ``LayoutSection``; the file may also give the fusion centre's place."""
         return read_places(FilePath(self.file), ground.origin(), ground.centre)

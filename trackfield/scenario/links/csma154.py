@@ -10,9 +10,9 @@ from trackfield.scenario.links.link import Attempts, RadioSection
 
 
 class Csma154(RadioSection):
-    """The delays of 802.15.4 alone: who finds the channel busy five times gives up, all else arrives."""
+    """The delays of 802.15.4 alone: a frame is lost only if its sender finds the channel busy five times."""
 
-    model: Literal["csma154"] = Field(default="csma154", description="the delays of an 802.15.4 radio in easy reach")
+    model: Literal["csma154"] = Field(default="csma154", description="the delays of an 802.15.4 radio at short range")
     ack: Attempts = Field(
-        default=0, description="how often a frame is sent at most until it is acknowledged; 0: once, without"
+        default=0, description="most transmissions of a frame until it is acknowledged; 0: sent once, not acknowledged"
     )

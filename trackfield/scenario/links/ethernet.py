@@ -11,7 +11,7 @@ from trackfield.scenario.section import Delay
 
 
 class Ethernet(LinkSection):
-    """A wire: loses nothing, takes the same time always."""
+    """A wire: loses nothing, constant delay."""
 
     model: Literal["ethernet"] = Field(default="ethernet", description="a wire: loses nothing, constant delay")
     delay_ms: Delay = Field(default=1.0, description="from sending to arrival")

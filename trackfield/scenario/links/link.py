@@ -34,7 +34,9 @@ class LinkSection(Section):
     """A link; ``model`` is its name."""
 
     model: str
-    range_m: Positive | None = Field(default=None, description="who is further away hears nothing; unset: no limit")
+    range_m: Positive | None = Field(
+        default=None, description="beyond this distance nothing is received; unset: no limit"
+    )
 
 
 class RadioSection(LinkSection):
@@ -42,8 +44,13 @@ class RadioSection(LinkSection):
 
     busy: Busy = Field(default=0.0, description="share of the time in which the channel is found busy")
     acks: Acks | None = Field(
-        default=None, json_schema_extra={"expected": _ACKS}, description="ack for single kinds of message, by name"
+        default=None,
+        json_schema_extra={"expected": _ACKS},
+        description="ack of single kinds of message, by the kind's name",
     )
     queue: int = Field(
-        default=32, ge=1, le=10_000, description="how many frames wait for a radio that is sending; more are dropped"
+        default=32,
+        ge=1,
+        le=10_000,
+        description="most frames that wait while the radio is sending; further ones are dropped",
     )

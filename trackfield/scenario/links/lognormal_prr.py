@@ -14,7 +14,7 @@ class LognormalPrr(RadioSection):
     """Path loss with frozen shadowing, a radio's reception curve, its access to the channel."""
 
     model: Literal["lognormal_prr"] = Field(
-        default="lognormal_prr", description="a radio, its reach decided by distance and shadowing"
+        default="lognormal_prr", description="a radio whose reception depends on distance and shadowing"
     )
     radio: Literal["802154-0dbm", "802154-20dbm", "lora868", "mica2", "wifi11b"] = Field(
         default="802154-20dbm", description="sets power, noise, frame size, speed and access to the channel"
@@ -25,10 +25,10 @@ class LognormalPrr(RadioSection):
     )
     tx_dbm: float | None = Field(default=None, ge=-60, le=40, description="transmission power; unset: the radio's")
     noise_dbm: float | None = Field(default=None, ge=-180, le=0, description="noise floor; unset: the radio's")
-    sf: int | None = Field(default=None, ge=7, le=12, description="spreading factor, of lora868 alone; unset: 9")
+    sf: int | None = Field(default=None, ge=7, le=12, description="spreading factor, for lora868 only; unset: 9")
     ack: Attempts | None = Field(
         default=None,
-        description="how often a frame is sent until acknowledged; 0: once, without; unset: 7 for wifi11b, else 0",
+        description="most transmissions until acknowledged; 0: sent once, no ack; unset: 7 for wifi11b, else 0",
     )
 
     @model_validator(mode="after")

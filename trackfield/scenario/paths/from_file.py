@@ -15,7 +15,7 @@ from trackfield.world.windows import Array
 
 
 def _text(value: Any) -> Any:
-    """TOML has times of its own, and a track may count seconds: all become text."""
+    """TOML has its own type for times, and a track may count seconds: both become text."""
     if isinstance(value, time | date | datetime):
         return value.isoformat()
     return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -36,10 +36,10 @@ class FromFile(PathSection):
         default=None,
         alias="from",
         json_schema_extra=_MOMENT,
-        description="the first step; unset: the file's first fix",
+        description="time of the first step; unset: the file's first fix",
     )
     to: Moment | None = Field(
-        default=None, json_schema_extra=_MOMENT, description="the end; unset: the file's last fix"
+        default=None, json_schema_extra=_MOMENT, description="time of the end; unset: the file's last fix"
     )
 
     def run(self, course: Course) -> tuple[int, Path]:

@@ -1,4 +1,4 @@
-"""Ways of straight legs: who is where, and when."""
+"""Paths of straight legs: positions over time."""
 
 from __future__ import annotations
 

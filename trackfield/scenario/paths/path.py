@@ -19,10 +19,10 @@ MAX_STEPS: Final = 65535
 
 @dataclass(frozen=True)
 class Course:
-    """What a target's path may go by: the run's seed, its step in ns, and its number of steps if it says one.
+    """What a target's path may use: the run's seed, its step in ns, and its number of steps if one is given.
 
-    ``origin`` (2,) is the latitude and longitude of (0, 0), None if the target itself decides; ``key`` is the
-    target's own in the scenario, for messages.
+    ``origin`` (2,) is the latitude and longitude of (0, 0), None if the target itself decides it; ``key`` is the
+    target's key in the scenario, for messages.
     """
 
     seed: int
@@ -36,42 +36,42 @@ class PathSection(Section):
     """A target; ``path`` is the kind of its path."""
 
     path: str
-    id: Id = Field(default="target", description="what the target is called; each of [[targets]] says it")
+    id: Id = Field(default="target", description="the target's id; required in [[targets]]")
     step_s: float = Field(
         default=1.0,
         ge=0.001,
         le=3600,
-        description="a step of the run, as the first target has it: sensors report and the centre fuses once in it",
+        description="length of a step, in which sensors report and the centre fuses once; the first target's counts",
     )
     steps: int | None = Field(
         default=None,
         ge=1,
         le=MAX_STEPS,
-        description="of the run, as the first target has it; unset: till the last path ends (s1 60, s2 75, s3 40 s)",
+        description="number of steps; the first target's counts; unset: to the last path's end (s1 60, s2 75, s3 40 s)",
     )
 
     def run(self, course: Course) -> tuple[int, Path]:
-        """How many whole steps the target is there for, and its path: t=0 is the first step.
+        """The number of whole steps in which the target is present, and its path: t=0 is the first step.
 
         Raises ``ScenarioError`` if its file cannot be used.
         """
         raise NotImplementedError
 
     def origin(self, key: str) -> Array | None:
-        """(2,) latitude and longitude in degrees of (0, 0); None for a path that has no place on the globe.
+        """(2,) latitude and longitude in degrees of (0, 0); None for a path without geographic coordinates.
 
-        ``key`` is the target's own in the scenario. Raises ``ScenarioError`` if its file cannot be used.
+        ``key`` is the target's key in the scenario. Raises ``ScenarioError`` if its file cannot be used.
         """
         return None
 
 
 def whole_steps(path: Path, course: Course) -> tuple[int, Path]:
-    """A path that ends by itself, and how many steps it takes."""
+    """A path with an end of its own, and how many steps it takes."""
     return round(path.end_s * NS) // course.step_ns, path
 
 
 def origin_of(targets: Iterable[tuple[str, PathSection]]) -> Array | None:
-    """(2,) latitude and longitude in degrees of (0, 0), by the first of the targets that knows; None if none does.
+    """(2,) latitude and longitude in degrees of (0, 0), from the first target that has it; None if none has.
 
     Takes each with its key. Raises ``ScenarioError`` if a file cannot be used.
     """

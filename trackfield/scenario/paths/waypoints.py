@@ -16,7 +16,9 @@ class Waypoints(PathSection):
     """Straight legs at constant speed."""
 
     path: Literal["waypoints"] = Field(default="waypoints", description="straight legs at constant speed")
-    waypoints: Legs = Field(json_schema_extra=LEGS, description="when the target is where, in metres east and north")
+    waypoints: Legs = Field(
+        json_schema_extra=LEGS, description="the target's positions over time, in metres east and north"
+    )
 
     def run(self, course: Course) -> tuple[int, Path]:
         """See ``PathSection``."""

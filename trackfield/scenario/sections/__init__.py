@@ -1,1 +1,1 @@
-"""The sections of a scenario file that come in one kind each."""
+"""The sections of a scenario file that have a single kind."""

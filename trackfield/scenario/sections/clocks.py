@@ -1,4 +1,4 @@
-"""``[clock]``: what the nodes have for the time."""
+"""``[clock]``: the nodes' clocks."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ class Clocks(Section):
     """The sensor nodes' clocks; the fusion centre's is the reference, and right."""
 
     offset_ms: float = Field(
-        default=0.0, ge=0, le=1e9, description="standard deviation of how far a node's clock is off at the start"
+        default=0.0, ge=0, le=1e9, description="standard deviation of a node's clock offset at the start"
     )
     drift_ppm: float = Field(
-        default=0.0, ge=0, le=10_000, description="standard deviation of how fast a node's clock gains (us in a second)"
+        default=0.0, ge=0, le=10_000, description="standard deviation of a node's clock drift (us in a second)"
     )
     ramp_ppm_per_h: float = Field(
         default=0.0, ge=-1000, le=1000, description="by how much every node's drift grows in an hour, as it warms up"
@@ -23,10 +23,10 @@ class Clocks(Section):
         default=True, description="nodes whose clocks are off ask the centre for the time, over the radio"
     )
     exchanges: int = Field(
-        default=8, ge=1, le=1000, description="questions and answers of a synchronisation; the quickest counts"
+        default=8, ge=1, le=1000, description="requests and replies of a synchronisation; the quickest pair counts"
     )
     resync_s: float = Field(
-        default=60.0, gt=0, le=1e6, description="a node that stays awake synchronises again after that"
+        default=60.0, gt=0, le=1e6, description="a node that stays awake synchronises again after this time"
     )
 
     @property

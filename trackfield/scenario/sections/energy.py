@@ -12,11 +12,13 @@ Joules = Annotated[float, Field(gt=0, le=1e9)]
 
 
 class Energy(Section):
-    """What devices draw, and from what."""
+    """The power that devices draw, and their batteries."""
 
     device: Literal["cc2420", "cc2420-20dbm", "sx1276", "wifi11b"] | None = Field(
-        default=None, description="whose power figures count; unset: those of link.radio, or else cc2420"
+        default=None, description="device whose power figures are used; unset: that of link.radio, or else cc2420"
     )
-    battery_j: Joules | None = Field(default=None, description="in each sensor node; unset: mains, never empty")
-    centre_battery_j: Joules | None = Field(default=None, description="in the fusion centre; unset: mains, never empty")
-    sample_mj: float = Field(default=0.0, ge=0, le=1e9, description="spent on each reading of the sensor")
+    battery_j: Joules | None = Field(default=None, description="battery of each sensor node; unset: mains, never empty")
+    centre_battery_j: Joules | None = Field(
+        default=None, description="battery of the fusion centre; unset: mains, never empty"
+    )
+    sample_mj: float = Field(default=0.0, ge=0, le=1e9, description="energy of each reading of the sensor")

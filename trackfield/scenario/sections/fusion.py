@@ -18,7 +18,7 @@ class Fusion(Section):
     options: Options = Field(
         default=(),
         json_schema_extra={"expected": EXPECTED},
-        description="of single trackers; tracker = says whose variant a name of your own is",
+        description='options of single trackers; with tracker = "...", a new name is a variant of that tracker',
     )
     trackers: tuple[str, ...] = Field(
         default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
@@ -28,25 +28,29 @@ class Fusion(Section):
         default=0.0,
         ge=0,
         le=3600,
-        description="up to which age a late report is taken in after all, by going back to its step and on from there",
+        description="late reports up to this age are still fused, by going back to their step; 0: none",
     )
-    smooth_lag: int = Field(default=0, ge=0, le=100, description="publish tracks smoothed, too, so many steps later")
+    smooth_lag: int = Field(
+        default=0, ge=0, le=100, description="also publish smoothed tracks, this many steps later; 0: none"
+    )
     target_sd_m: Positive = Field(
         default=3.0, description="standard deviation of the position that an adaptive threshold aims at"
     )
     x_m: float | None = Field(default=None, description="where the centre stands, east; unset: the middle of the field")
-    y_m: float | None = Field(default=None, description="where it stands, north; unset: the middle of the field")
+    y_m: float | None = Field(
+        default=None, description="where the centre stands, north; unset: the middle of the field"
+    )
     path: Legs | None = Field(
         default=None,
         json_schema_extra=LEGS,
-        description="when the centre is where, in metres east and north, if it drives; unset: it stands",
+        description="positions of a moving centre over time, in metres east and north; unset: it does not move",
     )
     sigma_v: NotNegative = Field(
         default=0.1, description="standard deviation of the acceleration, m/s^2, for trackers with one motion model"
     )
     lost_m: Positive = Field(
         default=50.0,
-        description="a track that ends further off counts as lost; one without a prior is begun anew when less certain",
+        description="a track with a larger error is lost; one without a prior is restarted if its sd exceeds this",
     )
     prior: Literal["paper", "none"] = Field(
         default="none",
@@ -63,7 +67,7 @@ class Fusion(Section):
         known = (info.context or {}).get("trackers")
         for name in trackers:
             if trackers.count(name) > 1:
-                raise wrong(f"{name!r} is there twice", "each tracker once")
+                raise wrong(f"{name!r} is given twice", "each tracker once")
             if (
                 known is not None
                 and tables(info.data.get("options", ())).get(name, {}).get("tracker", name) not in known
@@ -75,5 +79,7 @@ class Fusion(Section):
     def _stands_or_drives(self) -> Self:
         for name, value in (("x_m", self.x_m), ("y_m", self.y_m)):
             if self.path is not None and value is not None:
-                raise wrong(f"is {value:g}, and fusion.path says where the centre is", "one of the two", f".{name}")
+                raise wrong(
+                    f"is {value:g}, but fusion.path also gives the centre's place", "one of the two", f".{name}"
+                )
         return self

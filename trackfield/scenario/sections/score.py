@@ -11,14 +11,16 @@ from trackfield.scenario.section import Positive, Section, wrong
 
 
 class Lost(Section):
-    """A track is lost that was too far off, or not there, for ``steps`` in a row among the last ``within``."""
+    """A track is lost if it was too far off, or missing, for ``steps`` in a row among the last ``within``."""
 
     beyond_m: Positive | None = Field(
-        default=None, description="a step in which a track is further off is bad; unset: fusion.lost_m"
+        default=None, description="a step with a larger position error is bad; unset: fusion.lost_m"
     )
-    steps: int = Field(default=1, ge=1, le=MAX_STEPS, description="so many bad steps in a row lose a track")
+    steps: int = Field(
+        default=1, ge=1, le=MAX_STEPS, description="number of bad steps in a row after which a track is lost"
+    )
     within: int | None = Field(
-        default=None, ge=1, le=MAX_STEPS, description="looked for in so many last steps; unset: in all"
+        default=None, ge=1, le=MAX_STEPS, description="only this many last steps are examined; unset: all"
     )
 
     @model_validator(mode="after")
@@ -34,5 +36,5 @@ class Score(Section):
     lost: Lost = Field(
         default=Lost(within=1),
         json_schema_extra={"expected": "a table, like { beyond_m = 50.0, steps = 3, within = 10 }"},
-        description="error above beyond_m, or no track, for that many steps in a row, in the last steps looked at",
+        description="a target is lost after this many steps in a row, among the last, without a track within beyond_m",
     )

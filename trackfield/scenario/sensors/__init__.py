@@ -1,6 +1,6 @@
-"""``[sensor]``: what stands at each node. A kind of sensor is a file here and a line in the table.
+"""``[sensor]``: the sensor of each node. A kind of sensor is a file here and a line in the table.
 
-Whatever else the section names is a sensor of a user's own.
+Any other kind is a user's own sensor.
 """
 
 from __future__ import annotations

@@ -34,13 +34,15 @@ class Acoustic(SensorSection):
     threshold: Share | Literal["adaptive"] = Field(
         default=0.75,
         json_schema_extra={"expected": 'a number from 0 to 1, or "adaptive"'},
-        description="a sensor reports above this share of level_db; adaptive: above what the centre tells it",
+        description="a sensor reports above this share of level_db; adaptive: above the level that the centre sets",
     )
-    threshold_min: Share = Field(default=0.70, description="the lowest that an adaptive threshold may be")
-    threshold_max: Share = Field(default=0.80, description="the highest that an adaptive threshold may be")
+    threshold_min: Share = Field(default=0.70, description="lower bound of an adaptive threshold")
+    threshold_max: Share = Field(default=0.80, description="upper bound of an adaptive threshold")
     doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
     level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
-    margin_db: float = Field(default=1.0, ge=0, le=100, description="a sensor is awake from so far below its threshold")
+    margin_db: float = Field(
+        default=1.0, ge=0, le=100, description="a sensor is awake from this far below its threshold"
+    )
 
     @model_validator(mode="after")
     def _bounds_in_order(self) -> Self:
@@ -51,19 +53,19 @@ class Acoustic(SensorSection):
 
     @property
     def adaptive(self) -> bool:
-        """Whether the fusion centre tells the sensors their threshold."""
+        """Whether the fusion centre sets the sensors' threshold."""
         return self.threshold == "adaptive"
 
     @property
     def thresholds_db(self) -> tuple[float, float]:
-        """The lowest and the highest level from which a sensor may come to report."""
+        """The lowest and the highest level that may be the threshold."""
         if self.threshold == "adaptive":
             return self.threshold_min * self.level_db, self.threshold_max * self.level_db
         return self.threshold * self.level_db, self.threshold * self.level_db
 
     @property
     def threshold_db(self) -> float:
-        """The level above which a sensor reports, until it is told otherwise."""
+        """The level above which a sensor reports, until the centre sets another."""
         return sum(self.thresholds_db) / 2
 
     @property

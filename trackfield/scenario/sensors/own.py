@@ -1,4 +1,4 @@
-"""A sensor of a user's own."""
+"""A user's own sensor."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from trackfield.world.sensors import SENSORS, make_sensor
 
 
 class OwnSensor(SensorSection):
-    """A kind of sensor that a user brings (docs/extending.md); further keys are its options, checked by its class."""
+    """A kind of sensor that a user adds (docs/extending.md); further keys are its options, checked by its class."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, bool | int | float | str]
 
     reach_key: ClassVar[str] = "sensor.range_m"
 
-    kind: str = Field(min_length=1, description="a sensor of your own, whose options stand beside this")
+    kind: str = Field(min_length=1, description="a sensor of your own; its options are further keys of this section")
 
     @property
     def options(self) -> dict[str, bool | int | float | str]:
-        """What its class is made with."""
+        """The arguments of its class."""
         return dict(self.__pydantic_extra__)
 
     def reach_m(self) -> tuple[float, float]:

@@ -23,13 +23,13 @@ class SensorSection(Section):
         default=0.0,
         ge=0,
         le=10_000,
-        description="standard deviation, east and north, of where the centre believes a sensor to stand",
+        description="standard deviation, east and north, of the error in the centre's knowledge of a sensor's place",
     )
 
     def reach_m(self) -> tuple[float, float]:
         """How near (m) a target has to be for a sensor to be awake, and for it to report, if its threshold is lowest.
 
-        Raises ``ScenarioError`` for a sensor of a user's own that there is not, or whose options do not fit.
+        Raises ``ScenarioError`` for a user's own sensor that does not exist or whose options do not fit.
         """
         raise NotImplementedError
 
