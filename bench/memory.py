@@ -9,7 +9,9 @@ import os
 import time
 from typing import Any, Final
 
-from trackfield.drivers.session import NODE_RUNTIME, open_client
+from zenoh.handlers import Callback
+
+from trackfield.drivers.session import NODE_RUNTIME, client_settings, open_session
 from trackfield.wire import keys
 
 NODES: Final = 121
@@ -21,11 +23,11 @@ def idle() -> None:
     time.sleep(1e6)
 
 
-def session(endpoint: str, name: str) -> None:
+def session(settings: str, name: str) -> None:
     """A child with a node's Zenoh session, inbox and token, and nothing else."""
-    os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
-    opened = open_client(endpoint, "memory")
-    held: list[Any] = [opened.declare_subscriber(keys.inbox("field", name), print)]
+    os.putenv("ZENOH_RUNTIME", NODE_RUNTIME)
+    opened = open_session(settings)
+    held: list[Any] = [opened.declare_subscriber(keys.inbox("field", name), Callback(print, indirect=False))]
     held.append(opened.liveliness().declare_token(keys.live(name)))
     time.sleep(1e6)
 
@@ -39,16 +41,18 @@ def pss_mb(body: str) -> float:
     import psutil
 
     from launcher.processes.children import Children
+    from launcher.processes.deployment import REHEARSAL
     from launcher.processes.zygote import Child
 
     with tempfile.TemporaryDirectory() as folder:
         log, endpoint = str(Path(folder) / "log"), f"unixsock-stream/{folder}/router.sock"
-        children = Children(NODES + 1, ["node.role", "bench.memory"])
+        children = Children(NODES + 1, ["node.role", "bench.memory", REHEARSAL])
         try:
             children.fork("router", Child("launcher.processes.bodies:router", "router", log), endpoint)
             names = [f"n{number:03}" for number in range(NODES)]
+            settings = client_settings(endpoint, "memory")
             for name in names:
-                children.fork(name, Child(body, name, log), *([endpoint, name] if body.endswith("session") else []))
+                children.fork(name, Child(body, name, log), *([settings, name] if body.endswith("session") else []))
             time.sleep(SETTLED_S)
             if dead := [name for name in names if not children.alive(name)]:
                 raise RuntimeError(f"{len(dead)} children died: {Path(log).read_text()[-500:]}")

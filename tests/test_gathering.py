@@ -21,6 +21,7 @@ __all__ = ["trackfield"]
 LEASE_S = 10.0
 """After which Zenoh gives up a session of which nothing is heard."""
 OPTIONS = ("spcpf", "--nodes", "4", "--set", "target.steps=12", "--set", "sensor.threshold=0.5", "--external")
+LONGER = tuple(option.replace("target.steps=12", "target.steps=30") for option in OPTIONS)
 
 
 Start = Callable[..., subprocess.Popen[str]]
@@ -103,7 +104,7 @@ def test_who_stands_still_for_longer_than_a_lease_was_out_of_reach(router: str, 
     for _ in range(3):
         start("node")
     still = start("node", "--id", "n003")
-    run = Run(tmp_path / "run", *OPTIONS, "--set", "target.steps=30", "--connect", router)
+    run = Run(tmp_path / "run", *LONGER, "--connect", router)
     run.started()
     still.send_signal(signal.SIGSTOP)
     time.sleep(LEASE_S + 5)

@@ -8,13 +8,16 @@ from collections.abc import Mapping
 from threading import Event
 
 from trackfield.drivers.process import Process
-from trackfield.drivers.session import NODE_RUNTIME, open_client, open_router
+from trackfield.drivers.session import NODE_RUNTIME, open_router, open_session
 
 
-def role(endpoint: str, run: str, name: str, niceness: int) -> None:
-    """A process of the field; ``niceness`` is that of its work, not of its session's threads: frames leave at once."""
-    os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
-    process = Process(open_client(endpoint, run), name)
+def role(settings: str, name: str, niceness: int) -> None:
+    """A process of the field, with these settings of its session.
+
+    ``niceness`` is that of its work, not of its session's threads: frames leave at once.
+    """
+    os.putenv("ZENOH_RUNTIME", NODE_RUNTIME)
+    process = Process(open_session(settings), name)
     os.nice(niceness)
     process.run()
 

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import pickle
 import resource
 import select
+import signal
+import socket
+import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
-from functools import cache
-from multiprocessing import forkserver
-from multiprocessing.context import ForkServerProcess
-from types import ModuleType
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Final
 
 import psutil
 
-from launcher.processes import zygote
-from launcher.processes.zygote import Child
+from launcher.processes.zygote import ANSWER, ORDER, Child
+from trackfield.errors import RunFailed
 
-FILES_EACH: Final = 4
+FILES_EACH: Final = 2
 """Open files that a child costs its launcher."""
 FILES: Final = 1024
 """Open files of a launcher without children."""
@@ -30,96 +30,108 @@ KILL_TIMEOUT_S: Final = 5.0
 POLL_S: Final = 0.02
 STAT_BYTES: Final = 128
 """Enough of /proc/<pid>/stat for the pid, the name (at most 64 bytes) and the state."""
-_FORKING: Final = threading.Lock()
-"""Held while forking: runs may begin in several threads, and forking changes state of the whole program."""
+_ZYGOTE: Final = """
+import sys
+sys.path[:] = {path!r}
+from launcher.processes.zygote import serve
+serve({orders}, {preload!r})
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class _Alive:
+    """A process that is not known to have ended: the file ``end`` is readable once it has, ``stat`` has its state."""
+
+    pid: int
+    end: int
+    stat: int
 
 
 class Children:
     """Child processes by name. A name may be forked again once its process is gone.
 
-    ``preload`` are modules that most of the ``expected`` children need, imported once for all of them.
+    ``preload`` are modules that most of the ``expected`` children need, imported once for all of them, and functions
+    as ``module:attribute``, called once before the first is forked.
     """
 
     def __init__(self, expected: int, preload: Iterable[str] = ()) -> None:
         _allow_many_files(FILES_EACH * expected + FILES)
-        self._context = multiprocessing.get_context("forkserver")
-        # The zygote comes last: all that was imported before it is shared by the processes that it forks.
-        self._context.set_forkserver_preload(["launcher.processes.bodies", *preload, zygote.__name__])
-        self._children: dict[str, ForkServerProcess] = {}
-        self._stats: dict[str, int] = {}
+        self._zygote = _Zygote(["launcher.processes.bodies", *preload])
+        self._pids: dict[str, int] = {}
+        self._alive: dict[str, _Alive] = {}
         self._exits = select.epoll()
-        self._by_sentinel: dict[int, str] = {}
+        self._by_end: dict[int, str] = {}
 
     def fork(self, name: str, body: Child, *arguments: Any) -> None:
-        """Start a process that runs ``body``."""
-        with _FORKING, _no_main_module(), _zygote_environment():
-            _start_zygote(os.getpid())
-            child = self._context.Process(target=zygote.become, name=name, args=(body, *arguments))
-            child.start()
-        # Each start polls all children that multiprocessing knows of; these are watched here instead.
-        multiprocessing.process._children.discard(child)  # type: ignore[attr-defined]
-        self._children[name] = child
-        self._by_sentinel[child.sentinel] = name
-        self._exits.register(child.sentinel, select.EPOLLIN | select.EPOLLHUP)
-        with suppress(OSError):  # it has ended already, which its sentinel reports
-            self._stats[name] = os.open(f"/proc/{child.pid}/stat", os.O_RDONLY)
+        """Start a process that runs ``body``. Raises ``RunFailed`` if that cannot be."""
+        pid = self._pids[name] = self._zygote.fork(body, *arguments)
+        # Even if it has ended already, its id is not given to another until the zygote is asked how it ended.
+        child = _Alive(pid, os.pidfd_open(pid), os.open(f"/proc/{pid}/stat", os.O_RDONLY))
+        self._alive[name], self._by_end[child.end] = child, name
+        self._exits.register(child.end, select.EPOLLIN)
 
     def names(self) -> list[str]:
         """The names of all that were ever forked."""
-        return list(self._children)
+        return list(self._pids)
 
     def gone(self) -> list[tuple[str, str]]:
         """(name, how) of each that ended since the last call."""
-        ended = [self._by_sentinel.pop(sentinel) for sentinel, _ in self._exits.poll(0, len(self._by_sentinel) or 1)]
-        for name in ended:
-            self._exits.unregister(self._children[name].sentinel)
-            self._close_stat(name)
-        return [(name, self._why(name)) for name in ended]
+        ended = [self._by_end[end] for end, _ in self._exits.poll(0, len(self._by_end) or 1)]
+        return [(name, self._bury(name)) for name in ended]
 
-    def _why(self, name: str) -> str:
-        self._children[name].join(1)
-        code = self._children[name].exitcode
-        return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+    def _bury(self, name: str) -> str:
+        child = self._forget(name)
+        code = self._zygote.wait(child.pid)
+        if code is None:
+            return "ended with its zygote"
+        return f"signal {-code}" if code < 0 else f"exit code {code}"
 
     def stopped(self, name: str) -> bool:
         """Whether it is stopped, by SIGSTOP or under a debugger."""
-        file = self._stats.get(name)
+        child = self._alive.get(name)
         try:
-            stat = b"" if file is None else os.pread(file, STAT_BYTES, 0)
+            stat = b"" if child is None else os.pread(child.stat, STAT_BYTES, 0)
         except ProcessLookupError:
             return False
         return stat.rpartition(b")")[2][1:2] in (b"T", b"t")
 
     def alive(self, name: str) -> bool:
         """Whether it was forked and has not ended."""
-        return name in self._children and self._children[name].is_alive()
+        child = self._alive.get(name)
+        return child is not None and not _readable(child.end)
 
     def pid(self, name: str) -> int | None:
         """Its process id."""
-        return self._children[name].pid
+        return self._pids[name]
 
     def cpu_s(self, name: str) -> float:
         """The processor time of a living child so far."""
-        times = psutil.Process(self._children[name].pid).cpu_times()
+        times = psutil.Process(self._pids[name]).cpu_times()
         return float(times.user + times.system)
 
     def kill(self, name: str) -> None:
         """End it, whatever its state."""
-        self._children[name].kill()
+        self._signal(name, signal.SIGKILL)
 
     def terminate(self, name: str) -> None:
         """Ask it to end."""
-        self._children[name].terminate()
+        self._signal(name, signal.SIGTERM)
+
+    def _signal(self, name: str, number: signal.Signals) -> None:
+        if child := self._alive.get(name):
+            with suppress(ProcessLookupError):
+                signal.pidfd_send_signal(child.end, number)
 
     def close(self) -> None:
         """Kill those that are left, and wait for them."""
-        left = [name for name in self._children if self.alive(name)]
+        left = list(self._alive)
         for name in left:
             self.kill(name)
         self.wait(left, KILL_TIMEOUT_S)
-        for name in list(self._stats):
-            self._close_stat(name)
+        for name in left:
+            self._forget(name)
         self._exits.close()
+        self._zygote.close()
 
     def wait(self, names: Iterable[str], timeout_s: float) -> None:
         """Wait until these are gone, or for so long."""
@@ -127,9 +139,72 @@ class Children:
         while any(self.alive(name) for name in names) and time.monotonic() < deadline:
             time.sleep(POLL_S)
 
-    def _close_stat(self, name: str) -> None:
-        if (file := self._stats.pop(name, None)) is not None:
-            os.close(file)
+    def _forget(self, name: str) -> _Alive:
+        child = self._alive.pop(name)
+        del self._by_end[child.end]
+        self._exits.unregister(child.end)
+        os.close(child.end)
+        os.close(child.stat)
+        return child
+
+
+class _Zygote:
+    """The other end of ``launcher.processes.zygote.serve``."""
+
+    def __init__(self, preload: list[str]) -> None:
+        self._socket, theirs = socket.socketpair()
+        command = _ZYGOTE.format(path=sys.path, orders=theirs.fileno(), preload=preload)
+        started = threading.Event()
+
+        def live() -> None:
+            """Start it from a thread that stays, for the kernel ends it with the thread that started it."""
+            try:
+                zygote = subprocess.Popen(
+                    [sys.executable, "-c", command], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
+                )
+            finally:
+                theirs.close()
+                started.set()
+            zygote.wait()
+
+        self._thread = threading.Thread(target=live, name="zygote", daemon=True)
+        self._thread.start()
+        started.wait()
+
+    def fork(self, *order: Any) -> int:
+        """The id of a new process. Raises ``RunFailed`` if there is none."""
+        content = pickle.dumps(order)
+        pid = self._ask(ORDER.pack(len(content), 0) + content)
+        if pid is None or pid < 0:
+            why = "the zygote has ended" if pid is None else os.strerror(-pid)
+            raise RunFailed(f"a process could not be forked: {why}")
+        return pid
+
+    def wait(self, pid: int) -> int | None:
+        """The exit code of a process that has ended; None if the zygote has ended, too."""
+        status = self._ask(ORDER.pack(0, pid))
+        return None if status is None else os.waitstatus_to_exitcode(status)
+
+    def close(self) -> None:
+        """End it, even if a process that was forked from this one has the socket, too."""
+        with suppress(OSError):  # it has ended
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+        self._thread.join(KILL_TIMEOUT_S)
+
+    def _ask(self, order: bytes) -> int | None:
+        try:
+            self._socket.sendall(order)
+            answer = self._socket.recv(ANSWER.size, socket.MSG_WAITALL)
+        except ConnectionError:
+            return None
+        return ANSWER.unpack(answer)[0] if answer else None
+
+
+def _readable(file: int) -> bool:
+    poll = select.poll()
+    poll.register(file, select.POLLIN)
+    return bool(poll.poll(0))
 
 
 def _allow_many_files(wanted: int) -> None:
@@ -137,39 +212,3 @@ def _allow_many_files(wanted: int) -> None:
     limit = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
     if soft != resource.RLIM_INFINITY and soft < limit:
         resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
-
-
-@contextmanager
-def _no_main_module() -> Iterator[None]:
-    """Keep children from importing the caller's main program."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-
-
-@cache
-def _start_zygote(_launcher: int) -> None:
-    """Once in each program, from a thread that stays: the kernel ends the zygote with the thread that started it."""
-    started = threading.Event()
-
-    def start() -> None:
-        try:
-            forkserver.ensure_running()
-        finally:
-            started.set()
-        threading.Event().wait()
-
-    threading.Thread(target=start, name="zygote", daemon=True).start()
-    started.wait()
-
-
-@contextmanager
-def _zygote_environment() -> Iterator[None]:
-    os.environ["TRACKFIELD_ZYGOTE"] = str(os.getpid())
-    try:
-        yield
-    finally:
-        del os.environ["TRACKFIELD_ZYGOTE"]

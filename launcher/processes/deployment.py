@@ -21,13 +21,14 @@ from launcher.processes.registry import Registry
 from launcher.processes.watch import Stop, Watch
 from launcher.processes.zygote import Child
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.session import open_client
+from trackfield.drivers.session import client_settings, open_client
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
+REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
 LOG_TAIL: Final = 12
 
 
@@ -81,7 +82,7 @@ class Deployment:
 
     def _make_children(self) -> Children:
         light = {life.factory.partition(":")[0] for life in self.plan.processes if not life.sink}
-        return Children(len(self.plan.processes) + 2, sorted(light))
+        return Children(len(self.plan.processes) + 2, [*sorted(light), REHEARSAL])
 
     @property
     def stops(self) -> list[Stop]:
@@ -110,7 +111,8 @@ class Deployment:
         title = life.name if life.id == life.role else f"{life.role} {life.name}"
         niceness = 0 if life.sink else patience.NICENESS
         body = Child("launcher.processes.bodies:role", title, str(self.log(life.name)))
-        self._children.fork(life.name, body, self.endpoint, self.plan.run.run, life.name, niceness)
+        settings = client_settings(self.endpoint, self.plan.run.run)
+        self._children.fork(life.name, body, settings, life.name, niceness)
 
     def _connect(self) -> None:
         timeout_s = patience.READY_TIMEOUT_S if self._own_router else patience.CONNECT_TIMEOUT_S

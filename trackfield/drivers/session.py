@@ -44,27 +44,33 @@ def is_endpoint(text: str) -> bool:
 
 def open_client(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> zenoh.Session:
     """A session in a run (None: all runs) by the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
+    return open_session(client_settings(endpoint, run, timeout_s))
+
+
+def client_settings(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> str:
+    """The settings of such a session. The launcher makes them for its nodes, as that takes memory."""
     timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
     namespace = {} if run is None else {"namespace": run}
-    return _open({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
+    return _settings({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
 
 
 def open_router(*endpoints: str) -> zenoh.Session:
     """A router that listens at these endpoints for as long as the session is kept."""
-    return _open({**_ROUTER, "listen/endpoints": list(endpoints)})
+    return open_session(_settings({**_ROUTER, "listen/endpoints": list(endpoints)}))
 
 
-def _open(settings: Mapping[str, Any]) -> zenoh.Session:
-    return zenoh.open(zenoh.Config.from_json5(json.dumps(_nested(settings))))
+def open_session(settings: str) -> zenoh.Session:
+    """A session with these settings. Raises ``zenoh.ZError`` if they are a client's and no router answers."""
+    return zenoh.open(zenoh.Config.from_json5(settings))
 
 
-def _nested(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings as a tree: a configuration read as a whole takes less memory in a node than one set key by key."""
+def _settings(paths: Mapping[str, Any]) -> str:
+    """The tree of these paths in JSON: a configuration read as a whole takes less memory than one set key by key."""
     tree: dict[str, Any] = {}
-    for path, value in settings.items():
+    for path, value in paths.items():
         *branches, leaf = path.split("/")
         at = tree
         for branch in branches:
             at = at.setdefault(branch, {})
         at[leaf] = value
-    return tree
+    return json.dumps(tree)
