@@ -240,6 +240,16 @@ def test_what_no_run_has_is_not_drawn() -> None:
     assert not any("battery" in axes.get_title(loc="left") for axes in axis_picture(made, axis).axes)
 
 
+def test_an_odd_number_of_panels_leaves_a_place_empty() -> None:
+    axis, keys = Axis("a", (1, 2)), ("rmse.position", "energy_j.total", "frames.lost", "longest_blackout_s")
+    made = summary((axis,), *(row({"a": a}, **{key.replace(".", "__"): a for key in keys}) for a in axis.values))
+    panels = axis_picture(made, axis).axes
+    assert len(panels) == 5
+    assert [axes.get_xlabel() for axes in panels] == ["", "", "", "a", "a"]
+    shown = [any(tick.label1.get_visible() for tick in axes.xaxis.get_major_ticks()) for axes in panels]
+    assert shown == [False, False, False, True, True]
+
+
 def test_too_many_lines_are_held_at_a_value_which_is_said() -> None:
     axes = tuple(Axis(name, (1, 2, 3)) for name in "abc")
     made = summary(
@@ -308,6 +318,19 @@ def test_what_is_there_is_not_run_again(trackfield: Call) -> None:
     said = trackfield("study", *SHORT, "--set", "target.steps=4", "--seeds", 2)
     assert "the scenario is another than that of the study in this folder: target.steps was 3 and is 4" in said.err
     assert "from before" not in said.err
+
+
+@pytest.mark.parametrize("mark", ["notes.txt", ".trackfield-reproduce"])
+def test_a_folder_that_is_no_study_stays_as_it_is(trackfield: Call, tmp_path: Path, mark: str) -> None:
+    mine = {name: tmp_path / "s" / name for name in (f"results/{mark}", "plots/a.png", "median/b", "manifest.json")}
+    for name, file in mine.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(name)
+    said = trackfield("study", *SHORT, "--set", "target.steps=3", "--seeds", 1)
+    assert said.code == 2
+    assert "s: --out: the folder has something in it; expected an empty or new one, or that of an earlier" in said.err
+    assert {file for file in (tmp_path / "s").rglob("*") if file.is_file()} == set(mine.values())
+    assert all(file.read_text() == name for name, file in mine.items())
 
 
 def test_a_study_of_a_track_goes_by_what_is_in_its_file(trackfield: Call) -> None:
