@@ -295,6 +295,15 @@ def test_a_study_shows_itself_and_draws_what_varies() -> None:
         study.plot("link.loss")
 
 
+def test_values_of_numpy_are_values(tmp_path: Path) -> None:
+    vary = {"field.nodes": np.array([9, 16]), "link.loss": [np.float64(0.1), 0.2]}
+    study = tf.study(SMALL.set("target.steps", 3), np.arange(1, 2), vary, out=tmp_path / "s", n_jobs=1)
+    assert [axis.values for axis in study.axes] == [(9, 16), (0.1, 0.2)]
+    said = json.loads((tmp_path / "s" / "manifest.json").read_text())["study"]
+    assert said["vary"] == {"field.nodes": [9, 16], "link.loss": [0.1, 0.2]}
+    assert said["seeds"] == [1]
+
+
 def test_without_pandas_it_is_said_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     study = tf.study(SMALL, [1], n_jobs=1)
     monkeypatch.setitem(sys.modules, "pandas", None)
@@ -347,6 +356,9 @@ def some_folder() -> str:
         (lambda: tf.study(SMALL, [-1]), "seed: is -1; expected"),
         (lambda: tf.study(SMALL, [1, 1]), "seeds: some are there twice; expected each seed once"),
         (lambda: tf.study(SMALL, [1], {"link.loss": [0.1]}), "link.loss: has one value, 0.1; expected two values or"),
+        (lambda: tf.study(SMALL, [1], {"link.loss": 0.1}), "link.loss: is 0.1, which is no list; expected two values"),
+        (lambda: tf.study(SMALL, [1], {"link.model": "ideal"}), "link.model: is 'ideal', which is no list; expected"),
+        (lambda: tf.study(SMALL, 5), "seeds: is 5, which is no list; expected one or more, like range"),
         (lambda: tf.study(SMALL, [1], {"link.modle": ["a", "b"]}), "link.modle: unknown; did you mean model"),
         (lambda: tf.run(SMALL, driver="virtaul"), "driver: is 'virtaul'; did you mean virtual.; expected virtual or"),
         (lambda: tf.run(SMALL, seed=-1), "seed: is -1; expected"),

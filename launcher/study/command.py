@@ -70,14 +70,14 @@ def conduct(
     console.print(Text(f"next: open {folder.path / PAGE}"))
 
 
-def parse_seeds(text: str) -> list[int]:
+def parse_seeds(text: str) -> Sequence[int]:
     """``N`` as 1 to N, ``A-B`` as A to B, ``A,B,...`` one by one. Raises ``ScenarioError`` for any other text."""
     expected = "how many, like 20 (seeds 1 to 20), or from-to, like 21-40, or some, like 3,7,9"
     try:
         if "," in text:
             return [int(part) for part in text.split(",")]
         first, dash, last = text.partition("-")
-        found = list(range(int(first), int(last) + 1) if dash else range(1, int(text) + 1))
+        found = range(int(first), int(last) + 1) if dash else range(1, int(text) + 1)
     except ValueError:
         raise ScenarioError(f"is {text!r}", key="--seeds", expected=expected) from None
     if not found:
