@@ -261,7 +261,7 @@ def test_too_many_lines_are_held_at_a_value_which_is_said() -> None:
     assert axis_picture(made, axes[0]).legends[0].get_title().get_text() == "at c=1"
 
 
-def test_the_front_has_what_nothing_is_better_than_in_both() -> None:
+def test_the_front_has_what_no_other_dominates() -> None:
     """Error and lifetime: less of one, more of the other; a combination that is mostly lost is never on it."""
     axis = Axis("a", (1, 2, 3, 4))
     errors, lives = (1.0, 2.0, 3.0, 0.5), (10.0, 30.0, 20.0, 50.0)
@@ -274,6 +274,16 @@ def test_the_front_has_what_nothing_is_better_than_in_both() -> None:
     axes = pareto_picture(front).axes[0]
     assert axes.get_ylabel() == "first battery empty [s]   (more is better)"
     assert {text.get_text() for text in axes.texts} == {"1", "2", "3", "4"}
+
+
+def test_of_two_that_cost_the_same_the_worse_is_dominated(study: tuple[Path, str, str]) -> None:
+    """As trackers of one run, which have the same energy."""
+    found = [row({}, name, energy_j__total=7.0, rmse__position=error) for name, error in (("ekf", 2.0), ("ukf", 1.0))]
+    front = front_of(summary((), *found), "energy_j.total", "rmse.position")
+    assert [front.rows[place].tracker for place in front.best] == ["ukf"]
+    said = "another is no worse in either and better in one"
+    assert f"dominated: {said}" in [text.get_text() for text in pareto_picture(front).legends[0].get_texts()]
+    assert f"is off the front if {said}, or if half" in Reader((study[0] / "study.html").read_text()).text
 
 
 # --- intervals --------------------------------------------------------------------------------------------------------
@@ -405,6 +415,14 @@ def test_trackers_one_at_a_time_and_lists_of_them(trackfield: Call) -> None:
     assert found == [('["ukf"]', "ukf"), ('["ekf", "ukf"]', "ekf"), ('["ekf", "ukf"]', "ukf")]
 
 
+def test_times_are_values(trackfield: Call) -> None:
+    asked = ("study", "bus", "--seeds", 1, "--tracker", "ekf", "--set", "target.steps=3", "--out", "s")
+    said = trackfield(*asked, "--vary", "target.from=08:00:00,08:01:00")
+    assert said.code == 0, said.err
+    assert [row["target.from"] for row in rows(Path("s/study.csv"))] == ["08:00:00", "08:01:00"]
+    assert json.loads(Path("s/manifest.json").read_text())["study"]["vary"] == {"target.from": ["08:00:00", "08:01:00"]}
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -422,6 +440,7 @@ def test_trackers_one_at_a_time_and_lists_of_them(trackfield: Call) -> None:
         (("--set", "seed=3"), "--set: seed: has no effect: --seeds says which"),
         (("--seeds", "many"), "--seeds: is 'many'; expected how many, like 20"),
         (("--seeds", "0"), "--seeds: '0' are none"),
+        (("--seeds", "10000000000"), "seeds: there are too many; expected 1,000,000 or fewer"),
         (("--pareto", "energy,rmse.position"), "--pareto: there is no figure 'energy'"),
         (("--pareto", "rmse.position"), "--pareto: is 'rmse.position'; expected two figures"),
         (("--vary", "link.loss=0.1,0.2", "--vary", "link.radio=mica2,lora868"), "link.loss: belongs to model fixed"),

@@ -88,8 +88,8 @@ def _axes(summary: Summary) -> Iterator[tuple[str, str, str]]:
 def _front_said(x: str, y: str) -> str:
     sides = " and ".join(f"{FIGURES[key].better} {FIGURES[key].name}" for key in (x, y))
     return (
-        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). On the front are those that no other "
-        "is better than in both. A combination of which half of the runs or more were lost cannot be on it."
+        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). A combination is off the "
+        "front if another is no worse in either and better in one, or if half of its runs or more were lost."
     )
 
 
