@@ -293,6 +293,14 @@ def test_a_study_shows_itself_and_draws_what_varies() -> None:
         tf.ScenarioError, match=r"axis: .link.loss. is not varied; expected one of field\.spacing_m, tracker"
     ):
         study.plot("link.loss")
+    for pair, said in (
+        (("energy",), r"^x: there is no figure .energy."),
+        (("energy_j.total", "energy"), r"^y: there is no figure .energy."),
+        (("rmse.position",), r"^x, y: both are rmse.position; expected two figures"),
+        (("frames.sent", "lifetime_s.first_death"), r"^x, y: no run has both figures, frames.sent and lifetime_s.fir"),
+    ):
+        with pytest.raises(tf.ScenarioError, match=said):
+            study.pareto(*pair)
 
 
 def test_values_of_numpy_are_values(tmp_path: Path) -> None:

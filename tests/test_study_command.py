@@ -286,6 +286,16 @@ def test_of_two_that_cost_the_same_the_worse_is_dominated(study: tuple[Path, str
     assert f"is off the front if {said}, or if half" in Reader((study[0] / "study.html").read_text()).text
 
 
+def test_figures_that_no_run_has_make_no_front_and_that_is_said(trackfield: Call) -> None:
+    asked = ("study", "zhai-spcpf", "--seeds", 1, "--tracker", "ekf", "--set", "target.steps=3", "--out", "s")
+    said = trackfield(*asked, "--pareto", "frames.sent,lifetime_s.first_death")
+    assert said.code == 0
+    missing = "no run has both figures, frames.sent and lifetime_s.first_death"
+    assert f"note: there is no Pareto front: {missing}" in " ".join(said.err.split())
+    assert f"There is no front: {missing}." in Reader(Path("s/study.html").read_text()).text
+    assert not Path("s/plots/pareto.png").exists()
+
+
 # --- intervals --------------------------------------------------------------------------------------------------------
 
 

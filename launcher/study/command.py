@@ -17,6 +17,7 @@ from launcher.study.axes import Design, design, label, overlap, parse_vary
 from launcher.study.figures import pair
 from launcher.study.folder import StudyFolder, default_folder, seeds_in_words
 from launcher.study.page import PAGE
+from launcher.study.pictures.pareto import front_of
 from launcher.study.studies import fill, finish
 from launcher.study.table import rich_table
 from trackfield.errors import ScenarioError
@@ -60,12 +61,12 @@ def conduct(
         fill(folder, n_jobs, lines=True)
         found = finish(folder, figures)
     except KeyboardInterrupt:
-        left = len(folder.missing())
-        said = f"interrupted: {runs - left} of {runs} runs are done and kept in {folder.path}; "
-        console.print(Text(said + "the same command goes on with the others"))
+        console.print(Text(f"interrupted: {_done(folder)}"))
         raise typer.Exit(INTERRUPTED) from None
     stdout = _table_console()
     stdout.print(rich_table(found.summary, stdout))
+    if figures and (empty := front_of(found.summary, *figures).empty):
+        note(f"there is no Pareto front: {empty}")
     console.print(Text(f"study: {folder.path} ({PAGE}, summary.csv, study.csv, plots)"))
     console.print(Text(f"next: open {folder.path / PAGE}"))
 
@@ -83,6 +84,14 @@ def parse_seeds(text: str) -> Sequence[int]:
     if not found:
         raise ScenarioError(f"{text!r} are none", key="--seeds", expected=expected)
     return found
+
+
+def _done(folder: StudyFolder) -> str:
+    """What there is of a study that is interrupted, and what the same command would do."""
+    left, runs = len(folder.missing()), len(folder.design.jobs)
+    if not left:
+        return f"all {runs} runs are done and kept in {folder.path}; the same command writes the page"
+    return f"{runs - left} of {runs} runs are done and kept in {folder.path}; the same command goes on with the others"
 
 
 def _check_free(whole: Design, fixed: Collection[str]) -> None:

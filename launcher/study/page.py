@@ -14,7 +14,7 @@ from launcher.study.figures import FIGURES
 from launcher.study.folder import CHOSEN, MANIFEST, SCENARIO, StudyFolder, seeds_in_words
 from launcher.study.pictures.drawing import PLOTS, draw, pictured
 from launcher.study.pictures.effects import lines
-from launcher.study.pictures.pareto import default_pair
+from launcher.study.pictures.pareto import default_pair, front_of
 from launcher.study.results import StudyRun
 from launcher.study.store import RESULTS
 from launcher.study.summary import Summary
@@ -41,6 +41,7 @@ def write_page(
     pictures = draw(summary, folder.path, pareto)
     manifest = json.loads((folder.path / MANIFEST).read_bytes())
     x, y = pareto or default_pair(summary)
+    missing = front_of(summary, x, y).empty if pareto else ""
     given = manifest["command"][1:]
     text = (
         templates("launcher.study")
@@ -55,6 +56,7 @@ def write_page(
             pictures={name: inline(file.read_bytes()) for name, file in pictures.items()},
             pareto_title=f"Pareto front: {FIGURES[x].name} and {FIGURES[y].name}",
             pareto_said=_front_said(x, y),
+            pareto_missing=missing,
             command=shlex.join(["trackfield", *given]) if given else "",
             looks=list(_looks(folder, runs)),
             toml=(folder.path / SCENARIO).read_text(encoding="utf-8"),

@@ -16,7 +16,7 @@ from launcher.study.folder import StudyFolder
 from launcher.study.parallel import unordered
 from launcher.study.results import StudyRun, study_run, study_table
 from launcher.study.summary import Summary, summary_of
-from trackfield.errors import TrackfieldError
+from trackfield.errors import ScenarioError, TrackfieldError
 from trackfield.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -93,13 +93,22 @@ class Study:
     def pareto(self, x: str = "", y: str = "") -> Picture:
         """Two figures (keys of metrics.json) of each combination, and which are the best; unnamed: cost and error.
 
-        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for what is no figure of a study.
+        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for what is no figure of a study, or is the
+        same twice, and where no run has both.
         """
-        from launcher.study.figures import pair
+        from launcher.study.figures import check_figure
         from launcher.study.pictures.pareto import default_pair, front_of, pareto_picture
 
         usual = default_pair(self.summary)
-        return pareto_picture(front_of(self.summary, *pair(f"{x or usual[0]},{y or usual[1]}")))
+        x, y = x or usual[0], y or usual[1]
+        for figure, key in ((x, "x"), (y, "y")):
+            check_figure(figure, key)
+        if x == y:
+            raise ScenarioError(f"both are {x}", key="x, y", expected="two figures")
+        front = front_of(self.summary, x, y)
+        if front.empty:
+            raise ScenarioError(front.empty, key="x, y", expected="two figures that some run has")
+        return pareto_picture(front)
 
     def _repr_html_(self) -> str:
         from launcher.study.table import html_table
