@@ -370,7 +370,11 @@ def some_folder() -> str:
         (lambda: tf.study(SMALL, [1], {"link.modle": ["a", "b"]}), "link.modle: unknown; did you mean model"),
         (lambda: tf.run(SMALL, driver="virtaul"), "driver: is 'virtaul'; did you mean virtual.; expected virtual or"),
         (lambda: tf.run(SMALL, seed=-1), "seed: is -1; expected"),
-        (lambda: tf.run(SMALL, speed=0), "^speed: is 0; expected more than 0"),
+        (lambda: tf.run(SMALL, driver="processes", speed=0), "^speed: is 0; expected more than 0"),
+        (
+            lambda: tf.run(SMALL, speed=50),
+            '^speed: virtual time goes as fast as the machine can; expected driver="proc',
+        ),
         (lambda: tf.run(SMALL, out=some_folder()), "^full: out: the folder has something in it; expected an empty"),
         (lambda: tf.study(SMALL, [1], out=some_folder()), "^full: out: the folder has something in it"),
         (lambda: tf.study(SMALL, []), "seeds: there are none; expected one or more"),
