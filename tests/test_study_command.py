@@ -397,6 +397,26 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfi
     assert (tmp_path / said[1] / "study.html").exists()
 
 
+def test_ctrl_c_after_the_last_run_says_what_is_left(trackfield: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ("study", *SHORT, "--set", "target.steps=3", "--seeds", 1)
+    with monkeypatch.context() as once:
+        once.setattr("launcher.study.page.draw", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+        said = trackfield(*asked)
+    assert said.code == 130
+    done = "interrupted: all 2 runs are done and kept in s; the same command writes the page"
+    assert done in " ".join(said.err.split())
+    assert trackfield(*asked).code == 0
+    assert Path("s/study.html").exists()
+
+
+def test_the_median_run_of_another_study_does_not_stay(trackfield: Call) -> None:
+    asked = ("study", "zhai-spcpf", "--tracker", "ekf", "--set", "target.steps=3", "--seeds", 1, "--out", "s")
+    assert trackfield(*asked).code == 0
+    assert Path("s/median").exists()
+    assert trackfield(*asked, "--vary", "sensor.threshold=0.74,0.75").code == 0
+    assert not Path("s/median").exists()
+
+
 # --- what is given on the line ----------------------------------------------------------------------------------------
 
 

@@ -15,7 +15,7 @@ from launcher.study.folder import CHOSEN, MANIFEST, SCENARIO, StudyFolder, seeds
 from launcher.study.pictures.drawing import PLOTS, draw, pictured
 from launcher.study.pictures.effects import lines
 from launcher.study.pictures.pareto import default_pair, front_of
-from launcher.study.results import StudyRun
+from launcher.study.results import StudyRun, median_run
 from launcher.study.store import RESULTS
 from launcher.study.summary import Summary
 from launcher.study.table import caption, grid
@@ -100,11 +100,6 @@ def _looks(folder: StudyFolder, runs: Sequence[StudyRun]) -> Iterator[tuple[str,
     home = folder.path.absolute().parent
     for place, variant in enumerate(folder.design.variants):
         own = [run for run in runs if run.values == variant.values]
-        seed = sorted(own, key=_error)[(len(own) - 1) // 2].seed
+        seed = median_run(own).seed
         file = shlex.quote(str(folder.scenario_file(place).absolute().relative_to(home)))
         yield variant.name or "the scenario", f"trackfield run {file} --virtual --seed {seed}"
-
-
-def _error(run: StudyRun) -> float:
-    position = next(iter(run.metrics.trackers.values())).rmse.position
-    return float("inf") if position is None else position

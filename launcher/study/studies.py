@@ -14,7 +14,7 @@ from launcher.plan.prepare import checked
 from launcher.study.axes import Axis, Design, design
 from launcher.study.folder import StudyFolder
 from launcher.study.parallel import unordered
-from launcher.study.results import StudyRun, study_run, study_table
+from launcher.study.results import StudyRun, median_run, study_run, study_table
 from launcher.study.summary import Summary, summary_of
 from trackfield.errors import ScenarioError, TrackfieldError
 from trackfield.scenario import Scenario
@@ -63,12 +63,7 @@ class Study:
     @property
     def median(self) -> StudyRun:
         """The run whose first tracker has the median RMSE of the position; no track at all counts as worst."""
-
-        def error(run: StudyRun) -> float:
-            position = next(iter(run.metrics.trackers.values())).rmse.position
-            return float("inf") if position is None else position
-
-        return sorted(self.results, key=error)[(len(self.results) - 1) // 2]
+        return median_run(self.results)
 
     def to_pandas(self) -> pd.DataFrame:
         """``table`` as a data frame. Raises ``TrackfieldError`` where pandas is not installed."""
@@ -161,7 +156,9 @@ def finish(folder: StudyFolder, pareto: tuple[str, str] | None = None) -> Study:
     whole = Study(folder.design, runs, folder.path)
     folder.write_tables(runs, whole.summary)
     write_page(folder, runs, whole.summary, pareto)
-    if not whole.axes:
+    if whole.axes:
+        folder.remove_median()
+    else:
         folder.write_median(whole.median)
     return whole
 
