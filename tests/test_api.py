@@ -180,7 +180,7 @@ def test_a_program_may_run_often() -> None:
     threads, files = process.num_threads(), process.num_fds()
     for seed in range(3):
         tf.run(SMALL, seed=seed)
-    assert process.num_fds() == files
+    assert process.num_fds() <= files  # fewer, if workers of a study before ended meanwhile
     assert process.num_threads() <= threads + 3 * 2
 
 
