@@ -78,7 +78,7 @@ class Design:
 
 
 def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable[Any]] | None = None) -> Design:
-    """All combinations of what is varied, each checked. Raises ``ScenarioError`` for whatever cannot be run."""
+    """All combinations of what is varied, each checked. Raises ``ScenarioError`` for any that cannot be run."""
     axes = tuple(_axis(key, values) for key, values in (vary or {}).items())
     _apart(axes)
     given = islice(_listed("seeds", seeds, "one or more, like range(100)"), MOST_SEEDS + 1)
@@ -86,12 +86,12 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
     if len(chosen) > MOST_SEEDS:
         raise ScenarioError("there are too many", key="seeds", expected=f"{MOST_SEEDS:,} or fewer")
     if not chosen:
-        raise ScenarioError("there are none", key="seeds", expected="one or more, like range(100)")
+        raise ScenarioError("none given", key="seeds", expected="one or more, like range(100)")
     if len(set(chosen)) < len(chosen):
-        raise ScenarioError("some are there twice", key="seeds", expected="each seed once")
+        raise ScenarioError("some are given twice", key="seeds", expected="each seed once")
     for seed in chosen:
         if not isinstance(seed, int) or seed < 0:
-            checked(scenario, seed)  # which says what is wrong
+            checked(scenario, seed)  # raises the error
     return Design(scenario, axes, tuple(_variants(scenario, axes, chosen[0])), chosen)
 
 
@@ -104,7 +104,7 @@ def _axis(key: str, values: Iterable[Any]) -> Axis:
         raise ScenarioError(what, key=key, expected="two values or more; --set sets a single one")
     for value in given:
         if sum(label(other) == label(value) for other in given) > 1:
-            raise ScenarioError(f"{label(value)} is there twice", key=key, expected="each value once")
+            raise ScenarioError(f"{label(value)} is given twice", key=key, expected="each value once")
         if key == TRACKER and not isinstance(value, str):
             what = f"is {label(value)}"
             raise ScenarioError(what, key=key, expected="names of single trackers; fusion.trackers takes lists of them")
@@ -137,11 +137,11 @@ def _apart(axes: Sequence[Axis]) -> None:
         for other in axes[:i]:
             if overlap(one.sets, other.sets):
                 what = f"is varied, and so is {other.key}"
-                raise ScenarioError(what, key=one.key, expected="keys that do not set the same")
+                raise ScenarioError(what, key=one.key, expected="keys that do not overlap")
 
 
 def overlap(one: str, other: str) -> bool:
-    """Whether two keys set the same: are equal, or one is the section of the other."""
+    """Whether two keys overlap: they are equal, or one is the section of the other."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
@@ -163,9 +163,9 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
 
 
 def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Any, ...]]:
-    """``key=a,b,c`` of each as values by key; where they are not written as in TOML, each is text between commas.
+    """``key=a,b,c`` of each as values by key; values that are not TOML are text between commas.
 
-    Raises ``ScenarioError`` for any other text, and for a key that is there twice.
+    Raises ``ScenarioError`` for a text of any other form, and for a key that is given twice.
     """
     found: dict[str, tuple[Any, ...]] = {}
     for text in texts:
@@ -193,7 +193,7 @@ def _values(key: str, text: str) -> tuple[Any, ...]:
 
 
 def _split(text: str) -> list[str]:
-    """At the commas that are in no brackets."""
+    """Split at the commas that are not in brackets."""
     parts, depth = [""], 0
     for character in text:
         depth += (character in "[{") - (character in "]}")
@@ -205,7 +205,7 @@ def _split(text: str) -> list[str]:
 
 
 def label(value: Any) -> str:
-    """A value in words, short."""
+    """A value as short text."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):

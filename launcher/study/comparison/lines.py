@@ -1,4 +1,4 @@
-"""The tracks of several runs as lines over each other: one colour per tracker, runs told apart by dash and tint."""
+"""The tracks of several runs as lines: one colour per tracker; runs differ in dash and tint."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from launcher.report.tracks import Track
 
 Places = npt.NDArray[np.intp]
 MOST_RUNS: Final = 6
-"""Runs that can be told apart in a figure."""
+"""The most runs that can be told apart in a figure."""
 MOST_LINES: Final = 6
-"""Lines that can be told apart in a plot; of more each tracker has a plot of its own."""
+"""The most lines that can be told apart in a plot; with more, each tracker has its own plot."""
 _DASHED: Final = (0, (4.0, 1.6))
 _DOTTED: Final = (0, (1.0, 1.4))
 _LOOKS: Final[tuple[tuple[float, float, Any, float], ...]] = (
@@ -50,18 +50,18 @@ class Line:
         """How matplotlib draws it, on white or on a ``dark`` ground."""
         on_white, on_black, dash, width = _LOOKS[self.place]
         shade = on_black if dark else on_white
-        thin = float(np.clip(1.0 - len(self.track.t_s) / 2400, 0.4, 1.0))  # so that it does not become a surface
+        thin = float(np.clip(1.0 - len(self.track.t_s) / 2400, 0.4, 1.0))  # many points need a thin line
         return {"color": tint(colours[self.track.tracker], shade), "ls": dash, "lw": width * thin}
 
 
 def lines(runs: Sequence[Run], names: Sequence[str]) -> list[Line]:
-    """Those of the first runs, as many as a figure can hold."""
+    """The lines of the first runs, as many as a figure can hold."""
     first = list(zip(names, runs, strict=True))[:MOST_RUNS]
     return [Line(place, name, run, track) for place, (name, run) in enumerate(first) for track in run.tracks]
 
 
 def colours(found: Sequence[Line]) -> dict[str, str]:
-    """Of each tracker."""
+    """The colour of each tracker."""
     return tracker_colours(list(dict.fromkeys(line.track.tracker for line in found)))
 
 
@@ -81,7 +81,7 @@ def tint(colour: str, shade: float) -> str:
 
 
 def common(a: Track, b: Track) -> tuple[Places, Places]:
-    """Where in each of two tracks the instants are that both have, (n,) and (n,)."""
+    """The places of the common instants in each of two tracks, (n,) and (n,)."""
     one, other = (np.round(track.t_s * 1e6).astype(np.int64) for track in (a, b))
     _, first, second = np.intersect1d(one, other, return_indices=True)
     return first, second

@@ -21,7 +21,7 @@ from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, sty
 from launcher.study.summary import Row, Summary
 
 MOST_NAMES: Final = 14
-"""Of points beside which their combination stands; more, and only those of the front have it."""
+"""The most points that are all labelled; of more, only those of the front are."""
 GREY: Final = "#9aa4b2"
 
 
@@ -49,7 +49,7 @@ class Front:
 
 
 def default_pair(summary: Summary) -> tuple[str, str]:
-    """What a field costs and what it comes to."""
+    """The cost of a field, and its error."""
     return next((key for key in COST if summary.told(key)), COST[-1]), ERROR
 
 
@@ -107,7 +107,7 @@ def pareto_picture(front: Front) -> Picture:
 
 
 def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str, float]:
-    """((values, bars below and above them), unit, how many of the figure's own unit that is) of the rows."""
+    """((values, bars below and above them), unit, its size in the figure's own unit) of the rows."""
     estimates = [row.figures[key] for row in front.rows]
     scale, unit = scale_of(FIGURES[key].unit, [one.value for one in estimates if one])
     value, low, high = columns(estimates, scale)
@@ -115,7 +115,7 @@ def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str, float]:
 
 
 def _key(figure: Figure, axes: Axes, front: Front, trackers: Sequence[str]) -> None:
-    """What colours and marks mean."""
+    """The legend of colours and marks."""
     axes.plot([], [], "o-", color=COLOURS[0], label="Pareto front")
     axes.plot([], [], "o", color=GREY, label="dominated: another is no worse in either and better in one")
     if front.out:
