@@ -132,13 +132,13 @@ def run(
     *,
     seed: int | None = None,
     driver: Driver = "virtual",
-    speed: float = 1.0,
+    speed: float | None = None,
     out: Folder = "runs/",
 ) -> Result:
     """Run a scenario and leave a run folder: ``out``, or, if that ends with a slash, one of its own name below it.
 
     ``scenario`` may be the name of a packaged one or a TOML file. ``seed`` decides every random draw (None: the
-    scenario's own); ``speed`` is emulated seconds per second of a run over processes. Needs no
+    scenario's own); ``speed`` is emulated seconds per second of a run over processes (None: 1). Needs no
     ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
     ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
     folder all the same. Ctrl-C ends the run early, leaves a complete folder, and is raised afterwards.
@@ -146,6 +146,10 @@ def run(
     if driver not in get_args(Driver):
         what = f"is {driver!r}{suggestion(str(driver), get_args(Driver))}"
         raise ScenarioError(what, key="driver", expected=" or ".join(get_args(Driver)))
+    if driver == "virtual" and speed is not None:
+        what = "virtual time goes as fast as the machine can"
+        raise ScenarioError(what, key="speed", expected='driver="processes" with it')
+    speed = 1.0 if speed is None else speed
     with _arguments():
         chosen = checked(_scenario(scenario), seed)
         plan = warned(planned(chosen, speed))

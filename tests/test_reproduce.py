@@ -30,6 +30,7 @@ from launcher.reproduce.scores import Field, Results, Score, usual_scores
 from launcher.reproduce.store import Store
 from launcher.reproduce.tables import UNKNOWN, Band
 from launcher.reproduce.timing import heard
+from launcher.study.store import study_folder
 from tests.command_line import Call, trackfield
 from trackfield.filters.trackers import make_tracker
 
@@ -152,6 +153,13 @@ def assert_complete(folder: Path, results: Results[Score]) -> None:
     run = json.loads((folder / "run" / "metrics.json").read_text())
     assert run["seed"] == 1
     assert run["trackers"]["spcpf"]["rmse"]["position"] == pytest.approx(results.scores["s1"]["spcpf"].position)
+
+
+def test_the_folder_of_another_kind_of_study_is_left_alone(trackfield: Call, tmp_path: Path) -> None:
+    study_folder(tmp_path / "s")
+    said = trackfield("reproduce", "zhai", "--runs", "1", "--out", "s")
+    assert said.code == 2
+    assert "s: --out: the folder is not empty; expected an empty or new one, or that of an earlier" in said.err
 
 
 @pytest.mark.parametrize(

@@ -221,6 +221,10 @@ def test_it_is_enough_that_one_of_them_comes_in_range() -> None:
             {"targets": [{"path": "s1", "id": "a", "step_s": 0.2}]},
             "fusion.deadline_s: is 0.3; expected at most targets[0].step_s, which is 0.2",
         ),
+        (
+            {"targets": [{**SECOND, "step_s": 2, "waypoints": []}], "fusion": {"deadline_s": 1.5}},
+            "targets[0].waypoints: belongs to path waypoints, not to s3",
+        ),
         ({"targets": [{"path": "s4", "id": "a"}]}, "targets[0].path: unknown path 's4'; expected one of s1, s2"),
         (
             {"targets": [{**SECOND, "steps": 9}, {**LEGS, "id": "late", "waypoints": [[100, 0, 0], [200, 9, 9]]}]},

@@ -240,6 +240,16 @@ def test_what_no_run_has_is_not_drawn() -> None:
     assert not any("battery" in axes.get_title(loc="left") for axes in axis_picture(made, axis).axes)
 
 
+def test_an_odd_number_of_panels_leaves_a_place_empty() -> None:
+    axis, keys = Axis("a", (1, 2)), ("rmse.position", "energy_j.total", "frames.lost", "longest_blackout_s")
+    made = summary((axis,), *(row({"a": a}, **{key.replace(".", "__"): a for key in keys}) for a in axis.values))
+    panels = axis_picture(made, axis).axes
+    assert len(panels) == 5
+    assert [axes.get_xlabel() for axes in panels] == ["", "", "", "a", "a"]
+    shown = [any(tick.label1.get_visible() for tick in axes.xaxis.get_major_ticks()) for axes in panels]
+    assert shown == [False, False, False, True, True]
+
+
 def test_too_many_lines_are_held_at_a_value_which_is_said() -> None:
     axes = tuple(Axis(name, (1, 2, 3)) for name in "abc")
     made = summary(
@@ -251,7 +261,7 @@ def test_too_many_lines_are_held_at_a_value_which_is_said() -> None:
     assert axis_picture(made, axes[0]).legends[0].get_title().get_text() == "at c=1"
 
 
-def test_the_front_has_what_nothing_is_better_than_in_both() -> None:
+def test_the_front_has_what_no_other_dominates() -> None:
     """Error and lifetime: less of one, more of the other; a combination that is mostly lost is never on it."""
     axis = Axis("a", (1, 2, 3, 4))
     errors, lives = (1.0, 2.0, 3.0, 0.5), (10.0, 30.0, 20.0, 50.0)
@@ -264,6 +274,26 @@ def test_the_front_has_what_nothing_is_better_than_in_both() -> None:
     axes = pareto_picture(front).axes[0]
     assert axes.get_ylabel() == "first battery empty [s]   (more is better)"
     assert {text.get_text() for text in axes.texts} == {"1", "2", "3", "4"}
+
+
+def test_of_two_that_cost_the_same_the_worse_is_dominated(study: tuple[Path, str, str]) -> None:
+    """As trackers of one run, which have the same energy."""
+    found = [row({}, name, energy_j__total=7.0, rmse__position=error) for name, error in (("ekf", 2.0), ("ukf", 1.0))]
+    front = front_of(summary((), *found), "energy_j.total", "rmse.position")
+    assert [front.rows[place].tracker for place in front.best] == ["ukf"]
+    said = "another is no worse in either and better in one"
+    assert f"dominated: {said}" in [text.get_text() for text in pareto_picture(front).legends[0].get_texts()]
+    assert f"is not on the front if {said}, or if it lost half" in Reader((study[0] / "study.html").read_text()).text
+
+
+def test_figures_that_no_run_has_make_no_front_and_that_is_said(trackfield: Call) -> None:
+    asked = ("study", "zhai-spcpf", "--seeds", 1, "--tracker", "ekf", "--set", "target.steps=3", "--out", "s")
+    said = trackfield(*asked, "--pareto", "frames.sent,lifetime_s.first_death")
+    assert said.code == 0
+    missing = "no run has both figures, frames.sent and lifetime_s.first_death"
+    assert f"note: there is no Pareto front: {missing}" in " ".join(said.err.split())
+    assert f"There is no front: {missing}." in Reader(Path("s/study.html").read_text()).text
+    assert not Path("s/plots/pareto.png").exists()
 
 
 # --- intervals --------------------------------------------------------------------------------------------------------
@@ -308,6 +338,19 @@ def test_what_is_there_is_not_run_again(trackfield: Call) -> None:
     said = trackfield("study", *SHORT, "--set", "target.steps=4", "--seeds", 2)
     assert "the scenario differs from that of the study in this folder: target.steps was 3 and is 4" in said.err
     assert "from before" not in said.err
+
+
+@pytest.mark.parametrize("mark", ["notes.txt", ".trackfield-reproduce"])
+def test_a_folder_that_is_no_study_stays_as_it_is(trackfield: Call, tmp_path: Path, mark: str) -> None:
+    mine = {name: tmp_path / "s" / name for name in (f"results/{mark}", "plots/a.png", "median/b", "manifest.json")}
+    for name, file in mine.items():
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(name)
+    said = trackfield("study", *SHORT, "--set", "target.steps=3", "--seeds", 1)
+    assert said.code == 2
+    assert "s: --out: the folder is not empty; expected an empty or new one, or that of an earlier" in said.err
+    assert {file for file in (tmp_path / "s").rglob("*") if file.is_file()} == set(mine.values())
+    assert all(file.read_text() == name for name, file in mine.items())
 
 
 def test_a_study_of_a_track_goes_by_what_is_in_its_file(trackfield: Call) -> None:
@@ -356,6 +399,26 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfi
     assert (tmp_path / said[1] / "study.html").exists()
 
 
+def test_ctrl_c_after_the_last_run_says_what_is_left(trackfield: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ("study", *SHORT, "--set", "target.steps=3", "--seeds", 1)
+    with monkeypatch.context() as once:
+        once.setattr("launcher.study.page.draw", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+        said = trackfield(*asked)
+    assert said.code == 130
+    done = "interrupted: all 2 runs are done and kept in s; the same command writes the page"
+    assert done in " ".join(said.err.split())
+    assert trackfield(*asked).code == 0
+    assert Path("s/study.html").exists()
+
+
+def test_the_median_run_of_another_study_does_not_stay(trackfield: Call) -> None:
+    asked = ("study", "zhai-spcpf", "--tracker", "ekf", "--set", "target.steps=3", "--seeds", 1, "--out", "s")
+    assert trackfield(*asked).code == 0
+    assert Path("s/median").exists()
+    assert trackfield(*asked, "--vary", "sensor.threshold=0.74,0.75").code == 0
+    assert not Path("s/median").exists()
+
+
 # --- what is given on the line ----------------------------------------------------------------------------------------
 
 
@@ -384,6 +447,14 @@ def test_trackers_one_at_a_time_and_lists_of_them(trackfield: Call) -> None:
     assert found == [('["ukf"]', "ukf"), ('["ekf", "ukf"]', "ekf"), ('["ekf", "ukf"]', "ukf")]
 
 
+def test_times_are_values(trackfield: Call) -> None:
+    asked = ("study", "bus", "--seeds", 1, "--tracker", "ekf", "--set", "target.steps=3", "--out", "s")
+    said = trackfield(*asked, "--vary", "target.from=08:00:00,08:01:00")
+    assert said.code == 0, said.err
+    assert [row["target.from"] for row in rows(Path("s/study.csv"))] == ["08:00:00", "08:01:00"]
+    assert json.loads(Path("s/manifest.json").read_text())["study"]["vary"] == {"target.from": ["08:00:00", "08:01:00"]}
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -401,6 +472,7 @@ def test_trackers_one_at_a_time_and_lists_of_them(trackfield: Call) -> None:
         (("--set", "seed=3"), "--set: seed: has no effect beside --seeds"),
         (("--seeds", "many"), "--seeds: is 'many'; expected how many, like 20"),
         (("--seeds", "0"), "--seeds: '0' gives no seeds"),
+        (("--seeds", "10000000000"), "seeds: there are too many; expected 1,000,000 or fewer"),
         (("--pareto", "energy,rmse.position"), "--pareto: there is no figure 'energy'"),
         (("--pareto", "rmse.position"), "--pareto: is 'rmse.position'; expected two figures"),
         (("--vary", "link.loss=0.1,0.2", "--vary", "link.radio=mica2,lora868"), "link.loss: belongs to model fixed"),

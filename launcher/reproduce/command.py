@@ -50,7 +50,7 @@ def reproduce(name: str, runs: int, out: Path | None) -> Study:
     if runs < 1:
         raise ScenarioError(f"is {runs}", key="--runs", expected="1 or more")
     folder = out or Path("runs") / f"reproduce-{paper.name}"
-    study_folder(folder)
+    study_folder(folder, "reproduce")
     store, seeds = Store(folder, list(paper.cases.values())), range(1, runs + 1)
     console.print(Text(f"{paper.title}: {len(paper.cases)} cases, {runs} runs of each"))
     try:

@@ -73,7 +73,11 @@ def positive(statistic: Weighted, runs: int) -> Interval:
 
 
 def share(hits: int, of: int) -> Interval:
-    """The share of ``hits`` in ``of`` runs, with the exact interval of Clopper and Pearson."""
+    """The share of ``hits`` in ``of`` runs, with the exact interval of Clopper and Pearson.
+
+    It covers the truth in at least 95 % of cases, whatever the share, so no verdict on a claim is bolder than it says.
+    Studies have Wilson's (``launcher/study/intervals.py``), which is narrower, and right only on average.
+    """
     found = stats.binomtest(hits, of).proportion_ci(CONFIDENCE, method="exact")
     return Interval(hits / of, float(found.low), float(found.high))
 

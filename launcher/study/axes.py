@@ -6,9 +6,12 @@ import json
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
+from datetime import date, time
+from itertools import islice, product
 from operator import index
 from typing import Any, Final
+
+import numpy as np
 
 from launcher.plan.prepare import checked, planned, warned
 from trackfield.errors import ScenarioError
@@ -17,6 +20,7 @@ from trackfield.scenario.override import parse
 
 TRACKER: Final = "tracker"
 """Varied like a key: one tracker at a time, instead of those of the scenario."""
+MOST_SEEDS: Final = 1_000_000
 _TRACKERS: Final = "fusion.trackers"
 _VARY: Final = "--vary"
 _EXAMPLE: Final = "KEY=VALUE,VALUE,... like field.spacing_m=50,75,100"
@@ -77,7 +81,10 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
     """All combinations of what is varied, each checked. Raises ``ScenarioError`` for any that cannot be run."""
     axes = tuple(_axis(key, values) for key, values in (vary or {}).items())
     _apart(axes)
-    chosen = tuple(index(seed) if hasattr(seed, "__index__") else seed for seed in seeds)
+    given = islice(_listed("seeds", seeds, "one or more, like range(100)"), MOST_SEEDS + 1)
+    chosen = tuple(index(seed) if hasattr(seed, "__index__") else seed for seed in given)
+    if len(chosen) > MOST_SEEDS:
+        raise ScenarioError("there are too many", key="seeds", expected=f"{MOST_SEEDS:,} or fewer")
     if not chosen:
         raise ScenarioError("none given", key="seeds", expected="one or more, like range(100)")
     if len(set(chosen)) < len(chosen):
@@ -89,7 +96,7 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
 
 
 def _axis(key: str, values: Iterable[Any]) -> Axis:
-    given = (values,) if isinstance(values, str) else tuple(values)
+    given = tuple(map(_plain, _listed(key, values, "two values or more, like [50, 75]")))
     if key == "seed":
         raise ScenarioError("is not varied: a study has seeds of its own", key=key, expected="seeds")
     if len(given) < 2:
@@ -102,6 +109,27 @@ def _axis(key: str, values: Iterable[Any]) -> Axis:
             what = f"is {label(value)}"
             raise ScenarioError(what, key=key, expected="names of single trackers; fusion.trackers takes lists of them")
     return Axis(key, given)
+
+
+def _listed(key: str, values: Iterable[Any], expected: str) -> Iterator[Any]:
+    """What is in a list, which may be given as something else."""
+    try:
+        if not isinstance(values, str):
+            return iter(values)
+    except TypeError:
+        pass
+    raise ScenarioError(f"is {values!r}, which is no list", key=key, expected=expected)
+
+
+def _plain(value: Any) -> Any:
+    """The same as TOML and JSON both have it: numpy's numbers as Python's, dates and times as text."""
+    if isinstance(value, np.generic | np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, date | time):
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        return {key: _plain(one) for key, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _apart(axes: Sequence[Axis]) -> None:

@@ -17,6 +17,7 @@ from launcher.study.axes import Design, design, label, overlap, parse_vary
 from launcher.study.figures import pair
 from launcher.study.folder import StudyFolder, default_folder, seeds_in_words
 from launcher.study.page import PAGE
+from launcher.study.pictures.pareto import front_of
 from launcher.study.studies import fill, finish
 from launcher.study.table import rich_table
 from trackfield.errors import ScenarioError
@@ -60,29 +61,37 @@ def conduct(
         fill(folder, n_jobs, lines=True)
         found = finish(folder, figures)
     except KeyboardInterrupt:
-        left = len(folder.missing())
-        said = f"interrupted: {runs - left} of {runs} runs are done and kept in {folder.path}; "
-        console.print(Text(said + "the same command runs the others"))
+        console.print(Text(f"interrupted: {_done(folder)}"))
         raise typer.Exit(INTERRUPTED) from None
     stdout = _table_console()
     stdout.print(rich_table(found.summary, stdout))
+    if figures and (empty := front_of(found.summary, *figures).empty):
+        note(f"there is no Pareto front: {empty}")
     console.print(Text(f"study: {folder.path} ({PAGE}, summary.csv, study.csv, plots)"))
     console.print(Text(f"next: open {folder.path / PAGE}"))
 
 
-def parse_seeds(text: str) -> list[int]:
+def parse_seeds(text: str) -> Sequence[int]:
     """``N`` as 1 to N, ``A-B`` as A to B, ``A,B,...`` one by one. Raises ``ScenarioError`` for any other text."""
     expected = "how many, like 20 (seeds 1 to 20), or from-to, like 21-40, or some, like 3,7,9"
     try:
         if "," in text:
             return [int(part) for part in text.split(",")]
         first, dash, last = text.partition("-")
-        found = list(range(int(first), int(last) + 1) if dash else range(1, int(text) + 1))
+        found = range(int(first), int(last) + 1) if dash else range(1, int(text) + 1)
     except ValueError:
         raise ScenarioError(f"is {text!r}", key="--seeds", expected=expected) from None
     if not found:
         raise ScenarioError(f"{text!r} gives no seeds", key="--seeds", expected=expected)
     return found
+
+
+def _done(folder: StudyFolder) -> str:
+    """What there is of a study that is interrupted, and what the same command would do."""
+    left, runs = len(folder.missing()), len(folder.design.jobs)
+    if not left:
+        return f"all {runs} runs are done and kept in {folder.path}; the same command writes the page"
+    return f"{runs - left} of {runs} runs are done and kept in {folder.path}; the same command runs the others"
 
 
 def _check_free(whole: Design, fixed: Collection[str]) -> None:

@@ -77,12 +77,17 @@ def scale_of(unit: str, values: Sequence[float]) -> tuple[float, str]:
 
 
 def pair(text: str) -> tuple[str, str]:
-    """``X,Y`` as two keys of figures. Raises ``ScenarioError`` for any other text."""
+    """``X,Y`` as two keys of figures. Raises ``ScenarioError`` for any other text, under the key ``--pareto``."""
     keys = [part.strip() for part in text.split(",")]
     for key in keys:
-        if key not in FIGURES:
-            what = f"there is no figure {key!r}{suggestion(key, FIGURES)}"
-            raise ScenarioError(what, key="--pareto", expected=f"X,Y, two of {', '.join(FIGURES)}")
+        check_figure(key, "--pareto")
     if len(keys) != 2 or keys[0] == keys[1]:
         raise ScenarioError(f"is {text!r}", key="--pareto", expected="two figures, like energy_j.total,rmse.position")
     return keys[0], keys[1]
+
+
+def check_figure(figure: str, key: str) -> None:
+    """Raise ``ScenarioError`` under this key if there is no such figure."""
+    if figure not in FIGURES:
+        what = f"there is no figure {figure!r}{suggestion(figure, FIGURES)}"
+        raise ScenarioError(what, key=key, expected=f"one of {', '.join(FIGURES)}")

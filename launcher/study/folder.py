@@ -113,9 +113,13 @@ class StudyFolder:
         _write_csv(summary.table, self.path / "summary.csv")
         write_tracks(runs, self.design.axes, self.path / "tracks.parquet")
 
+    def remove_median(self) -> None:
+        """That of an earlier study in this folder."""
+        shutil.rmtree(self.path / CHOSEN, ignore_errors=True)
+
     def write_median(self, run: StudyRun) -> None:
         """The run folder of one run, with timeline and report."""
-        shutil.rmtree(self.path / CHOSEN, ignore_errors=True)
+        self.remove_median()
         chosen = checked(self.design.scenario, run.seed)
         folder = prepare_folder(self.path / CHOSEN, chosen.name, chosen.seed)
         keep(chosen, folder)

@@ -2,7 +2,8 @@
 
 A mean has Student's t interval, as is usual for replications of a simulation (Law, Simulation Modeling and Analysis,
 chapter 9); no figure of a run can be below 0, and neither is its interval. A share has the interval of Wilson (1927),
-which holds for few runs and for shares near 0 and 1.
+which holds for few runs and for shares near 0 and 1: over all shares it covers the truth in about 95 % of cases. (The
+verdicts on a paper's claims, ``launcher/reproduce/intervals.py``, need one that never does in less.)
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ from launcher.study.figures import FIGURES
 from launcher.study.folder import CHOSEN, MANIFEST, SCENARIO, StudyFolder, seeds_in_words
 from launcher.study.pictures.drawing import PLOTS, draw, pictured
 from launcher.study.pictures.effects import lines
-from launcher.study.pictures.pareto import default_pair
-from launcher.study.results import StudyRun
+from launcher.study.pictures.pareto import default_pair, front_of
+from launcher.study.results import StudyRun, median_run
 from launcher.study.store import RESULTS
 from launcher.study.summary import Summary
 from launcher.study.table import caption, grid
@@ -41,6 +41,7 @@ def write_page(
     pictures = draw(summary, folder.path, pareto)
     manifest = json.loads((folder.path / MANIFEST).read_bytes())
     x, y = pareto or default_pair(summary)
+    missing = front_of(summary, x, y).empty if pareto else ""
     given = manifest["command"][1:]
     text = (
         templates("launcher.study")
@@ -55,6 +56,7 @@ def write_page(
             pictures={name: inline(file.read_bytes()) for name, file in pictures.items()},
             pareto_title=f"Pareto front: {FIGURES[x].name} and {FIGURES[y].name}",
             pareto_said=_front_said(x, y),
+            pareto_missing=missing,
             command=shlex.join(["trackfield", *given]) if given else "",
             looks=list(_looks(folder, runs)),
             toml=(folder.path / SCENARIO).read_text(encoding="utf-8"),
@@ -88,8 +90,8 @@ def _axes(summary: Summary) -> Iterator[tuple[str, str, str]]:
 def _front_said(x: str, y: str) -> str:
     sides = " and ".join(f"{FIGURES[key].better} {FIGURES[key].name}" for key in (x, y))
     return (
-        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). The front holds the combinations "
-        "that no other beats in both. A combination that lost half of its runs or more cannot be on it."
+        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). A combination is not "
+        "on the front if another is no worse in either and better in one, or if it lost half of its runs or more."
     )
 
 
@@ -98,11 +100,6 @@ def _looks(folder: StudyFolder, runs: Sequence[StudyRun]) -> Iterator[tuple[str,
     home = folder.path.absolute().parent
     for place, variant in enumerate(folder.design.variants):
         own = [run for run in runs if run.values == variant.values]
-        seed = sorted(own, key=_error)[(len(own) - 1) // 2].seed
+        seed = median_run(own).seed
         file = shlex.quote(str(folder.scenario_file(place).absolute().relative_to(home)))
         yield variant.name or "the scenario", f"trackfield run {file} --virtual --seed {seed}"
-
-
-def _error(run: StudyRun) -> float:
-    position = next(iter(run.metrics.trackers.values())).rmse.position
-    return float("inf") if position is None else position

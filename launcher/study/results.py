@@ -92,6 +92,16 @@ def study_run(scenario: Scenario) -> StudyRun:
     return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, bound, plan.origin_ns))
 
 
+def median_run(runs: Sequence[StudyRun]) -> StudyRun:
+    """The one whose first tracker has the median RMSE of the position; no track at all counts as worst."""
+
+    def error(run: StudyRun) -> float:
+        position = next(iter(run.metrics.trackers.values())).rmse.position
+        return float("inf") if position is None else position
+
+    return sorted(runs, key=error)[(len(runs) - 1) // 2]
+
+
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 

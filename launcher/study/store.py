@@ -111,14 +111,19 @@ def whole(file: Path) -> Iterator[Path]:
     part.replace(file)
 
 
-def study_folder(folder: Path) -> None:
-    """Make a folder for a study: new, empty, or one of an earlier study. Raises ``ScenarioError`` for any other."""
+def study_folder(folder: Path, kind: str = "study") -> None:
+    """Make a folder for a study of this kind: new, empty, or one of an earlier study, which a file in it marks.
+
+    Raises ``ScenarioError`` for any other folder, and changes nothing in it.
+    """
+    mark = folder / RESULTS / f".trackfield-{kind}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()) and not (folder / RESULTS).is_dir():
-            expected = "an empty or new one, or that of an earlier study"
+        if any(folder.iterdir()) and not mark.is_file():
+            expected = f"an empty or new one, or that of an earlier {kind}"
             raise ScenarioError("the folder is not empty", file=str(folder), key="--out", expected=expected)
-        (folder / RESULTS).mkdir(exist_ok=True)
+        mark.parent.mkdir(exist_ok=True)
+        mark.touch()
     except OSError as error:
         what = f"cannot write there ({error.strerror})"
         raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None

@@ -14,9 +14,9 @@ from launcher.plan.prepare import checked
 from launcher.study.axes import Axis, Design, design
 from launcher.study.folder import StudyFolder
 from launcher.study.parallel import unordered
-from launcher.study.results import StudyRun, study_run, study_table
+from launcher.study.results import StudyRun, median_run, study_run, study_table
 from launcher.study.summary import Summary, summary_of
-from trackfield.errors import TrackfieldError
+from trackfield.errors import ScenarioError, TrackfieldError
 from trackfield.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -63,12 +63,7 @@ class Study:
     @property
     def median(self) -> StudyRun:
         """The run whose first tracker has the median RMSE of the position; no track at all counts as worst."""
-
-        def error(run: StudyRun) -> float:
-            position = next(iter(run.metrics.trackers.values())).rmse.position
-            return float("inf") if position is None else position
-
-        return sorted(self.results, key=error)[(len(self.results) - 1) // 2]
+        return median_run(self.results)
 
     def to_pandas(self) -> pd.DataFrame:
         """``table`` as a data frame. Raises ``TrackfieldError`` where pandas is not installed."""
@@ -93,13 +88,22 @@ class Study:
     def pareto(self, x: str = "", y: str = "") -> Picture:
         """Two figures (keys of metrics.json) of each combination, and the best of them; default: cost and error.
 
-        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for a key that is not a figure of a study.
+        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for what is no figure of a study, or is the
+        same twice, and where no run has both.
         """
-        from launcher.study.figures import pair
+        from launcher.study.figures import check_figure
         from launcher.study.pictures.pareto import default_pair, front_of, pareto_picture
 
         usual = default_pair(self.summary)
-        return pareto_picture(front_of(self.summary, *pair(f"{x or usual[0]},{y or usual[1]}")))
+        x, y = x or usual[0], y or usual[1]
+        for figure, key in ((x, "x"), (y, "y")):
+            check_figure(figure, key)
+        if x == y:
+            raise ScenarioError(f"both are {x}", key="x, y", expected="two figures")
+        front = front_of(self.summary, x, y)
+        if front.empty:
+            raise ScenarioError(front.empty, key="x, y", expected="two figures that some run has")
+        return pareto_picture(front)
 
     def _repr_html_(self) -> str:
         from launcher.study.table import html_table
@@ -152,7 +156,9 @@ def finish(folder: StudyFolder, pareto: tuple[str, str] | None = None) -> Study:
     whole = Study(folder.design, runs, folder.path)
     folder.write_tables(runs, whole.summary)
     write_page(folder, runs, whole.summary, pareto)
-    if not whole.axes:
+    if whole.axes:
+        folder.remove_median()
+    else:
         folder.write_median(whole.median)
     return whole
 

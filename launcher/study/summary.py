@@ -67,7 +67,7 @@ class Summary:
 
     @property
     def table(self) -> pa.Table:
-        """A row for each combination and tracker; docs/studies.md says what its columns are."""
+        """A row for each combination and tracker; docs/study.md says what its columns are."""
         found = {axis.key: column(axis, [row.values[axis.key] for row in self.rows]) for axis in self.own_axes}
         found["tracker"] = pa.array([row.tracker for row in self.rows])
         found["runs"] = pa.array([row.runs for row in self.rows], pa.int64())

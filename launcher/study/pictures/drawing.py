@@ -27,7 +27,7 @@ def draw(summary: Summary, folder: Path, pareto: tuple[str, str] | None = None) 
     drawn = {}
     front = front_of(summary, *(pareto or default_pair(summary)))
     figures = {axis.key: axis_picture(summary, axis) for axis in pictured(summary)}
-    if pareto or front.worth_it:
+    if (pareto and not front.empty) or front.worth_it:
         figures[PARETO] = pareto_picture(front)
     for name, figure in figures.items():
         drawn[name] = folder / PLOTS / f"{name}.png"

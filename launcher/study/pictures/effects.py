@@ -84,10 +84,13 @@ def axis_picture(summary: Summary, axis: Axis) -> Picture:
         height = 2.25 * ((len(panels) + 1) // 2) + 0.55
         figure = Picture(figsize=(WIDTH, height), layout="constrained")
         grid = figure.subplots((len(panels) + 1) // 2, 2, squeeze=False, sharex=True).ravel()
-        for axes, key in zip(grid, panels, strict=True):
+        for axes in grid[len(panels) :]:
+            axes.remove()
+        for axes, key in zip(grid, panels, strict=False):
             _panel(axes, axis, key, drawn)
-        for axes in grid[-2:]:
+        for axes in grid[: len(panels)][-2:]:  # the last of each column
             axes.set_xlabel(axis.key)
+            axes.tick_params(labelbottom=True)
         if held or (len(drawn) > 1 and (axis.key != TRACKER or summary.own_axes)):
             _legend(figure, grid[0], held)
     return figure

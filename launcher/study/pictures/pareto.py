@@ -1,4 +1,7 @@
-"""A Pareto front: two figures of each combination, and the combinations that no other beats in both."""
+"""A Pareto front: two figures of each combination, and which of them no other dominates.
+
+One dominates another if it is no worse in either figure and better in one.
+"""
 
 from __future__ import annotations
 
@@ -24,14 +27,19 @@ GREY: Final = "#9aa4b2"
 
 @dataclass(frozen=True)
 class Front:
-    """Rows by two figures; ``best`` are the places of those that no other beats in both, ``out`` of those that cannot
-    be among them, as half of their runs or more were lost."""
+    """Rows by two figures; ``best`` are the places of those that no other dominates, ``out`` of those that cannot be
+    among them, as half of their runs or more were lost."""
 
     x: str
     y: str
     rows: tuple[Row, ...]
     best: tuple[int, ...]
     out: tuple[int, ...]
+
+    @property
+    def empty(self) -> str:
+        """What is to be said if no row has both figures; empty if one has."""
+        return "" if self.rows else f"no run has both figures, {self.x} and {self.y}"
 
     @property
     def worth_it(self) -> bool:
@@ -81,7 +89,7 @@ def pareto_picture(front: Front) -> Picture:
                           capsize=2, mec=colour if out else "white", mew=1.5 if out else 0.6,
                           zorder=5 if best else 3)  # fmt: skip
             if best or len(front.rows) <= MOST_NAMES:
-                name = ", ".join([*map(label, row.values.values())][: len(row.values)] or [row.tracker])
+                name = ", ".join(map(label, row.values.values())) or row.tracker
                 axes.annotate(name, (x, y), (6, 5), textcoords="offset points", fontsize=7.5,
                               color=INK if best else SOFT, zorder=6)  # fmt: skip
         at = list(front.best)
@@ -109,10 +117,10 @@ def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str, float]:
 def _key(figure: Figure, axes: Axes, front: Front, trackers: Sequence[str]) -> None:
     """The legend of colours and marks."""
     axes.plot([], [], "o-", color=COLOURS[0], label="Pareto front")
-    axes.plot([], [], "o", color=GREY, label="dominated: another is better in both")
+    axes.plot([], [], "o", color=GREY, label="dominated: another is no worse in either and better in one")
     if front.out:
         axes.plot([], [], "x", color=COLOURS[4], mew=1.5, label="half of the runs lost, or more")
     if len(trackers) > 1:
         for k, tracker in enumerate(trackers):
             axes.plot([], [], MARKERS[k % len(MARKERS)], color=SOFT, label=tracker)
-    figure.legend(loc="outside upper left", ncols=3)
+    figure.legend(loc="outside upper left", ncols=2 if len(trackers) > 1 else 3)
