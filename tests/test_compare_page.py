@@ -31,14 +31,18 @@ from tests.rrd import entities, read, verify
 __all__ = ["trackfield"]
 
 OUTAGE = "faults=[{kind='restart', nodes=['fusion'], at_s=4, until_s=9}]"
+KILL = "faults=[{kind='kill', nodes=['fusion'], at_s=%g}]"
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three runs: ``a``, ``out`` with an outage of its centre, and ``other`` on a shorter path of its own."""
+    """Runs: ``a``, ``out`` with an outage of its centre, ``killed`` and ``dead`` whose centre dies at 6 s and before
+    the first step, and ``other`` on a shorter path of its own."""
     home = tmp_path_factory.mktemp("runs")
     run(home / "a")
     run(home / "out", OUTAGE)
+    run(home / "killed", KILL % 6, "energy.sample_mj=50")
+    run(home / "dead", KILL % 0.5, "energy.sample_mj=50")
     run(home / "other", "target.path=s2", 'fusion.trackers=["ekf"]', steps=8)
     return home
 
@@ -100,6 +104,19 @@ def test_runs_of_other_targets_are_compared_in_what_can_be(trackfield: Call, tmp
     assert "Step by step" not in read.text
     assert sum(tag == "img" for tag, _ in read.tags) == 6  # each path has a map of its own
     assert "ekf" in read.text
+
+
+@pytest.mark.parametrize("name", ["killed", "dead"])
+def test_a_run_whose_centre_died_is_as_long_and_has_the_same_target(
+    trackfield: Call, tmp_path: Path, home: Path, name: str
+) -> None:
+    read, _ = page(trackfield, tmp_path, home / "a", home / name)
+    assert "not equally long" not in read.text
+    assert "different paths" not in read.text
+    assert re.findall(r"virtual time ([\d.]+ s)", read.text) == ["12 s", "12 s"]
+    sums = re.search(r"<tr><th[^>]*>energy \[J\].*", (tmp_path / "page.html").read_text())
+    assert sums is not None
+    assert 'class="best"' in sums[0]
 
 
 @pytest.mark.parametrize(

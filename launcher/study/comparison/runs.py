@@ -10,10 +10,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-import pyarrow.parquet as pq
-
+from launcher.report.folder import course_of
 from launcher.study.compare import check_runs
 from trackfield.errors import ScenarioError
+from trackfield.role import NS
+from trackfield.scenario import Scenario, survey
 
 SAME_M: Final = 1e-6
 """Two runs have the same target if it is no further apart at any step."""
@@ -64,7 +65,7 @@ class Compared:
 
     @cached_property
     def lengths_s(self) -> tuple[float, ...]:
-        """How long there was a target in each run, s."""
+        """From the first step of each run to its last at which a target was there, s; who tracked it does not count."""
         return tuple(max((t_s for t_s, _ in truth), default=0.0) for truth in self._truths)
 
     @property
@@ -74,8 +75,8 @@ class Compared:
 
     @cached_property
     def _truths(self) -> list[dict[tuple[float, str], tuple[float, float]]]:
-        """Of each run the place (m) of each target that is known, by (t in s, target)."""
-        return [_truth(folder) for folder in self.folders]
+        """Of each run the place (m) of each target at each step, by (t in s, target)."""
+        return [_truth(folder, metrics) for folder, metrics in zip(self.folders, self.metrics, strict=True)]
 
 
 def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
@@ -119,11 +120,15 @@ def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, An
             yield f"{before}{key}", value
 
 
-def _truth(folder: Path) -> dict[tuple[float, str], tuple[float, float]]:
-    columns = ("t_s", "true_target", "true_x", "true_y")
-    table = pq.read_table(folder / "tracks.parquet", columns=list(columns))
-    rows = zip(*(table[name].to_pylist() for name in columns), strict=True)
-    return {(round(t_s, 6), target): (x, y) for t_s, target, x, y in rows if x is not None}
+def _truth(folder: Path, metrics: Mapping[str, Any]) -> dict[tuple[float, str], tuple[float, float]]:
+    """From the scenario: tracks.parquet lacks the steps of which nobody told, such as those after the centre died."""
+    course = course_of(survey(Scenario.load(folder / "scenario.toml")), metrics)
+    return {
+        (round((at_ns - course.origin_ns) / NS, 6), target): (state[0], state[1])
+        for at_ns in course.at_ns
+        for target, path in course.paths.items()
+        if (state := path.at(at_ns / NS)) is not None
+    }
 
 
 def _same(a: Mapping[Any, tuple[float, float]], b: Mapping[Any, tuple[float, float]]) -> bool:
