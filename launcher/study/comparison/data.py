@@ -31,10 +31,7 @@ def as_json(compared: Compared, exact: Exactness | None) -> str:
 
 
 def as_csv(compared: Compared) -> str:
-    """A row for each run and tracker: the settings that differ, then its figures; empty where there is none.
-
-    Raises ``ScenarioError`` if a run lacks figures.
-    """
+    """A row for each run and tracker: the settings that differ, then its figures; empty where there is none."""
     rows = []
     for place, (name, folder) in enumerate(zip(compared.names, compared.folders, strict=True)):
         given = {key: _cell(values[place]) for key, values in compared.settings.items() if key != "seed"}

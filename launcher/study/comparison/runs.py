@@ -10,6 +10,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
+from launcher.record.journal import METRICS
+from launcher.record.measures import RunFigures
 from launcher.report.folder import course_of
 from launcher.study.compare import check_runs
 from trackfield.errors import ScenarioError
@@ -82,7 +84,8 @@ class Compared:
 def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
     """Read what every comparison needs; ``key`` is how the user knows the argument.
 
-    Raises ``ScenarioError`` for less than two runs, for one that is named twice, and for a folder that is none.
+    Raises ``ScenarioError`` for less than two runs, for one that is named twice, for a folder that is none, and for
+    figures that are missing.
     """
     if len(folders) < 2:
         raise ScenarioError("there is nothing to compare it with", key=key, expected="two run folders or more")
@@ -93,10 +96,13 @@ def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
             raise ScenarioError(what, key=key, expected="different runs")
         seen[folder.resolve()] = folder
     check_runs(folders)
+    metrics = tuple(json.loads((folder / METRICS).read_bytes()) for folder in folders)
+    for folder, figures in zip(folders, metrics, strict=True):
+        RunFigures.of(figures, str(folder / METRICS))
     return Compared(
         tuple(folders),
         names(folders),
-        tuple(json.loads((folder / "metrics.json").read_bytes()) for folder in folders),
+        metrics,
         tuple(tomllib.loads((folder / "scenario.toml").read_text(encoding="utf-8")) for folder in folders),
     )
 
