@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -200,6 +201,16 @@ def test_step_by_step_the_runs_are_paired(home: Path) -> None:
     assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("fix-imm-ukf", "out", "a", "8")
     assert float(row["difference [m]"]) == pytest.approx(float((out - a)[both].mean()), rel=5e-3)
     assert row["parts lower"] == "–"  # too few steps
+
+
+def test_the_study_that_a_comparison_recommends_can_be_run(trackfield: Call, tmp_path: Path) -> None:
+    for name, sync in (("on", "true"), ("off", "false")):
+        run(tmp_path / name, f"clock.sync={sync}", "clock.offset_ms=5", steps=3)
+    said = " ".join(trackfield("compare", "on", "off").out.split())
+    (command,) = re.findall(r"`trackfield (study [^`]+)`", said)
+    assert "--seeds 20 --vary clock.sync=true,false" in command
+    study = trackfield(*shlex.split(command.replace("--seeds 20", "--seeds 2")))
+    assert (study.code, "study: runs/" in study.err) == (0, True)
 
 
 # --- data -------------------------------------------------------------------------------------------------------------
