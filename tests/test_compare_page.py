@@ -8,6 +8,7 @@ import io
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -178,7 +179,6 @@ def test_many_lines_have_a_plot_for_each_tracker(home: Path) -> None:
     plots = panels(lines(runs, ["r", "s", "t", "u"]))
     assert [{line.track.tracker for line in plot} for plot in plots] == [{"fix-imm-ukf"}, {"spcpf"}]
     assert len(panels(lines(runs[:3], ["r", "s", "t"]))) == 1
-    assert len({line.place for line in lines([runs[0]] * 9, list("abcdefghi"))}) == 6  # more cannot be told apart
 
 
 def test_the_close_up_is_where_two_runs_are_furthest_apart(home: Path) -> None:
@@ -211,6 +211,22 @@ def test_the_study_that_a_comparison_recommends_can_be_run(trackfield: Call, tmp
     assert "--seeds 20 --vary clock.sync=true,false" in command
     study = trackfield(*shlex.split(command.replace("--seeds 20", "--seeds 2")))
     assert (study.code, "study: runs/" in study.err) == (0, True)
+
+
+def test_of_many_runs_figures_and_the_recording_have_the_first_and_tables_all(
+    trackfield: Call, tmp_path: Path, home: Path
+) -> None:
+    names = list("stuvwxyz")
+    for name in names:
+        shutil.copytree(home / "a", name)
+    said = trackfield("compare", *names, "--html", "page.html", "--rrd", "all.rrd")
+    assert said.code == 0
+    read = Reader((tmp_path / "page.html").read_text())
+    assert "Figures of tracks and errors show the first runs only, without y, z; tables and bars show all." in read.text
+    assert re.findall(r"spcpf (\w) s 12 0", read.text) == names[1:]  # step by step: each run against the first
+    assert "recording: all.rrd\nnote: the recording has the first 6 runs, without y, z\n" in said.err
+    shown = {entity.rpartition("/")[2] for entity in entities(tmp_path / "all.rrd") if "/error/spcpf/" in entity}
+    assert shown == set(names[:6])
 
 
 # --- data -------------------------------------------------------------------------------------------------------------
