@@ -19,6 +19,7 @@ from playwright.sync_api import sync_playwright
 
 import trackfield as tf
 from launcher.colours import tracker_colours
+from launcher.report import style
 from launcher.report.folder import read_run
 from launcher.study.comparison import figures
 from launcher.study.comparison.lines import lines, panels, tint
@@ -172,6 +173,21 @@ def test_a_line_breaks_in_an_outage_and_its_steps_count(home: Path) -> None:
             assert np.isfinite(y[x < 4]).all()
         else:
             assert y.max() == pytest.approx(100 * 8 / 12)
+
+
+def test_errors_of_a_short_run_beside_a_long_one_are_over_the_same_window(
+    monkeypatch: pytest.MonkeyPatch, home: Path
+) -> None:
+    monkeypatch.setattr("launcher.report.folder.LONG", 10)  # of which ``a`` has more steps, ``other`` less
+    runs = [read_run(home / name) for name in ("a", "other")]
+    assert [run.long for run in runs] == [True, False]
+    figure = figures.errors(lines(runs, ["a", "other"]))
+    assert figure is not None
+    assert figure.axes[0].get_ylabel() == f"position error [m],\nrms over {runs[0].window} s"
+    (line,) = [one for one in figure.axes[0].get_lines() if one.get_label() == "ekf, other"]
+    expected = style.rolling_rms(runs[1].tracks[0].error_m, runs[0].window)
+    assert np.asarray(line.get_ydata(), float) == pytest.approx(expected)
+    assert expected != pytest.approx(runs[1].tracks[0].error_m)
 
 
 def test_many_lines_have_a_plot_for_each_tracker(home: Path) -> None:
