@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import shlex
@@ -78,3 +79,10 @@ def test_a_field_of_ones_own_is_run_broken_compared_and_swept(home: Path) -> Non
     assert {verdicts[spacing] for spacing in ("40", "50", "60")} == {"100"}  # as the document says
     assert int(verdicts["80"]) < 50
     assert "field.spacing_m=80" in said["study"]  # it was warned of
+    for figures in (r"RMSE \[m\] +│ +1\.7\d │ +2\.[34]", r"RMSE \[m\] +│ +3\.0\d │ +5\.[89]"):
+        assert re.search(figures, said["compare"])  # from 1.7 to 2.4 m, from 3.0 to 5.9 m
+    with (sweep / "summary.csv").open() as file:
+        rows = {(row["field.spacing_m"], row["tracker"]): row for row in csv.DictReader(file)}
+    energy = {spacing: round(float(rows[spacing, "spcpf"]["energy_j.total"])) for spacing in ("40", "60")}
+    assert energy == {"40": 173, "60": 75}
+    assert {f"{spent} J" in DOCUMENT for spent in energy.values()} == {True}
