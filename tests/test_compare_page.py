@@ -140,7 +140,8 @@ def test_runs_in_which_nothing_was_tracked_have_a_page(trackfield: Call, tmp_pat
     for name, spacing in (("x", "1"), ("y", "0.9")):
         run(tmp_path / name, f"link.loss={spacing}", "link.model=fixed", "fusion.prior=none", steps=3)
     read, _ = page(trackfield, tmp_path, tmp_path / "x", tmp_path / "y")
-    assert "lost" in read.text
+    assert re.findall(r"\b([xy]) lost No track of the target at any of the 3 steps", read.text) == ["x", "y"] * 2
+    assert read.text.count("verdict lost lost") == 2
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------

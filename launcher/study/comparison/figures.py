@@ -155,7 +155,7 @@ def _fate(name: str) -> str:
 def _bars(
     names: Sequence[str], parts: Sequence[Mapping[str, float]], looks: Mapping[str, str], ends: Sequence[str]
 ) -> Figure:
-    """A bar for each run, of parts; what it comes to stands at its end."""
+    """A bar for each run, made of its parts in a row, with the text of ``ends`` behind it."""
     figure = Figure(figsize=(style.WIDTH, 0.95 + 0.34 * len(names)), layout="constrained")
     axes = figure.subplots()
     left = np.zeros(len(names))

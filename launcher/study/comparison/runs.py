@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
+from launcher.nested import flat
 from launcher.record.journal import METRICS
 from launcher.record.measures import RunFigures
 from launcher.report.folder import course_of
@@ -37,9 +38,9 @@ class Compared:
     @cached_property
     def settings(self) -> dict[str, tuple[Any, ...]]:
         """The value in each run of every key of the scenarios that differs; None where a scenario has no such key."""
-        flat = [dict(_flat(scenario)) for scenario in self.scenarios]
-        keys = dict.fromkeys(key for one in flat for key in one)
-        values = {key: tuple(one.get(key) for one in flat) for key in keys}
+        scenarios = [flat(scenario) for scenario in self.scenarios]
+        keys = dict.fromkeys(key for one in scenarios for key in one)
+        values = {key: tuple(one.get(key) for one in scenarios) for key in keys}
         return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
 
     @cached_property
@@ -115,15 +116,6 @@ def names(folders: Sequence[Path]) -> tuple[str, ...]:
         if len(set(found)) == len(found):
             return found
     return tuple(map(str, folders))
-
-
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """(key path, value) of each; a list is one value."""
-    for key, value in values.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
 
 
 def _truth(folder: Path, metrics: Mapping[str, Any]) -> dict[tuple[float, str], tuple[float, float]]:

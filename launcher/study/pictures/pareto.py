@@ -41,7 +41,7 @@ class Front:
 
 
 def default_pair(summary: Summary) -> tuple[str, str]:
-    """What a field costs and what it comes to."""
+    """The first measure of cost that any row has, and the position error."""
     return next((key for key in COST if summary.told(key)), COST[-1]), ERROR
 
 
