@@ -38,18 +38,18 @@ if TYPE_CHECKING:
 Driver = Literal["virtual", "processes"]
 Folder = str | Path
 _WIDTH: Final = 160
-"""Columns of text that a comparison may take."""
+"""Width of a printed comparison, in characters."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """A finished run in its folder, ``path``; its parts are read when they are asked for (docs/metrics.md)."""
+    """A finished run in its folder, ``path``; its parts are read on first use (docs/metrics.md)."""
 
     path: Path
 
     @cached_property
     def metrics(self) -> RunFigures:
-        """The figures of metrics.json, by its keys. Raises ``ScenarioError`` if there are not all of them."""
+        """The figures of metrics.json, by its keys. Raises ``ScenarioError`` if some are missing."""
         file = self.path / METRICS
         return RunFigures.of(json.loads(file.read_text()), str(file))
 
@@ -60,7 +60,7 @@ class Result:
 
     @cached_property
     def messages(self) -> pa.Table:
-        """messages.parquet: a row for each frame and hearer."""
+        """messages.parquet: a row for each frame and receiver."""
         return pq.read_table(self.path / "messages.parquet")
 
     def view(self, *, web: bool = False) -> None:
@@ -70,7 +70,7 @@ class Result:
         open_viewer(self.path, web)
 
     def report(self, *, anew: bool = False) -> Path:
-        """The path of report.html, which is written if it is not there, or ``anew``."""
+        """The path of report.html, which is written if it is missing, or written again if ``anew``."""
         from launcher.report import PAGE, write_report
 
         page = self.path / PAGE
@@ -89,7 +89,7 @@ class Result:
 
 
 class Comparison:
-    """Runs side by side: as text, as a table in a notebook, as a page; ``table`` is to compute with."""
+    """Runs side by side: as text, as a table in a notebook, as a page; ``table`` holds the figures."""
 
     def __init__(self, runs: Sequence[Result]) -> None:
         self.runs = tuple(runs)
@@ -141,7 +141,7 @@ def run(
     scenario's own); ``speed`` is emulated seconds per second of a run over processes. Needs no
     ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
     ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
-    folder all the same. Ctrl-C ends the run early, leaves a whole folder, and is raised afterwards.
+    folder all the same. Ctrl-C ends the run early, leaves a complete folder, and is raised afterwards.
     """
     if driver not in get_args(Driver):
         what = f"is {driver!r}{suggestion(str(driver), get_args(Driver))}"
@@ -168,13 +168,13 @@ def study(
     n_jobs: int = -1,
     out: Folder | None = None,
 ) -> Study:
-    """Run a scenario in virtual time with each of these seeds, on so many cores (-1: all), without run folders.
+    """Run a scenario in virtual time with each of these seeds, on ``n_jobs`` cores (-1: all), without run folders.
 
     ``scenario`` may be a name or a file, as for ``run``. ``vary`` has values by key, ``{"field.spacing_m": [50, 75]}``;
     all combinations are run, and checked before the first of them. The key ``tracker`` takes one tracker at a time.
 
     The figures are those of single runs. ``out`` is a folder as ``trackfield study`` leaves it, with tables, pictures
-    and a page; runs that are in it already are not run again. ``joblib.parallel_config`` chooses other machinery, like
+    and a page; runs that are in it already are not run again. ``joblib.parallel_config`` selects another backend, like
     a Dask cluster. A terminal shows progress. Raises ``ScenarioError``.
     """
     with _arguments():
@@ -184,7 +184,7 @@ def study(
 def open(folder: Folder) -> Result:
     """The result in a run folder; ``latest`` and ``latest~1`` are the last runs below runs/.
 
-    Raises ``ScenarioError`` if it is not that of a finished run.
+    Raises ``ScenarioError`` if it is not the folder of a finished run.
     """
     path = run_folder(folder)
     check_runs([path])
@@ -194,9 +194,9 @@ def open(folder: Folder) -> Result:
 def replay(
     run: Result | Folder, trackers: Sequence[str] = (), *, drop_late: bool = False, out: Folder | None = None
 ) -> Result:
-    """Fuse the reports of a finished run again, with these trackers (none: its own), into a run folder of its own.
+    """Fuse the reports of a finished run again, with these trackers (none: its own), into a new run folder.
 
-    With ``drop_late`` reports that came after their deadline do not count. Raises ``ScenarioError``.
+    With ``drop_late``, reports that came after their deadline are left out. Raises ``ScenarioError``.
     """
     from launcher.study.replay import replay as fuse
 
@@ -212,7 +212,7 @@ def compare(runs: Iterable[Result | Folder]) -> Comparison:
     """Finished runs, or their folders, side by side. Raises ``ScenarioError`` unless there are two different ones."""
     found = [one if isinstance(one, Result) else open(one) for one in runs]
     if len(found) < 2:
-        raise ScenarioError(f"there are {len(found)}", key="runs", expected="two runs or more")
+        raise ScenarioError(f"{len(found)} given", key="runs", expected="two runs or more")
     read_runs([one.path for one in found], "runs")
     return Comparison(found)
 
@@ -222,7 +222,7 @@ def _finished(outcome: Outcome) -> Result:
         died = outcome.metrics["processes"]["died"]
         process = died[0]["id"] if died else ""
         log = str(outcome.folder / "logs" / f"{process}.log") if process else ""
-        said = "\n".join([*outcome.complaints, f"what there is of the run is in {outcome.folder}"])
+        said = "\n".join([*outcome.complaints, f"what was recorded is in {outcome.folder}"])
         raise RunFailed(said, process=process, log=log)
     if outcome.signal is not None:
         signal.raise_signal(outcome.signal)
@@ -241,7 +241,7 @@ def _scenario(given: Scenario | str | Path) -> Scenario:
 
 @contextmanager
 def _arguments() -> Iterator[None]:
-    """Errors name what was given here as the arguments that they are, not as the options of the command line."""
+    """Errors name the arguments of these functions, not the options of the command line."""
     try:
         yield
     except ScenarioError as error:

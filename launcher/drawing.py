@@ -36,10 +36,10 @@ def write_here(folder: Path) -> None:
 
 @contextmanager
 def written_beside() -> Iterator[Callable[[Path], None]]:
-    """What writes a report as ``write_here`` does, but sooner, if it was asked for early.
+    """A function that does what ``write_here`` does, but sooner: another process loads what it needs from now on.
 
-    It forks, so it is for the command line alone, which has no threads yet. Where there is one core only, or the system
-    is not Linux, it is ``write_here``.
+    It forks, so it is for the command line alone, which has no threads yet. With a single core, or on a system other
+    than Linux, it is ``write_here``.
     """
     if sys.platform != "linux" or len(os.sched_getaffinity(0)) == 1:
         yield write_here
@@ -58,7 +58,7 @@ def written_beside() -> Iterator[Callable[[Path], None]]:
 
 
 def _give_up() -> None:
-    """End the processes that draw, so that nothing is written any more."""
+    """End the processes that draw, so that nothing more is written."""
     for child in psutil.Process().children(recursive=True):
         with suppress(psutil.Error):
             if " ".join(child.cmdline()).startswith(_TITLE):

@@ -1,4 +1,4 @@
-"""What the options of a run must be, and must not be together."""
+"""Checks of the options of a run, alone and together."""
 
 from __future__ import annotations
 
@@ -21,8 +21,13 @@ def check_driver(*, virtual: bool, external: bool, live: bool, connect: str, spe
         (external and virtual, "--external", "there are no processes in virtual time", alone),
         (live and virtual, "--live", "a run in virtual time is over at once", viewed),
         (speed is not None and virtual, "--speed", "virtual time goes as fast as the machine can", alone),
-        (bool(connect) and virtual, "--connect", "nothing goes over a router in virtual time", alone),
-        (external and not connect, "--external", "nobody can find a router of our own", "--connect beside it"),
+        (bool(connect) and virtual, "--connect", "a run in virtual time uses no router", alone),
+        (
+            external and not connect,
+            "--external",
+            "other processes cannot find the run's own router",
+            "--connect as well",
+        ),
     )
     wrong = [ScenarioError(what, key=key, expected=expected) for broken, key, what, expected in rules if broken]
     if wrong:

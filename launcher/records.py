@@ -15,7 +15,7 @@ from trackfield.world.path import Path
 SENSES: Final = "senses"
 """Tag of a place that has a sensor."""
 BATTERY: Final = "battery"
-"""Tag of a place that lives on a battery, as far as the scenario gives it one."""
+"""Tag of a place that runs on a battery, if the scenario gives it one."""
 TRACKS: Final = "tracks"
 """Tag of a place that publishes tracks."""
 BACKBONE: Final = "backbone"
@@ -24,7 +24,7 @@ BACKBONE: Final = "backbone"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A process of the field and where it stands (metres, east and north); ``tags`` say what it is good for."""
+    """A process of the field and where it stands (metres, east and north); ``tags`` say what it does."""
 
     id: str
     role: str
@@ -44,9 +44,9 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Whose tracks are scored together: those of ``sources``, processes by their ids.
+    """The processes whose tracks are scored together: ``sources``, by their ids.
 
-    Of what several of them say of one instant, the point of the highest term holds.
+    Where several of them publish a point for one instant, the one with the highest term counts.
     """
 
     name: str
@@ -60,7 +60,7 @@ class FieldInfo:
     Times count from the first step, which is ``origin_ns`` after the start of the run; steps follow each other every
     ``step_ns``. ``marks`` are when planned faults begin and end, (t s, process, text), ``spells`` those that last,
     (from s, until s, process, text as in their mark); ``receptions`` the links used, (from, to, share of the frames
-    that arrive); ``paths`` where those go that move, as ``trackfield/link/places.py`` has it.
+    that arrive); ``paths`` the routes of places that move, as in ``trackfield/link/places.py``.
     """
 
     run: str
@@ -87,22 +87,22 @@ def last_due(end_ns: int, step_ns: int, deadline_s: float) -> int:
 
 
 RECORDER: Final = "recorder"
-"""The id of the process that writes a run down."""
+"""The id of the process that records a run."""
 LIVE: Final = "live"
-"""The id of the one that shows it while it goes on."""
+"""The id of the process that shows a run while it goes on."""
 Payload = bytes
-"""``MessageRow`` has a field named ``bytes``."""
+"""A name for the type in ``MessageRow``, which has a field named ``bytes``."""
 ARRIVED: Final = ("delivered", "late", "ignored")
-"""Outcomes of frames that reached their hearer, of use or not."""
+"""Outcomes of frames that reached their receiver, whether it could use them or not."""
 
 
 @dataclass(frozen=True, slots=True)
 class MessageRow:
-    """One (frame, hearer) with its settled outcome; a row of messages.parquet.
+    """One frame at one receiver with its settled outcome; a row of messages.parquet.
 
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
-    ``text`` is the decoded message for a person; ``bearing_deg`` (clockwise from north) and ``step`` are those
+    ``text`` is the decoded message in words; ``bearing_deg`` (clockwise from north) and ``step`` are those
     of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known. ``payload`` is the
     message as it was sent.
     """
@@ -125,13 +125,13 @@ class MessageRow:
 
     @property
     def delivered(self) -> bool:
-        """Whether the frame reached its hearer, of use or not."""
+        """Whether the frame reached its receiver, whether that could use it or not."""
         return self.outcome in ARRIVED
 
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """Messages like this one go from whom to whom: (from, to)."""
+    """The links that carry messages like this one: (from, to)."""
 
     message: Any
     pairs: tuple[tuple[str, str], ...]
@@ -141,12 +141,12 @@ class Flow:
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
-    ``processes`` has a process that lives several times as often, one life after the other. ``paths`` are those of the
-    targets by id, in emulated time. ``tracking`` is what whoever tracks is told, the arguments of a
-    ``fusion.bank.Bank``; ``views`` are whose tracks are scored together, the headline first; ``flows`` who talks to
-    whom. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which die unplanned are
-    started again; ``lost`` is when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and
-    of use up to ``max_age_s``. ``warnings`` say what is likely to go wrong in the run, a sentence each.
+    A process with several lives is in ``processes`` once for each life, in their order. ``paths`` are those of the
+    targets by id, in emulated time. ``tracking`` are the arguments of a ``fusion.bank.Bank`` for every process that
+    tracks; ``views`` say which tracks are scored together, the headline first; ``flows`` are the links in use by kind
+    of message. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which die
+    unplanned are started again; ``lost`` is when a track counts as lost. A report is in time up to ``deadline_s`` after
+    its step, and can be used up to ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each.
     """
 
     run: RunSpec
@@ -165,7 +165,7 @@ class Plan:
 
     @property
     def step_ns(self) -> int:
-        """From one step to the next."""
+        """The length of a step."""
         return self.info.step_ns
 
     @property
@@ -183,6 +183,6 @@ class Plan:
         return int(self.tracking.get("smooth_lag", 0)) if smoothed else 0
 
     def bank_of(self, source: str) -> dict[str, Any]:
-        """What a process that tracks is told; all but the first draw by their ids, too."""
+        """The arguments of the ``Bank`` of a process that tracks; all but the first also draw by their ids."""
         first = self.info.tagged(TRACKS)[0].id
         return {**self.tracking, **({} if source == first else {"draws": (source,)})}

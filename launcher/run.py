@@ -30,16 +30,16 @@ from trackfield.role import NS
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 TICK_S: Final = 0.1
-"""How often a run in virtual time tells its time."""
+"""How often a run in virtual time reports its time."""
 PSS_SAMPLE: Final = 20
-"""How many nodes are asked for their memory."""
+"""About how many nodes have their memory measured."""
 
 
 class Observer(Protocol):
-    """Who watches a run: the live table, plain lines, or nobody."""
+    """What shows a run as it goes on: a live table, plain lines, or nothing."""
 
     def starting(self, missing: Collection[str], of: int) -> object:
-        """Processes come up: who is not there yet, and how many there are to be."""
+        """Processes are starting: those that are ``missing``, and how many there will be."""
 
     def running(self, status: dict[str, Any]) -> None:
         """The recorder's latest status."""
@@ -49,8 +49,8 @@ class Observer(Protocol):
 class Outcome:
     """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any.
 
-    ``unreported`` says why there is no report; the run is none the worse for it. ``complete``: the signal came when the
-    run was over.
+    ``unreported`` says why there is no report; the run itself did not fail. ``complete``: the signal came after the end
+    of the run.
     """
 
     folder: Path
@@ -78,7 +78,7 @@ def run_virtual(
 ) -> Outcome:
     """Run in virtual time; ``write`` writes the report of the finished folder.
 
-    ``tick`` is told the time (s since the first step) now and then, None when it is over.
+    ``tick`` is called with the time (s since the first step) now and then, and with None when the run is over.
     """
     with _until_signal() as ended:
         write_manifest(folder, plan, command, None)
@@ -114,10 +114,10 @@ def run_processes(
     external: bool = False,
     live: Callable[[str], None] | None = None,
 ) -> Outcome:
-    """Run as processes over Zenoh, our own or ``external`` ones.
+    """Run as processes over Zenoh, which are started here or are ``external``.
 
-    ``live``, if given, is told the address of a live view, and what becomes of that. Raises ``RunFailed`` if they do
-    not come up.
+    ``live``, if given, asks for a live view and is called with messages about it: its address, or why it failed. Raises
+    ``RunFailed`` if the processes do not start.
     """
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
@@ -158,7 +158,7 @@ def run_processes(
 
 
 def _recorded(plan: Plan, folder: Path) -> Metrics:
-    """What the recorder wrote; every key, but no values, if it did not live to write."""
+    """What the recorder wrote; every key, but no values, if it died before it wrote."""
     file = folder / METRICS
     if file.exists():
         metrics: Metrics = json.loads(file.read_text())
@@ -182,7 +182,7 @@ def close_folder(
 ) -> Outcome:
     """Write metrics and report; ``complaints`` are what went wrong, ``ended`` the signals that ended the run early.
 
-    A signal that comes from now on ends the drawing of the report.
+    A signal from now on ends the drawing of the report.
     """
     frames = metrics["frames"]
     if frames["host_lost"]:
@@ -198,7 +198,7 @@ def close_folder(
 
 
 def _report(folder: Path, ended: list[int], write: Callable[[Path], None]) -> str:
-    """Write the report; why that failed, if it did. There is a whole one afterwards, or none."""
+    """Write the report, whole or not at all; returns why that failed, or nothing."""
     try:
         with _interruptible(ended):
             write(folder)
@@ -217,7 +217,7 @@ def _complaint(field: Deployment, death: Death) -> str:
     when = "" if death.t_s is None else f" at {death.t_s:.1f} s"
     again = " (started again)" if death.again else ""
     if death.id == ROUTER:
-        again += "; the machine lost the frames that were sent while there was none"
+        again += "; the machine lost the frames that were sent without a router"
     tail, log = field.log_tail(death.id), field.log(death.id)
     ends = f"; its log, {log}, ends:\n{tail}" if tail else f" (log: {log})" if log.exists() else ""
     return f"{death.id} died{when}: {death.why}{again}{ends}"
@@ -225,7 +225,7 @@ def _complaint(field: Deployment, death: Death) -> str:
 
 def _remark(field: Deployment, stop: Stop) -> str:
     when = "before the start" if stop.t_s is None else f"at {stop.t_s:.1f} s"
-    how_long = "and never went on" if stop.for_s is None else f"for {stop.for_s:.1f} s"
+    how_long = "and never resumed" if stop.for_s is None else f"for {stop.for_s:.1f} s"
     return f"{stop.id} {field.stopped} {when}, {how_long}"
 
 
@@ -266,7 +266,7 @@ def _interruptible(came: list[int]) -> Iterator[None]:
 def _handling(handle: Callable[[int], None]) -> Iterator[None]:
     try:
         old = {number: signal.signal(number, lambda number, _: handle(number)) for number in SIGNALS}
-    except ValueError:  # not the main thread: whoever called decides
+    except ValueError:  # not the main thread: the caller handles signals
         yield
         return
     try:

@@ -1,4 +1,4 @@
-"""What a person sees of a run: a live table in a terminal, plain lines elsewhere, and the result. All on stderr."""
+"""The terminal output of a run: a live table in a terminal, plain lines elsewhere, and the result. All on stderr."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Lines:
         self._next_missing: float | None = None
 
     def starting(self, missing: Collection[str], of: int) -> None:
-        """Say that processes come up, and now and then who is missing."""
+        """Say that processes are starting, and now and then which are missing."""
         now = time.monotonic()
         if self._next_missing is None:
             console.print(f"starting {of} processes ...")
@@ -65,7 +65,7 @@ class Lines:
         self._next_missing = now + PLAIN_EVERY_S
 
     def running(self, status: dict[str, Any]) -> None:
-        """Say now and then how it goes."""
+        """Report progress now and then."""
         if status and status["t_s"] > 0 and time.monotonic() >= self._next:
             self._next = time.monotonic() + PLAIN_EVERY_S
             errors = ", ".join(f"{name} {_metres(e)}" for name, e in status["errors"].items())
@@ -80,7 +80,7 @@ class Screen:
         self.plan, self.live = plan, live
 
     def starting(self, missing: Collection[str], of: int) -> None:
-        """How many are ready, and who is missing."""
+        """How many are ready, and which are missing."""
         self.live.update(f"starting processes: {_missing(missing, of)}")
 
     def running(self, status: dict[str, Any]) -> None:
@@ -101,7 +101,7 @@ class Screen:
 
 @contextmanager
 def observing(plan: Plan, *, quiet: bool) -> Iterator[Observer]:
-    """Whoever fits the place that stderr goes to."""
+    """The observer that fits where stderr goes."""
     if quiet:
         yield Quiet()
     elif console.is_terminal:
@@ -113,7 +113,7 @@ def observing(plan: Plan, *, quiet: bool) -> Iterator[Observer]:
 
 @contextmanager
 def progress(plan: Plan, *, quiet: bool) -> Iterator[Callable[[float | None], None]]:
-    """What a run in virtual time is to tell its time (s since the first step; None: it is over).
+    """A function to which a run in virtual time reports its time (s since the first step; None: it is over).
 
     A bar in a terminal, lines elsewhere.
     """
@@ -140,7 +140,7 @@ def progress(plan: Plan, *, quiet: bool) -> Iterator[Callable[[float | None], No
 
 
 class _Steady:
-    """A line every few seconds, once a run in virtual time has lasted so long."""
+    """A line every few seconds of a run in virtual time."""
 
     def __init__(self, end_s: float) -> None:
         self.end_s = end_s
@@ -148,7 +148,7 @@ class _Steady:
         self._next = self.begun + PLAIN_EVERY_S
 
     def tick(self, t_s: float | None) -> None:
-        """Say how far it is."""
+        """Report progress, if a line is due."""
         now = time.monotonic()
         if now < self._next or t_s is None or t_s <= 0:
             return
@@ -158,7 +158,7 @@ class _Steady:
 
 
 def announce(plan: Plan) -> None:
-    """What is about to run."""
+    """Say what is about to run."""
     nodes = len(plan.info.tagged(SENSES))
     link = plan.run.link["model"]
     console.print(
@@ -170,23 +170,23 @@ def announce(plan: Plan) -> None:
 
 
 def warn(plan: Plan) -> None:
-    """What is likely to go wrong."""
+    """Print the warnings."""
     for warning in plan.warnings:
         console.print("[yellow]warning:[/]", Text(warning))
 
 
 def note(remark: str) -> None:
-    """What somebody should know before they believe a figure."""
+    """Print a remark that matters for reading the figures."""
     console.print(f"[yellow]note:[/] {remark}")
 
 
 def tell(what: str) -> None:
-    """A sentence on the way."""
+    """Print a line."""
     console.print(Text(what))
 
 
 def assess(plan: Plan, seen: Foresight) -> None:
-    """What a plan promises, in figures; what is likely to go wrong; and that it is valid."""
+    """Print what can be expected of a plan, its warnings, and that it is valid."""
     for line in summary(plan, seen):
         tell(line)
     for kind, shares in seen.receptions.items():
@@ -200,7 +200,7 @@ def assess(plan: Plan, seen: Foresight) -> None:
 
 
 def _way(plan: Plan, shares: Shares) -> str:
-    """From whom to whom these links lead; one who has them all is named."""
+    """Where these links begin and end; a place that all of them share is named."""
     sources, hearers = ({link[end] for link in shares} for end in (0, 1))
     sensors = {place.id for place in plan.info.tagged(SENSES)}
 
@@ -213,13 +213,13 @@ def _way(plan: Plan, shares: Shares) -> str:
 
 
 def _end(shares: Shares, link: tuple[str, str]) -> str:
-    """The end of a link that tells it from the others."""
+    """The end of a link that distinguishes it from the others."""
     same = [end for end in (0, 1) if len({other[end] for other in shares}) == 1]
     return link[1 - same[0]] if len(same) == 1 else " to ".join(link)
 
 
 def conclude(outcome: Outcome) -> None:
-    """The result, what went wrong, and the next command."""
+    """Print the result, what went wrong, and the next command."""
     metrics = outcome.metrics
     if metrics["frames"]["sent"] is not None:  # it was recorded
         console.print(_result(metrics))
@@ -250,7 +250,7 @@ def _missing(missing: Collection[str], of: int) -> str:
 
 
 def _fates(status: dict[str, Any]) -> list[str]:
-    """What became of the frames so far, that are settled."""
+    """What became of the frames so far, as far as that is settled."""
     outcomes = status["outcomes"]
     arrived = sum(n for outcome, n in outcomes.items() if outcome in ARRIVED)
     lost = [f"lost ({outcome}) {n}" for outcome, n in sorted(outcomes.items()) if outcome not in ARRIVED]
@@ -280,16 +280,16 @@ def _result(metrics: dict[str, Any]) -> Table:
 
 
 def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
-    """What clocks and batteries did to the run, and it to them."""
+    """Clock errors and the energy from batteries, if there are any."""
     clock, energy, lifetime = metrics["clock_error_ms"], metrics["energy_j"], metrics["lifetime_s"]
     if clock["rms"] is not None:
-        yield f"clocks of sensor nodes as they sent: {clock['rms']:.2f} ms off (rms), {clock['max']:.2f} ms at most"
+        yield f"clock error of sensor nodes when they sent: {clock['rms']:.2f} ms rms, {clock['max']:.2f} ms at most"
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
         spent = joules(energy["total"]) + (f" ({by})" if by else "")
-        yield f"energy from batteries: {spent}, {joules(energy['max_node'])} at most"
+        yield f"energy from batteries: {spent}, at most {joules(energy['max_node'])} from one"
     if lifetime["first_death"] is not None:
-        names = {"first_death": "first empty", "half_dead": "half of them", "coverage_lost": "coverage lost"}
+        names = {"first_death": "first empty", "half_dead": "half of them empty", "coverage_lost": "coverage lost"}
         times = [f"{text} after {span(lifetime[name])}" for name, text in names.items() if lifetime[name] is not None]
         yield f"batteries: {', '.join(times)}{' (at this rate)' if lifetime['extrapolated'] else ''}"
 
@@ -299,7 +299,7 @@ def _metres(value: float | None) -> str:
 
 
 def program() -> str:
-    """How to call this program again, as short as it goes."""
+    """The shortest command that calls this program."""
     if shutil.which("trackfield"):
         return "trackfield"
     return os.path.relpath(sys.argv[0])

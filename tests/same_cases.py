@@ -117,8 +117,9 @@ def cases() -> Iterator[Case]:
 
 
 def settings_of(name: str, variant: str) -> Settings:
-    """All that a variant of a field sets."""
-    return FIELDS[name].settings + FIELDS[name].variants[variant]
+    """All that a variant of a field sets; where both set a key, the variant's value."""
+    together = FIELDS[name].settings + FIELDS[name].variants[variant]
+    return tuple({setting.partition("=")[0]: setting for setting in together}.values())
 
 
 def _arguments(name: str, variant: str, seed: int, trackers: tuple[str, ...]) -> Iterator[str]:

@@ -26,7 +26,7 @@ def test_places_are_given_in_order_by_role_until_there_are_none() -> None:
 
 
 def test_a_role_that_nobody_has_is_an_error() -> None:
-    with pytest.raises(LookupError, match="nobody has the role 'gateway'"):
+    with pytest.raises(LookupError, match="no process of this run has the role 'gateway'"):
         Claims(FIELD).take("gateway", "a", 0.0)
 
 

@@ -80,7 +80,9 @@ def test_a_link_that_loses_all_says_so(trackfield: Call, tmp_path: Path) -> None
     frames = metrics["frames"]
     assert frames["expected"] == frames["sent"] == frames["lost"]["radio"] > 200
     assert frames["delivered"] == 0
-    assert f"the link delivered none of {frames['sent']} frames" in said.err
+    lost = f"none of {frames['sent']} frames arrived ({frames['sent']} lost on the link)"
+    assert f"{lost}: no tracker had anything to go by but its prior" in said.err.replace("\n", " ")
+    assert all(tracker["steps_tracked"] for tracker in metrics["trackers"].values())
     assert [tracker["lost"] for tracker in metrics["trackers"].values()] == [True, True]
     assert len(re.findall(r"│ lost +│", said.err)) == 2
 

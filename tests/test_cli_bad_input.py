@@ -203,7 +203,7 @@ def test_a_window_with_nothing_in_it_names_the_files_times(
 @pytest.mark.parametrize("option", ["--from", "--to"])
 def test_a_window_needs_a_track(trackfield: Call, option: str) -> None:
     said = trackfield(*NOWHERE, option, "07:50")
-    assert_refused(said, "--from, --to: there is no track to cut", "expected --target FILE beside it")
+    assert_refused(said, "--from, --to: there is no track to cut", "expected --target FILE as well")
 
 
 # --- sensors ----------------------------------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ def test_a_folder_with_something_in_it_stays_as_it_is(trackfield: Call, tmp_path
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "notes.txt").write_text("mine")
     said = trackfield(*NOWHERE, "--out", "old")
-    assert_refused(said, "old: --out: the folder has something in it", "an empty or new one")
+    assert_refused(said, "old: --out: the folder is not empty", "an empty or new one")
     assert everything(tmp_path / "old") == {tmp_path / "old" / "notes.txt"}
 
 
@@ -270,7 +270,7 @@ def test_a_folder_that_cannot_be_written_is_named(trackfield: Call, tmp_path: Pa
 @pytest.mark.parametrize(
     ("runs", "parts"),
     [
-        (["good"], ["RUN: there is nothing to compare it with", "two run folders or more"]),
+        (["good"], ["RUN: 1 given", "two run folders or more"]),
         (["good", "no-such-run"], ["no-such-run: has no metrics.json", "the folder of a finished run"]),
         (["empty", "good"], ["empty: has no metrics.json", "the folder of a finished run"]),
         (["good", "half"], ["half: has no tracks.parquet", "the folder of a finished run"]),
@@ -294,7 +294,7 @@ def test_what_is_no_finished_run_is_not_compared(
 def test_a_folder_without_a_timeline_is_not_viewed(trackfield: Call, tmp_path: Path) -> None:
     for arguments in (["."], [".", "--web"], [".", "--png", "a.png"], ["no-such-run"]):
         said = trackfield("view", *arguments)
-        assert_refused(said, f"{arguments[0]}: no timeline here", "the folder of a run, with run.rrd in it")
+        assert_refused(said, f"{arguments[0]}: has no timeline", "the folder of a run, with run.rrd in it")
     assert everything(tmp_path) == set()
 
 

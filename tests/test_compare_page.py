@@ -319,11 +319,11 @@ def test_a_recording_is_a_timeline_that_view_takes(trackfield: Call, tmp_path: P
     ("arguments", "parts"),
     [
         (["a", "a"], ["RUN: a is named twice", "different runs"]),
-        (["a"], ["RUN: there is nothing to compare it with"]),
+        (["a"], ["RUN: 1 given"]),
         (["a", "out", "--html", "no/page.html"], ["no/page.html: --html: cannot be written", "writable folder"]),
         (["a", "out", "--csv", "a"], ["a: --csv: is a file of a run"]),
-        (["a", "out", "--rrd", "a/run.rrd"], ["a/run.rrd: --rrd: is a file of a run", "outside the runs"]),
-        (["a", "out", "--html", "x", "--csv", "./x"], ["x: --csv: --html names this file, too", "another file"]),
+        (["a", "out", "--rrd", "a/run.rrd"], ["a/run.rrd: --rrd: is a file of a run", "outside the run folders"]),
+        (["a", "out", "--html", "x", "--csv", "./x"], ["x: --csv: --html names the same file", "another file"]),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is(

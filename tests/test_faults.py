@@ -80,19 +80,19 @@ def test_a_freeze_ends_with_its_life_or_with_the_run() -> None:
     [
         (
             [fault("kill", 20), fault("freeze", 25, 30)],
-            "faults[1].at_s: freeze of n060 at 25 s, when faults[0] has it down for good; expected a time at",
+            "faults[1].at_s: freeze of n060 at 25 s, while faults[0] keeps it down for good; expected a time at",
         ),
-        ([fault("freeze", 25, 30), fault("kill", 20)], "faults[0].at_s: freeze of n060 at 25 s, when faults[1]"),
-        ([fault("kill"), fault("kill")], "faults[1].at_s: kill of n060 at 20 s, when faults[0] has it down f"),
-        ([fault("kill"), fault("kill", 21)], "faults[1].at_s: kill of n060 at 21 s, when faults[0] has it down f"),
-        ([fault("kill", 20), fault("restart", 30, 40)], "faults[1].at_s: restart of n060 at 30 s, when faults[0]"),
+        ([fault("freeze", 25, 30), fault("kill", 20)], "faults[0].at_s: freeze of n060 at 25 s, while faults[1]"),
+        ([fault("kill"), fault("kill")], "faults[1].at_s: kill of n060 at 20 s, while faults[0] keeps it down f"),
+        ([fault("kill"), fault("kill", 21)], "faults[1].at_s: kill of n060 at 21 s, while faults[0] keeps it down f"),
+        ([fault("kill", 20), fault("restart", 30, 40)], "faults[1].at_s: restart of n060 at 30 s, while faults[0]"),
         (
             [fault("restart", 20, 30), fault("kill", 25)],
-            "faults[1].at_s: kill of n060 at 25 s, when faults[0] has it down until 30 s; expected",
+            "faults[1].at_s: kill of n060 at 25 s, while faults[0] keeps it down until 30 s; expected",
         ),
-        ([fault("restart", 20, 30), fault("kill", 30)], "faults[1].at_s: kill of n060 at 30 s, when faults[0]"),
-        ([fault("freeze", 20, 30), fault("kill", 20)], "faults[0].at_s: freeze of n060 at 20 s, when faults[1]"),
-        ([fault("restart", 20, 30), fault("freeze", 29, 40)], "faults[1].at_s: freeze of n060 at 29 s, when faults[0]"),
+        ([fault("restart", 20, 30), fault("kill", 30)], "faults[1].at_s: kill of n060 at 30 s, while faults[0]"),
+        ([fault("freeze", 20, 30), fault("kill", 20)], "faults[0].at_s: freeze of n060 at 20 s, while faults[1]"),
+        ([fault("restart", 20, 30), fault("freeze", 29, 40)], "faults[1].at_s: freeze of n060 at 29 s, while faults["),
     ],
 )  # fmt: skip
 def test_nothing_can_begin_while_a_process_is_down(written: list[Written], message: str) -> None:
@@ -134,7 +134,7 @@ def test_what_begins_before_the_end_may_last_longer() -> None:
         (fault("kill", nodes=("n60",)), "faults[0].nodes: there is no 'n60'; did you mean n060?; expected ids of this"),
         (fault("kill", nodes=("n001", "zzz")), "faults[0].nodes: there is no 'zzz'; expected ids of this field, like "),
         (fault("freeze", 1, 2, nodes=("fussion",)), "faults[0].nodes: there is no 'fussion'; did you mean fusion?"),
-        (fault("stuck", nodes=("fusion",)), "faults[0].nodes: fusion has no sensor to be stuck; expected ids of s"),
+        (fault("stuck", nodes=("fusion",)), "faults[0].nodes: fusion has no sensor, and stuck is a fault of s"),
         (fault("deaf", nodes=("router",)), "faults[0].nodes: there is no 'router'; expected ids of this field"),
     ],
 )  # fmt: skip
@@ -201,11 +201,11 @@ def test_faults_of_a_sensor_are_as_the_world_has_them() -> None:
     [
         (
             [fault("stuck", 10), fault("deaf", 20)],
-            "faults[1].at_s: deaf of n060 at 20 s, and faults[0] has it stuck from then on; expected one such fault",
+            "faults[1].at_s: deaf of n060 at 20 s, during faults[0] (stuck to the end); expected one such fault",
         ),
         (
             [fault("babble", 20, 30), fault("babble", 10, 20.5)],
-            "faults[0].at_s: babble of n060 at 20 s, and faults[1] has it babble until 20.5 s",
+            "faults[0].at_s: babble of n060 at 20 s, during faults[1] (babble until 20.5 s)",
         ),
         ([fault("stuck", 10, 20), {"kind": "deaf", "at_s": 15, "share": 1.0}], "faults[1].at_s: deaf of n060 at 15 s"),
     ],

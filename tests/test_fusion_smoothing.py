@@ -202,7 +202,7 @@ def test_without_a_lag_there_is_nothing_more() -> None:
 def test_who_cannot_be_smoothed_is_named() -> None:
     settings = ["fusion.smooth_lag=3"]
     assert [remark for remark in remarks(spcpf(1, settings)) if "smoothed" in remark] == [
-        "spcpf does not tell the motion that it expects, so its track is not smoothed"
+        "spcpf does not report its motion model, so its track is not smoothed"
     ]
     plan = planned(load("spcpf", settings=settings, trackers=["spcpf"]))
     assert plan.info.trackers == ("spcpf",)

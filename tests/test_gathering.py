@@ -157,14 +157,14 @@ def test_a_run_that_starts_its_own_processes_gives_no_places(router: str, tmp_pa
     run.started()
     code, said = join("--connect", router)
     assert code == 1
-    assert "the launcher starts all processes of this run itself: say whose place to take with --id" in said
+    assert "the launcher starts all processes of this run itself: name the place to take with --id" in said
     assert run.finish(60)[0] == 0
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (("run", "spcpf", "--external"), "--external: nobody can find a router of our own"),
+        (("run", "spcpf", "--external"), "--external: other processes cannot find the run's own router"),
         (
             ("run", "spcpf", "--external", "--virtual", "--connect", "tcp/h:1"),
             "--external: there are no processes in virtual time",

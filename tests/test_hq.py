@@ -87,8 +87,10 @@ def test_a_fault_of_one_that_is_not_there_names_those_who_are(trackfield: Call) 
 
     assert "there is no 'fusion'" in refused(HQ, "faults=[{kind='kill', nodes=['fusion'], at_s=3}]")
     wrong = refused(HQ, "faults=[{kind='kill', role='hq', at_s=3}]")
-    assert "faults[0].role: nobody has the role 'hq'; expected one of fusion, node" in wrong
-    assert "a fusion has no sensor to be stuck" in refused("faults=[{kind='stuck', role='fusion', at_s=3}]")
+    assert "faults[0].role: no process has the role 'hq'; expected one of fusion, node" in wrong
+    assert "a fusion has no sensor, and stuck is a fault of sensors" in refused(
+        "faults=[{kind='stuck', role='fusion', at_s=3}]"
+    )
 
 
 def test_a_surveyed_field_may_call_it_so(tmp_path: Path, trackfield: Call) -> None:

@@ -57,7 +57,7 @@ def test_a_replay_without_late_reports_says_that_there_were_none(trackfield: Cal
     assert trackfield(*RUN, "--set", "target.steps=3", "--quiet").code == 0
     said = trackfield("replay", "mine", "--drop-late", "--out", "again")
     assert said.code == 0
-    assert "note: no report of this run was late (frames.late): --drop-late changes nothing" in said.err
+    assert "note: no report of the run was late (frames.late): --drop-late changes nothing" in said.err
 
 
 def test_one_while_the_run_is_planned_leaves_nothing(

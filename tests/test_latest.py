@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,21 @@ def test_the_newest_is_that_which_was_started_last(tmp_path: Path, monkeypatch: 
         tf.ScenarioError, match="latest~3: there are 3 finished runs below runs/; expected latest to la"
     ):
         run_folder("latest~3")
+
+
+def test_a_run_that_is_removed_meanwhile_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    folders(tmp_path, ant="2026-05-03T10:00:00+00:00", bee="2026-05-02T10:00:00+00:00")
+    read = Path.read_bytes
+
+    def removed(file: Path) -> bytes:
+        content = read(file)
+        if file.parent.name == "ant":
+            shutil.rmtree(file.parent)
+        return content
+
+    monkeypatch.setattr(Path, "read_bytes", removed)
+    assert run_folder("latest").name == "bee"
 
 
 @pytest.mark.parametrize("command", [("view",), ("report",), ("replay",), ("compare", "latest~1")])

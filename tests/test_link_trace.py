@@ -30,7 +30,14 @@ def test_a_link_receives_nothing_before_its_first_line_or_without_one() -> None:
     assert link.fate("n2", "fusion", "doa", 5 * S - 1, 0, 12) == Fate("radio")
     assert link.fate("n2", "fusion", "doa", 5 * S, 0, 12) == Fate(None, 40_000_000)
     assert link.fate("fusion", "n2", "doa", 5 * S, 0, 12) == Fate("radio")
-    assert (link.reception("n1", "fusion", 12), link.reception("fusion", "n1", 12)) == (pytest.approx(2 / 3), 0)
+
+
+def test_its_reception_is_that_of_the_instant() -> None:
+    link = make_link(TRACE, 1, PLACES)
+    shares = [link.reception("n1", "fusion", 12, at_ns=round(t_s * S)) for t_s in (0, 9.9, 10, 20.4, 20.5, 1e6)]
+    assert shares == [1, 1, 0, 0, 1, 1]
+    assert [link.reception("n2", "fusion", 12, at_ns=t_s * S) for t_s in (4, 5)] == [0, 1]
+    assert link.reception("fusion", "n1", 12, at_ns=5 * S) == 0
 
 
 def test_a_process_keeps_its_own_links_of_a_trace() -> None:

@@ -93,7 +93,7 @@ def test_nothing_is_overwritten(trackfield: Call, tmp_path: Path) -> None:
     for file, there in (("mine.toml", "mine.toml"), ("other.toml", "other-target.gpx")):
         said = trackfield("new", file, "--from", "bus")
         assert said.code == 2
-        assert f"{there}: FILE: is there already; expected a new file" in said.err
+        assert f"{there}: FILE: exists already; expected a new file" in said.err
     assert {file.name for file in tmp_path.iterdir()} == {"mine.toml", "other-target.gpx"}
     assert {file.read_text() for file in tmp_path.iterdir()} == {"precious"}
 
@@ -101,7 +101,7 @@ def test_nothing_is_overwritten(trackfield: Call, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("mine",), "mine: is no name of a scenario file; expected mine.toml, say"),
+        (("mine",), "mine: FILE: does not end in .toml; expected mine.toml"),
         (("my field.toml",), 'name: is "my field"; expected letters, digits, and _ . - between them'),
         (("nowhere/mine.toml",), "nowhere/mine.toml: FILE: cannot be written (No such file or directory)"),
         (("mine.toml", "--from", "buss"), "unknown scenario 'buss'; did you mean bus?"),

@@ -255,12 +255,12 @@ def test_its_options_stand_in_its_section_and_in_the_resolved_file(tmp_path: Any
         ({"sensor__range_m": 0.5}, "sensor.range_m: the target never comes in range"),
         (
             {"fusion__trackers": ["ekf", "spcpf"]},
-            "fusion.trackers: 'spcpf' takes bearings alone, and sensors of kind 'ranger' report none; "
+            "fusion.trackers: 'spcpf' takes bearings only, and sensors of kind 'ranger' report none; "
             "expected bootstrap, ekf, predict-only, ukf, or one of your own",
         ),
         (
             {"faults": [{"kind": "bias", "share": 0.1, "at_s": 3.0, "bias_deg": 5.0}]},
-            "faults[0].kind: a bias in degrees and dB means nothing to sensors of kind 'ranger'",
+            "faults[0].kind: a bias in degrees and dB has no meaning for sensors of kind 'ranger'",
         ),
     ],
 )

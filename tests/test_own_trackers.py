@@ -248,8 +248,8 @@ def command(environment: dict[str, str], *arguments: str) -> subprocess.Complete
 
 def test_an_entry_point_is_listed_and_loaded_only_when_named(tmp_path: Path) -> None:
     environment = installed(tmp_path, still="tests.test_own_trackers:Still", gone="nowhere:Gone")
-    listed = command(environment, "list")
-    assert listed.stdout.splitlines()[-2:] == [f"trackers: {', '.join(TRACKERS)}, still, gone", "sensors: acoustic"]
+    names = [line.split()[0] for line in command(environment, "list", "trackers").stdout.splitlines() if line[0] != " "]
+    assert names == [*TRACKERS, "still", "gone"]
     said = command(environment, "validate", "spcpf", "--set", "fusion.trackers=['gone']")
     assert said.returncode == 2
     assert said.stderr == (

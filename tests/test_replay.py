@@ -148,7 +148,7 @@ def test_a_tracker_of_ones_own_sees_recorded_reports_from_python(monkeypatch: py
     assert (result.path, mine) == (Path("again"), ekf)
     command = json.loads(Path("again", "manifest.json").read_text())["command"]
     assert command == ["trackfield", "replay", "run", "--tracker", "mine", "--tracker", "ekf", "--drop-late"]
-    with pytest.raises(tf.ScenarioError, match=r"^again: out: the folder has something in it"):
+    with pytest.raises(tf.ScenarioError, match=r"^again: out: the folder is not empty"):
         tf.replay(run, out="again")
 
 
@@ -219,8 +219,8 @@ def test_what_the_machine_did_is_said(trackfield: Call) -> None:
     said = trackfield("replay", "run")
     assert said.code == 0
     said = said.err
-    assert "note: 3 events were handled out of order in this run" in said
-    assert "note: 5 frames of this run never reached the recorder" in said
+    assert "note: 3 events were handled out of order in the run" in said
+    assert "note: 5 frames of the run never reached the recorder" in said
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------
@@ -250,8 +250,8 @@ def no_figures(run: Path) -> None:
     ("spoil", "arguments", "said"),
     [
         (None, ("--tracker", "spcfp"), "unknown tracker 'spcfp'; did you mean spcpf?"),
-        (None, ("--out", "run"), "run: --out: the folder has something in it; expected an empty or new one"),
-        (older, (), "messages.parquet: an older version made it; expected a run by this version"),
+        (None, ("--out", "run"), "run: --out: the folder is not empty; expected an empty or new one"),
+        (older, (), "messages.parquet: was written by an older version; expected a run by this version"),
         (lambda run: without(METRICS, run), (), "run: has no metrics.json; expected the folder of a finished run"),
         (lambda run: without("messages.parquet", run), (), "run: has no messages.parquet"),
         (lambda run: without("scenario.toml", run), (), "run: has no scenario.toml; expected"),

@@ -135,13 +135,13 @@ def test_a_run_in_which_nothing_was_heard(tmp_path: Path) -> None:
     text = read(folder).text
     assert "No frame was sent" in text
     assert text.count("No track of the target at any of the 12 steps: no sensor sent a report.") == 2
-    assert "No tracker had a track beside which there was a truth" in text
+    assert "No tracker had a track at a step with a known truth" in text
     assert not (folder / "plots" / "losses.png").exists()
 
 
 def test_a_link_that_lets_nothing_through(tmp_path: Path) -> None:
     folder = run(tmp_path / "cut", "link.model=fixed", "link.loss=1")
-    assert "The link delivered none of" in read(folder).text
+    assert " lost on the link): no tracker had anything to go by but its prior." in read(folder).text
 
 
 def test_a_run_that_has_no_tracks_has_a_report(copied: Path) -> None:
@@ -149,14 +149,19 @@ def test_a_run_that_has_no_tracks_has_a_report(copied: Path) -> None:
     report.write_report(copied)
     text = read(copied).text
     assert "ended early" not in text
-    assert "No tracker had a track beside which there was a truth" in text
+    assert "No tracker had a track at a step with a known truth" in text
 
 
 def test_a_run_that_ended_early_says_so(copied: Path) -> None:
     changed(copied, lambda metrics: metrics.update(end_s=9.5))
-    with_tracks(copied, lambda table: table.filter(pa.compute.less(table["step"], 9)))
+    with_tracks(copied, lambda table: table.filter(pa.compute.less(table["step"], 10)))
     report.write_report(copied)
-    assert "The run ended early, 9.5 s after its first step: 8 of 12 steps." in read(copied).text
+    text = read(copied).text
+    assert "The run ended early, 9.5 s after its first step: 9 of 12 steps." in text
+    assert "the same run from its folder" not in text
+    assert "--exact 0" not in text
+    assert "bit for bit" not in text
+    assert "A run of the same scenario goes on to its planned end, 13 s after the first step." in text
 
 
 def test_several_targets_each_have_their_lines(copied: Path) -> None:

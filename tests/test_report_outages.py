@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,10 @@ from matplotlib.axes import Axes
 from launcher.report import folder
 from launcher.report.figures import FIGURES
 from launcher.report.folder import Run, read_run
+from launcher.report.outages import outages
+from launcher.report.parts import verdicts
 from launcher.report.parts.field import fates
+from tests import rrd
 from tests.reporting import Reader, changed, read, run
 from tests.test_report_targets import drawn, labels
 
@@ -94,11 +99,52 @@ def test_a_centre_killed_by_plan_ends_no_run(tmp_path: Path) -> None:
     assert "ended early" not in text
 
 
+def test_frames_to_a_dead_centre_are_no_fault_of_the_link(tmp_path: Path) -> None:
+    text = read(run(tmp_path / "dead", KILL.replace("at_s=3", "at_s=0.5"))).text
+    (frames,) = re.findall(
+        r"None of (\d+) frames arrived \(\1 to a dead receiver\): no tracker had anything to go by\.", text
+    )
+    assert int(frames) > 0
+    assert "lost on the link" not in text
+
+
 def test_reports_that_are_lost_explain_a_missing_track(tmp_path: Path) -> None:
     """Without a prior there is no track before a report; here a partition keeps all of them from the centre."""
     cut = "faults=[{kind='partition', nodes=['fusion'], at_s=0, until_s=6.5}]"
     text = read(run(tmp_path / "cut", cut, 'fusion.prior="none"')).text
     assert "6 s without a track: none of 24 reports arrived in time (24 cut off by a partition)." in text
+
+
+def test_a_smoothed_track_dies_with_the_centre_that_was_still_to_tell_of_it(tmp_path: Path) -> None:
+    """Of the steps before the death the smoothed points were not told yet, though all reports had arrived."""
+    restart = "faults=[{kind='restart', nodes=['fusion'], at_s=7, until_s=9}]"
+    file = run(tmp_path / "smooth", restart, "fusion.smooth_lag=5", steps=16)
+    (smoothed,) = [one for one in verdicts.verdicts(read_run(file)) if "+lag5" in one.tracker]
+    assert "5 s without a track: fusion was restarted at 7 s and came back at 9 s. " in smoothed.text
+    assert "arrived in time" not in read(file).text
+    early = changed(file, lambda metrics: metrics.update(end_s=4.5))
+    (track,) = [one for one in early.tracks if one.lag]
+    assert outages(early, replace(track, mean=track.mean * np.nan)) == []
+    never = run(tmp_path / "never", KILL.replace("at_s=3", "at_s=5.2"), "fusion.smooth_lag=5", steps=12)
+    (smoothed,) = [one for one in verdicts.verdicts(read_run(never)) if "+lag5" in one.tracker]
+    assert smoothed.text == "No track of the target at any of the 7 steps: fusion was killed at 5.2 s."
+    assert json.loads((never / "metrics.json").read_text())["trackers"][smoothed.tracker]["steps_expected"] == 7
+
+
+def test_what_a_frozen_centre_told_too_late_is_said_and_not_drawn_as_current(tmp_path: Path) -> None:
+    """It tells of all steps of the freeze when that ends: no step is without a track."""
+    file = run(tmp_path / "frozen", "faults=[{kind='freeze', nodes=['fusion'], at_s=3, until_s=8}]")
+    text = read(file).text
+    assert (
+        text.count("4 steps were told more than a step late, by up to 4.7 s: fusion was frozen from 3 s to 8 s.") == 2
+    )
+    assert re.search(r"\d s without a track", text) is None
+    for tracker in ("fix-imm-ukf", "spcpf"):
+        at = rrd.read(file / "run.rrd", f"/field/{tracker}/position", "Points2D:positions")
+        shown = {t for t, points in at if points}
+        gone = [t for t, points in at if not points]
+        assert shown == {1, 2, 7, 8, 9, 10, 11, 12}
+        assert gone[0] == 3.5
 
 
 # --- gaps of the truth ------------------------------------------------------------------------------------------------
@@ -126,7 +172,7 @@ def test_interpolated_truth_stands_apart(gappy: Path) -> None:
 def test_a_run_that_ended_before_a_gap_has_none(gappy: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(gappy, tmp_path / "copy"))
     early = changed(copy, lambda metrics: metrics.update(end_s=5.5))
-    assert (early.gaps, early.last_step, len(early.course.at_ns)) == ((), 4, 4)
+    assert (early.gaps, early.last_step, len(early.course.at_ns)) == ((), 5, 5)
 
 
 def test_gaps_are_marked_in_all_plots_over_time_and_pale_in_errors(gappy: Path) -> None:
@@ -160,6 +206,22 @@ def test_sensors_of_late_reports_look_late(late: Path) -> None:
     assert "report in time" not in names
     assert "reports too late" in names
     assert fates(found)["reports too late"] == found.frames.senders("late")
+
+
+def test_reports_that_were_late_and_fused_all_the_same_are_no_loss(tmp_path: Path) -> None:
+    """None of them comes in time, and the tracks use those that are not too old."""
+    slow = ("link.radio=lora868", "link.sf=12", "fusion.max_age_s=3", 'fusion.prior="none"')
+    file = run(tmp_path / "patient", *slow)
+    found, page = read_run(file), read(file)
+    used = {(id, p["step"]) for p in found.points.to_pylist() for id in p["sensors"]}
+    outcomes = found.frames.fates(found.frames.reports)
+    assert 0 < len(used) < outcomes["late"]
+    assert "delivered" not in outcomes
+    assert "anything to go by" not in page.text
+    assert f"; {len(used)} came late and were fused all the same (fusion.max_age_s). Those" in page.text
+    assert fates(found)["reports late, but fused"] == {id for id, _ in used}
+    assert fates(found)["reports too late"] == found.frames.senders("late") - {id for id, _ in used}
+    assert "reports late, but fused" in labels(drawn("field", found))
 
 
 def test_the_deadline_is_in_the_figure_of_latencies(late: Path) -> None:

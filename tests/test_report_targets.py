@@ -174,4 +174,7 @@ def test_tracks_of_an_older_version_are_named(pair: Path, tmp_path: Path) -> Non
     with_tracks(tmp_path, lambda table: table.drop_columns(["source"]))
     with pytest.raises(ScenarioError) as failure:
         read_run(tmp_path)
-    assert (failure.value.file, failure.value.what) == (str(tmp_path / "tracks.parquet"), "an older version made it")
+    assert (failure.value.file, failure.value.what) == (
+        str(tmp_path / "tracks.parquet"),
+        "was written by an older version",
+    )

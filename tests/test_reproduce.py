@@ -93,7 +93,7 @@ def test_a_study_is_interrupted_and_goes_on(trackfield: Call, tmp_path: Path) ->
     done = interrupted(tmp_path, folder)
     said = trackfield("reproduce", "zhai", "--runs", "1", "--json")
     assert said.code == 0
-    assert f"{min(done, len(CASES))} of {len(CASES)} runs are there from before" in said.err
+    assert f"{min(done, len(CASES))} of {len(CASES)} runs exist already" in said.err
     assert said.err.endswith("next: trackfield view runs/reproduce-zhai/run\n")
 
     summary = json.loads(said.out)
@@ -159,7 +159,7 @@ def assert_complete(folder: Path, results: Results[Score]) -> None:
     [
         (["reproduce", "zhay"], ["PAPER: unknown paper 'zhay'", "did you mean zhai?", "expected one of zhai"]),
         (["reproduce", "zhai", "--runs", "0"], ["--runs: is 0", "expected 1 or more"]),
-        (["reproduce", "zhai", "--out", "full"], ["full: --out: the folder has something in it"]),
+        (["reproduce", "zhai", "--out", "full"], ["full: --out: the folder is not empty"]),
     ],
 )
 def test_what_cannot_be_reproduced(trackfield: Call, tmp_path: Path, arguments: list[str], parts: list[str]) -> None:

@@ -60,7 +60,7 @@ def test_what_setting_them_takes(clocks) -> None:
 def test_right_clocks_have_no_error(clocks) -> None:
     right = clocks["right", "-"]
     assert {right[key] for key in ("clock rms, ms", "max", "set before, %", "then rms, ms", "then max")} == {"-"}
-    assert right["lost"] == "0 of 3"
+    assert right["tracked / with gaps / lost"] == "3 / 0 / 0"
 
 
 def test_an_outcome_is_what_the_run_said() -> None:

@@ -299,14 +299,14 @@ def test_what_is_there_is_not_run_again(trackfield: Call) -> None:
     assert trackfield("study", *SHORT, "--set", "target.steps=3", "--seeds", 1).code == 0
     before = {file: file.stat().st_mtime_ns for file in Path("s/results").rglob("*.parquet")}
     said = trackfield("study", *SHORT, "--set", "target.steps=3", "--seeds", 2)
-    assert "2 of 4 runs are there from before" in said.err
-    assert "note: the seeds were 1, and are 1, 2" in said.err
+    assert "2 of 4 runs exist already" in said.err
+    assert "note: the seeds were 1, and are now 1, 2" in said.err
     after = {file: file.stat().st_mtime_ns for file in Path("s/results").rglob("*.parquet")}
     assert (len(before), len(after)) == (2, 4)
     assert {file: after[file] for file in before} == before
 
     said = trackfield("study", *SHORT, "--set", "target.steps=4", "--seeds", 2)
-    assert "the scenario is another than that of the study in this folder: target.steps was 3 and is 4" in said.err
+    assert "the scenario differs from that of the study in this folder: target.steps was 3 and is 4" in said.err
     assert "from before" not in said.err
 
 
@@ -316,7 +316,7 @@ def test_a_study_of_a_track_goes_by_what_is_in_its_file(trackfield: Call) -> Non
     asked = ("--seeds", 1, "--vary", "field.spacing_m=50,60", "--tracker", "ekf", "--out", "s")
     assert trackfield("study", "bus", "--target", "a.csv", *asked).code == 0
     Path("a.csv").rename("b.csv")
-    assert "2 of 2 runs are there" in trackfield("study", "bus", "--target", "b.csv", *asked).err
+    assert "2 of 2 runs exist already" in trackfield("study", "bus", "--target", "b.csv", *asked).err
     Path("b.csv").write_text("t_s,x,y\n0,0,0\n20,200,20\n")
     said = trackfield("study", "bus", "--target", "b.csv", *asked)
     assert said.code == 0
@@ -344,13 +344,15 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfi
         _, err = running.communicate(timeout=60)
     done = len(list(tmp_path.rglob("0*.parquet")))
     assert running.returncode == 130
-    (said,) = re.findall(r"interrupted: (\d+) of 4000 runs are done and kept in (\S+); the same command goes on", err)
+    (said,) = re.findall(
+        r"interrupted: (\d+) of 4000 runs are done and kept in (\S+); the same command runs the others", err
+    )
     assert said[0] == str(done)
     assert 3 <= done < 4000
     assert "Traceback" not in err
     again = trackfield(*asked, "--seeds", 1)  # into the same folder, as none was named
     assert again.code == 0
-    assert "2 of 2 runs are there from before" in again.err
+    assert "2 of 2 runs exist already" in again.err
     assert (tmp_path / said[1] / "study.html").exists()
 
 
@@ -388,7 +390,7 @@ def test_trackers_one_at_a_time_and_lists_of_them(trackfield: Call) -> None:
         (("--vary", "field.spacing_mm=1,2"), "field.spacing_mm: unknown; did you mean spacing_m?"),
         (("--vary", "field.spacing_m=50,-1"), "field.spacing_m: is -1; expected a number above 0"),
         (("--vary", "field.spacing_m=50"), "field.spacing_m: has one value, 50; expected two values or more; --set"),
-        (("--vary", "field.spacing_m=50,50.0"), "field.spacing_m: 50 is there twice; expected each value once"),
+        (("--vary", "field.spacing_m=50,50.0"), "field.spacing_m: 50 is given twice; expected each value once"),
         (("--vary", "field.spacing_m"), "--vary: 'field.spacing_m' varies nothing; expected KEY=VALUE,VALUE"),
         (("--vary", "a=1,,x"), "--vary: a: an empty value in '1,,x'"),
         (("--vary", "link.model=a,b", "--vary", "link.model=c,d"), "--vary: link.model: is varied twice"),
@@ -396,9 +398,9 @@ def test_trackers_one_at_a_time_and_lists_of_them(trackfield: Call) -> None:
         (("--vary", "tracker=ukf,ekf", "--tracker", "ekf"), "is varied, and set by another option (fusion.trackers)"),
         (("--vary", "tracker=ukf,ukff"), "unknown tracker 'ukff'; did you mean ukf?"),
         (("--vary", "seed=1,2"), "seed: is not varied: a study has seeds of its own"),
-        (("--set", "seed=3"), "--set: seed: has no effect: --seeds says which"),
+        (("--set", "seed=3"), "--set: seed: has no effect beside --seeds"),
         (("--seeds", "many"), "--seeds: is 'many'; expected how many, like 20"),
-        (("--seeds", "0"), "--seeds: '0' are none"),
+        (("--seeds", "0"), "--seeds: '0' gives no seeds"),
         (("--pareto", "energy,rmse.position"), "--pareto: there is no figure 'energy'"),
         (("--pareto", "rmse.position"), "--pareto: is 'rmse.position'; expected two figures"),
         (("--vary", "link.loss=0.1,0.2", "--vary", "link.radio=mica2,lora868"), "link.loss: belongs to model fixed"),

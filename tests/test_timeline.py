@@ -482,6 +482,21 @@ def test_a_tracker_that_says_nothing_for_a_while_leaves_the_picture(small: Small
     assert [t for t, (value,) in errors if math.isnan(value)] == [3.5]
 
 
+def test_what_a_frozen_tracker_says_when_it_is_back_was_not_there_before(small: Small) -> None:
+    """It leaves the picture; of the steps that it tells of late only the line is drawn. Told again, a step stays."""
+
+    def calls(timeline: Timeline) -> None:
+        for step, late_ns in ((1, 0), (2, 0), (3, 3 * NS), (4, 2 * NS), (5, NS), (6, 0), (5, 2 * NS), (6, NS), (7, 0)):
+            timeline.estimate(track_point(step, (float(step), 0.0, 0.0, 0.0)), (0.0, 0.0), late_ns)
+
+    file = small(calls)
+    for entity, what in (("position", "Points2D:positions"), ("ellipse", "LineStrips2D:strips")):
+        at = [(t, len(value)) for t, value in read(file, f"/field/one/{entity}", what)]
+        assert at == [(1, 1), (2, 1), (3.5, 0), (5, 1), (5, 1), (6, 1), (6, 1), (7, 1)]
+    drawn = {t for t, _ in read(file, "/field/one/track", "LineStrips2D:strips") if t}
+    assert drawn == {2, 3, 4, 5, 6, 7}
+
+
 def test_trackers_have_colours_of_their_own(small: Small) -> None:
     def calls(timeline: Timeline) -> None:
         for tracker in ("one", "two", "unannounced"):

@@ -126,7 +126,7 @@ def test_a_folder_without_a_timeline_is_bad_input(tmp_path: Path) -> None:
         assert failure.value.file == str(tmp_path)
     (tmp_path / "run.rrd").write_bytes(b"not a recording")
     for act in acts:
-        with pytest.raises(ScenarioError, match=r"run\.rrd: is no timeline"):
+        with pytest.raises(ScenarioError, match=r"run\.rrd: is not a timeline"):
             act()
 
 
@@ -148,7 +148,7 @@ def test_without_a_screen_only_the_other_ways_are_named(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--at", "5"), "--at: is the second that a picture shows; expected --png FILE beside it"),
+        (("--at", "5"), "--at: is for a picture only; expected --png FILE as well"),
         (("--web", "--png", "a.png"), "--web, --png: a picture is not shown in the browser; expected one of them"),
         pytest.param(
             ("--png", "a.png", "--at", "500"),

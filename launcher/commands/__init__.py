@@ -1,1 +1,1 @@
-"""The commands of ``trackfield``: a file for each, or for a few that belong together."""
+"""The commands of ``trackfield``: one file each, or one for a few that belong together."""

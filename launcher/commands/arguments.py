@@ -44,7 +44,7 @@ Set = Annotated[
         "--set",
         metavar="KEY=VALUE",
         autocompletion=choices.completed(choices.settings),
-        help="Set a key of the scenario, as link.loss=0.1; may be repeated.",
+        help="Set a key of the scenario, like link.loss=0.1; may be repeated.",
     ),
 ]
 Target = Annotated[Path | None, typer.Option("--target", help="The target's track: a GPX or CSV file.")]
@@ -53,8 +53,10 @@ Start = Annotated[
     typer.Option("--from", metavar="TIME", help="Start of the window in the track, in the time zone of its file."),
 ]
 End = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the window in the track.")]
-Sensors = Annotated[Path | None, typer.Option("--sensors", help="Where the sensors stand: a CSV file.")]
-Nodes = Annotated[int | None, typer.Option(help="About how many sensors, at the scenario's own spacing.")]
+Sensors = Annotated[Path | None, typer.Option("--sensors", help="The positions of the sensors: a CSV file.")]
+Nodes = Annotated[
+    int | None, typer.Option(help="The number of sensors, approximately, at the spacing of the scenario.")
+]
 LinkModel = Annotated[
     str | None,
     typer.Option(

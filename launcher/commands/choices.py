@@ -1,4 +1,4 @@
-"""What can be chosen where: looked up when somebody asks, for completion in a shell and for ``--help``."""
+"""The choices for arguments and options, looked up only for completion in a shell and for ``--help``."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def links() -> Iterator[str]:
 
 
 def trackers() -> Iterator[str]:
-    """The trackers, those of users' own too."""
+    """The trackers, including users' own."""
     from trackfield.filters.trackers import TRACKERS
 
     yield from TRACKERS
 
 
 def papers() -> Iterator[str]:
-    """The papers that can be done again."""
+    """The papers that can be reproduced."""
     from launcher.reproduce.papers import PAPERS
 
     yield from PAPERS
@@ -64,7 +64,7 @@ def runs() -> Iterator[str]:
 
 
 def completed(choices: Callable[[], Iterator[str]]) -> Callable[[str], list[str]]:
-    """What a shell offers for a word begun; where that is nothing, it offers files."""
+    """The completion of an incomplete word; without any, a shell offers files."""
 
     def complete(incomplete: str) -> list[str]:
         return [choice for choice in choices() if choice.startswith(incomplete)]

@@ -89,7 +89,7 @@ def _parameter(key: Key) -> str:
 
 
 def _plugins(plugins: Plugins, known: Mapping[str, Item]) -> Iterator[Item]:
-    """All classes of a kind; what is not our own says where it is from, or why it cannot be loaded."""
+    """All classes of a kind; users' own say where they come from, or why they cannot be loaded."""
     for name in plugins:
         if name in known:
             yield known[name]

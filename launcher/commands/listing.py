@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from launcher.commands.kinds import Item
 
 WIDTH: Final = 160
-"""Columns where there is no terminal that says how many it has."""
+"""Width of the output, in characters, where there is no terminal."""
 
 
 def list_kinds(
@@ -47,14 +47,14 @@ def list_kinds(
 
 
 def _overview() -> None:
-    """The scenarios with what they are, all else by name."""
+    """The scenarios with their summaries, all else by name."""
     from launcher.commands.kinds import KINDS, Item
 
     _print(KINDS["scenarios"]())
     print()
     others = [name for name in KINDS if name != "scenarios"]
     _print(Item(name, ", ".join(item.name for item in KINDS[name]())) for name in others)
-    print("\nWhat each is, and its parameters: trackfield list KIND, as trackfield list trackers")
+    print("\nWhat each is, and its parameters: trackfield list KIND, like trackfield list trackers")
 
 
 def _print(items: Iterable[Item]) -> None:

@@ -36,7 +36,7 @@ MORE: Final = """
 
 def new(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The file to write, ending in .toml; it must not exist.")
+        Path, typer.Argument(metavar="FILE", help="The file to write, ending in .toml; it must not exist yet.")
     ],
     source: Annotated[
         str,
@@ -62,8 +62,8 @@ def new(
 def _write(file: Path, source: str) -> list[Path]:
     """Write the file and those that it names beside it, or nothing: the paths, the file itself first.
 
-    Raises ``ScenarioError`` for an unknown source, a name that cannot be that of a scenario, and where one of the files
-    is there already or cannot be written.
+    Raises ``ScenarioError`` for an unknown source, for a name that cannot be that of a scenario, and if one of the
+    files exists already or cannot be written.
     """
     from tempfile import TemporaryDirectory
 
@@ -71,7 +71,7 @@ def _write(file: Path, source: str) -> list[Path]:
     from trackfield.scenario import Scenario
 
     if file.suffix != ".toml":
-        raise ScenarioError("is no name of a scenario file", file=str(file), expected=f"{file.name}.toml, say")
+        raise ScenarioError("does not end in .toml", file=str(file), key="FILE", expected=f"{file.stem}.toml")
     scenario = Scenario.load(source).set("name", file.stem)
     with TemporaryDirectory() as made:
         text = _explained(with_files(scenario, Path(made), f"{file.stem}-"), source)
@@ -82,7 +82,7 @@ def _write(file: Path, source: str) -> list[Path]:
         targets = [file.with_name(one.name) for one in drafts]
         for target in targets:
             if target.exists():
-                raise ScenarioError("is there already", file=str(target), key="FILE", expected="a new file")
+                raise ScenarioError("exists already", file=str(target), key="FILE", expected="a new file")
         try:
             for one, target in zip(drafts, targets, strict=True):
                 target.write_bytes(one.read_bytes())
@@ -93,7 +93,7 @@ def _write(file: Path, source: str) -> list[Path]:
 
 
 def _explained(scenario: Scenario, source: str) -> str:
-    """The scenario as a file in which keys without a value are there as comments, and other kinds are named."""
+    """The text of the scenario file, with keys that have no value as comments, and where to find other kinds."""
     name = f"{scenario.name}.toml"
     lines = [
         f"# Started from {source}.",

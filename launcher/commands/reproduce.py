@@ -19,9 +19,9 @@ def reproduce(
             help="The paper, as docs/papers.md names it: {papers}.",
         ),
     ],
-    runs: Annotated[int, typer.Option(help="How many runs of each case, with the seeds 1, 2, ...")] = 100,
+    runs: Annotated[int, typer.Option(help="The number of runs of each case, with the seeds 1, 2, ...")] = 100,
     out: Annotated[
-        Path | None, typer.Option(help="The folder of the study; runs that are there already are not made again.")
+        Path | None, typer.Option(help="The folder of the study; runs that it already has are not repeated.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json, and nothing else, to stdout.")] = False,
 ) -> None:

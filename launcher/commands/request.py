@@ -1,4 +1,4 @@
-"""What a person asks to be run, and how: the options that ``run`` and ``validate`` share."""
+"""The request for a run: the arguments and options that ``run`` and ``validate`` share."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ class Request:
 
     scenario: Name
     seed: Annotated[int | None, typer.Option(help="The seed of every random draw; unset: the scenario's own.")] = None
-    speed: Annotated[float | None, typer.Option(help="Emulated seconds per second, of a run over processes.")] = None
+    speed: Annotated[
+        float | None, typer.Option(help="Emulated seconds per second of real time, for a run over processes.")
+    ] = None
     virtual: Annotated[bool, typer.Option("--virtual", help="Run in virtual time, in a single process.")] = False
     overrides: Set = None
     target: Target = None
@@ -47,7 +49,7 @@ class Request:
         bool,
         typer.Option("--external", help="Wait for processes that start elsewhere and join at the router of --connect."),
     ] = False
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False
 
     def prepared(self) -> tuple[Scenario, Plan]:
         """The scenario and its plan. Raises ``ScenarioError`` with all that is wrong with this request."""

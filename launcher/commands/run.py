@@ -47,7 +47,7 @@ def run(request: Request) -> None:
 
 
 def _carried_out(request: Request, plan: Plan, folder: Path) -> Outcome:
-    """The run, watched by whoever fits the terminal."""
+    """Do the run and show its progress as the terminal allows."""
     from launcher.drawing import written_beside
     from launcher.show import observing, progress, tell
 

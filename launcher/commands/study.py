@@ -15,7 +15,7 @@ from launcher.commands.arguments import End, LinkModel, Name, Nodes, Sensors, Se
 def study(
     scenario: Name,
     seeds: Annotated[
-        str, typer.Option(metavar="N", help="How many runs of each combination: seeds 1 to N; or A-B, or A,B,C.")
+        str, typer.Option(metavar="N", help="The seeds of each combination: N for 1 to N, or A-B, or A,B,C.")
     ] = "10",
     vary: Annotated[
         list[str] | None,
@@ -23,14 +23,14 @@ def study(
             "--vary",
             metavar="KEY=A,B,C",
             autocompletion=choices.completed(choices.settings),
-            help="Vary a key over values, as field.spacing_m=50,75 or tracker=ukf,ekf; repeated: all combinations.",
+            help="Vary a key over values, like field.spacing_m=50,75 or tracker=ukf,ekf; repeated: all combinations.",
         ),
     ] = None,
     pareto: Annotated[
         str | None,
         typer.Option(metavar="X,Y", help="The two figures of the Pareto front, by their keys; unset: energy and RMSE."),
     ] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="How many runs at a time; unset: one on each core.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="The number of runs at a time; unset: one per core.")] = None,
     overrides: Set = None,
     target: Target = None,
     start: Start = None,
@@ -40,7 +40,7 @@ def study(
     link: LinkModel = None,
     tracker: Trackers = None,
     out: Annotated[
-        Path | None, typer.Option(help="The folder of the study; runs that are there already are not made again.")
+        Path | None, typer.Option(help="The folder of the study; runs that it already has are not repeated.")
     ] = None,
 ) -> None:
     """Run a scenario with many seeds, and for several values of a key if asked: a table, pictures, a page."""

@@ -10,7 +10,7 @@ from trackfield.errors import ScenarioError
 
 @command
 def validate(request: Request) -> None:
-    """Check a scenario, with the options of run, and say that it is valid or all that is wrong with it."""
+    """Check a scenario, with the options of run: list all that is wrong with it, or what to expect of the run."""
     from launcher.plan.foresight import foresee
     from launcher.plan.warnings import summary
     from launcher.show import announce, assess

@@ -1,4 +1,4 @@
-"""``view`` and ``report``: to look at a finished run."""
+"""``view`` and ``report``: look at a finished run."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from launcher.commands.arguments import Run
 
 def view(
     run: Run,
-    web: Annotated[bool, typer.Option("--web", help="Show it in the browser.")] = False,
+    web: Annotated[bool, typer.Option("--web", help="Show the timeline in the browser.")] = False,
     png: Annotated[Path | None, typer.Option(help="Write a picture of the timeline instead, without a screen.")] = None,
     at: Annotated[
         float | None,
-        typer.Option(help="The second of the run that the picture shows; unset: at 60 % of it."),
+        typer.Option(help="The second of the run that the picture shows; unset: 60 % of its length."),
     ] = None,
 ) -> None:
     """Open the timeline of a run."""
@@ -24,7 +24,7 @@ def view(
     from trackfield.errors import ScenarioError
 
     if at is not None and png is None:
-        raise ScenarioError("is the second that a picture shows", key="--at", expected="--png FILE beside it")
+        raise ScenarioError("is for a picture only", key="--at", expected="--png FILE as well")
     if web and png is not None:
         raise ScenarioError("a picture is not shown in the browser", key="--web, --png", expected="one of them")
     if png is None:

@@ -1,1 +1,1 @@
-"""From a scenario to processes: who is there, what befalls them, what they run on, how their radio carries."""
+"""From a scenario to processes: their places, planned faults, hardware and radio links."""

@@ -1,4 +1,4 @@
-"""What users bring, trackers and sensors: checked when a run is planned, and told to the processes that need them."""
+"""Users' own trackers and sensors: checked when a run is planned, and named to the processes that need them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Registered = tuple[dict[str, Maker], dict[str, Maker]]
 
 
 def registered() -> Registered:
-    """What was registered in this process, for others to ``register``."""
+    """What was registered in this process, for other processes to ``register``."""
     return dict(TRACKERS.registered), dict(SENSORS.registered)
 
 
@@ -60,33 +60,33 @@ def _check_tracker(name: str, options: Mapping[str, Any], runs: bool) -> None:
 
 
 def _kinds(fusion: Fusion) -> Iterator[tuple[str, str]]:
-    """The trackers that run, and of which tracker each is a variant."""
+    """(name, the tracker that it is a variant of) of each tracker that runs."""
     options = tables(fusion.options)
     return ((name, str(options.get(name, {}).get("tracker", name))) for name in fusion.trackers)
 
 
 def own_sensor(scenario: Scenario, section: OwnSensor) -> Mapping[str, Any]:
-    """What makes a scenario's sensor of a user's own elsewhere: the arguments of ``make_sensor``.
+    """The arguments of ``make_sensor`` with which other processes make a user's own sensor.
 
-    Raises ``ScenarioError`` for an unknown kind, options that do not fit, methods that do not return what they ought
-    to, and for trackers and faults that make no sense of such a sensor.
+    Raises ``ScenarioError`` for an unknown kind, options that do not fit, methods that do not return what they should,
+    and for trackers and faults that do not work with such a sensor.
     """
     kind = section.kind
     _probe(kind, make_sensor(kind, section.options))
     for name, tracker in _kinds(scenario.fusion):
         if tracker in TRACKERS.own.keys() - ANY_SENSOR:
-            what = f"'{name}' takes bearings alone, and sensors of kind '{kind}' report none"
+            what = f"'{name}' takes bearings only, and sensors of kind '{kind}' report none"
             expected = f"{', '.join(sorted(ANY_SENSOR))}, or one of your own"
             raise ScenarioError(what, key="fusion.trackers", expected=expected)
     for number, fault in enumerate(scenario.faults):
         if isinstance(fault, Bias):
-            what = f"a bias in degrees and dB means nothing to sensors of kind '{kind}'"
+            what = f"a bias in degrees and dB has no meaning for sensors of kind '{kind}'"
             raise ScenarioError(what, key=f"faults[{number}].kind", expected="stuck, deaf, babble, or another")
     return {"kind": kind, "options": section.options, "place": SENSORS.place(kind)}
 
 
 def _probe(kind: str, sensor: Sensor) -> None:
-    """Raise ``ScenarioError`` unless the methods of a sensor return what they ought to."""
+    """Raise ``ScenarioError`` unless the methods of a sensor return what they should."""
     m, r = len(sensor.sd), sensor.range_m
     states = np.array([[r / 2.0, r / 3.0, 1.0, -1.0], [-r / 3.0, r / 4.0, 0.0, 0.0]])
     for count in (3, 0):

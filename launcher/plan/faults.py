@@ -1,4 +1,4 @@
-"""The planned faults of a scenario as what befalls each process, and when, in whole nanoseconds."""
+"""The planned faults of a scenario, worked out for each process, in whole nanoseconds."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Life:
     freezes: tuple[Span, ...] = ()
 
     def later(self, by_ns: int) -> Life:
-        """The same, so much later; who is there from the start is there from the start."""
+        """The same, later by ``by_ns``; a life that begins with the run still does."""
         kill_ns = None if self.kill_ns is None else self.kill_ns + by_ns
         return Life(
             self.start_ns and self.start_ns + by_ns, kill_ns, tuple((a + by_ns, b + by_ns) for a, b in self.freezes)
@@ -45,14 +45,14 @@ class Life:
 
 @dataclass(frozen=True, slots=True)
 class Fates:
-    """What befalls one process: its lives, jumps (at ns, by ns) of its clock, and faults of its sensor."""
+    """The faults of one process: its lives, jumps (at ns, by ns) of its clock, and faults of its sensor."""
 
     lives: tuple[Life, ...] = (Life(),)
     jumps: tuple[Span, ...] = ()
     sensor: tuple[dict[str, Any], ...] = ()
 
     def later(self, by_ns: int) -> Fates:
-        """The same, so much later."""
+        """The same, later by ``by_ns``."""
         times = ("from_ns", "until_ns")
         return Fates(
             tuple(life.later(by_ns) for life in self.lives),
@@ -63,9 +63,10 @@ class Fates:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """All that is planned to go wrong in a run. ``fates`` has those processes alone that something befalls.
+    """All planned faults of a run. ``fates`` holds only the processes that have any.
 
-    ``marks`` are when something begins or ends; ``spells`` how long what lasts is so, the end of the run at most.
+    ``marks`` are the times at which faults begin or end; ``spells`` are the faults that last, to the end of the run at
+    most.
     """
 
     fates: Mapping[str, Fates] = field(default_factory=dict)
@@ -74,11 +75,11 @@ class Faults:
     spells: tuple[Spell, ...] = ()
 
     def of(self, id: str) -> Fates:
-        """What befalls this process."""
+        """The faults of this process."""
         return self.fates.get(id, Fates())
 
     def later(self, by_ns: int) -> Faults:
-        """The same, so much later after the start; marks and spells count from the first step."""
+        """The same, later by ``by_ns`` after the start; marks and spells count from the first step and stay."""
         if not by_ns:
             return self
         cuts = tuple((begin + by_ns, until + by_ns, ids, medium) for begin, until, ids, medium in self.partitions)
@@ -93,8 +94,8 @@ Numbered = tuple[int, Fault]
 def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns: int, origin_ns: int = 0) -> Faults:
     """The faults of a field, in a run that ends at ``end_ns``; their times count from the first step, at ``origin_ns``.
 
-    A share of the sensors, or of a role, is drawn by seed and the fault's number. Raises ``ScenarioError`` for an id or
-    a role that there is not, for a fault after the end, and for one that contradicts another: for all that there are.
+    A share of the sensors, or of a role, is drawn by seed and the fault's number. Raises one ``ScenarioError`` for all
+    unknown ids and roles, faults after the end, and faults that contradict each other.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
     partitions, marks, spells, last_ns = [], [], [], end_ns - origin_ns
@@ -119,7 +120,7 @@ def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns:
 
 
 def _when(one: Numbered) -> tuple[float, bool]:
-    """In which order faults begin: what ends a life comes before all else of its instant."""
+    """Sorts faults by their beginning; of one instant, those that end a life come first."""
     return one[1].at_s, not isinstance(one[1], Kill | Restart)
 
 
@@ -128,7 +129,7 @@ def _ns(t_s: float) -> int:
 
 
 def _struck(number: int, fault: Fault, seed: int, places: Sequence[Place], end_ns: int) -> tuple[str, ...]:
-    """Whom the fault befalls, in time."""
+    """The processes that the fault affects; its times are checked first."""
     _check_times(number, fault, end_ns)
     return _ids(number, fault, seed, places)
 
@@ -143,7 +144,7 @@ def _check_times(number: int, fault: Fault, end_ns: int) -> None:
 
 
 def _ids(number: int, fault: Fault, seed: int, places: Sequence[Place]) -> tuple[str, ...]:
-    """Whom the fault befalls."""
+    """The processes that the fault affects."""
     sensors = [place.id for place in places if SENSES in place.tags]
     others = [place.id for place in places if SENSES not in place.tags]
     if fault.nodes is None:
@@ -158,27 +159,31 @@ def _ids(number: int, fault: Fault, seed: int, places: Sequence[Place]) -> tuple
             continue
         key, least, most = f"faults[{number}].nodes", next(iter(known)), next(reversed(known))
         if id in others:
-            raise ScenarioError(f"{id} has no sensor to be {fault.kind}", key=key, expected="ids of sensor nodes")
+            raise ScenarioError(
+                f"{id} has no sensor, and {fault.kind} is a fault of sensors", key=key, expected="ids of sensor nodes"
+            )
         expected = f"ids of this field, like {least}" if least == most else f"ids of this field, like {least}, {most}"
         raise ScenarioError(f"there is no {id!r}{suggestion(id, known)}", key=key, expected=expected)
     return fault.nodes
 
 
 def _with_role(number: int, fault: Fault, places: Sequence[Place]) -> list[str]:
-    """The ids of those whom a fault names by their role."""
+    """The ids of the processes that a fault names by their role."""
     key, role = f"faults[{number}].role", str(fault.role)
     known = dict.fromkeys(place.role for place in places)
     if role not in known:
-        what = f"nobody has the role {role!r}{suggestion(role, known)}"
+        what = f"no process has the role {role!r}{suggestion(role, known)}"
         raise ScenarioError(what, key=key, expected=f"one of {', '.join(known)}")
     found = [place for place in places if place.role == role]
     if isinstance(fault, SensorFault) and any(SENSES not in place.tags for place in found):
-        raise ScenarioError(f"a {role} has no sensor to be {fault.kind}", key=key, expected="a role with sensors")
+        raise ScenarioError(
+            f"a {role} has no sensor, and {fault.kind} is a fault of sensors", key=key, expected="a role with sensors"
+        )
     return [place.id for place in found]
 
 
 def _fates(id: str, own: Sequence[Numbered], end_ns: int) -> Fates:
-    """What befalls this process, of faults in the order in which they begin."""
+    """The faults of this process, from all of them in the order in which they begin."""
     jumps: dict[int, int] = defaultdict(int)
     for _, fault in own:
         if isinstance(fault, ClockJump):
@@ -207,7 +212,7 @@ def _lives(id: str, own: Sequence[Numbered], end_ns: int) -> tuple[Life, ...]:
         ends = isinstance(fault, Kill | Restart)
         if by >= 0 and (at < until_ns or (ends and at == until_ns)):
             again = f"until {until_ns / NS:g} s" if until_ns < end_ns else "for good"
-            what = f"{fault.kind} of {id} at {fault.at_s:g} s, when faults[{by}] has it down {again}"
+            what = f"{fault.kind} of {id} at {fault.at_s:g} s, while faults[{by}] keeps it down {again}"
             raise ScenarioError(
                 what, key=f"faults[{number}].at_s", expected="a time at which it is up" + " already" * (at == until_ns)
             )
@@ -232,13 +237,13 @@ def _merged(freezes: Iterable[Span], end_ns: int) -> tuple[Span, ...]:
 
 
 def _check_sensor(id: str, own: Sequence[Numbered]) -> None:
-    """Raise ``ScenarioError`` if a sensor fails in two ways at a time; a bias is added to whatever it reads."""
+    """Raise ``ScenarioError`` if a sensor fails in two ways at a time; a bias is added to any reading."""
     failing = [(number, fault) for number, fault in own if not isinstance(fault, Bias)]
     for (before, first), (number, second) in pairwise(failing):
         until_s = getattr(first, "until_s", None)
         if until_s is None or second.at_s < until_s:
-            lasting = "from then on" if until_s is None else f"until {until_s:g} s"
-            what = f"{second.kind} of {id} at {second.at_s:g} s, and faults[{before}] has it {first.kind} {lasting}"
+            lasting = "to the end" if until_s is None else f"until {until_s:g} s"
+            what = f"{second.kind} of {id} at {second.at_s:g} s, during faults[{before}] ({first.kind} {lasting})"
             raise ScenarioError(what, key=f"faults[{number}].at_s", expected="one such fault of a sensor at a time")
 
 

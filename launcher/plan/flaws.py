@@ -1,4 +1,4 @@
-"""All that is wrong with a scenario and shows only as it is worked out: in files, places, faults, trackers."""
+"""Errors of a scenario that show only when it is worked out: in files, places, faults, trackers."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from trackfield.scenario.survey import target_paths
 
 TARGETS: Final = {"target", "targets"}
 GROUND: Final = TARGETS | {"field", "sensor", "architecture", "fusion", "run"}
-"""What the survey of a field stands on."""
+"""The sections that the survey of a field depends on."""
 
 
 def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioError]:
-    """What is wrong, apart from what stands on a section that is ``broken``, as something else may be meant there."""
+    """The errors, without those that depend on a section that is ``broken``."""
     found: list[ScenarioError] = []
     site: list[Site] = []
 

@@ -1,25 +1,25 @@
-"""What a plan promises before it is run: who can sense the target when, and what the radio makes of the reports.
+"""What to expect of a plan before it is run: which sensors have the target in reach, and which reports arrive.
 
-Everything here is computed from the true paths and places, as a designer knows them; planned faults are left out.
+All of it is computed from the true paths and places; planned faults are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.reception import Shares, receptions
+from launcher.plan.reception import Shares, receptions, varies
 from launcher.records import SENSES, Plan
 from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 from trackfield.wire.codec import encode
+from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
 from trackfield.world.path import Path
 from trackfield.world.sensors import fix_sensors, make_sensor
@@ -31,11 +31,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MOST_REPORTS: Final = 200_000
-"""Of a run with more reports, only every so manieth step is looked at."""
+"""Of a run with more reports, only every n-th step is looked at."""
 MOST_FRAMES: Final = 1000
-"""So many frames are sent on trial to learn what a report takes."""
+"""Frames sent on trial, at most, to learn the delay and air time of a report."""
 MOST_SENSORS: Final = 64
-"""Of more sensors in reach of a target, those with the best links count."""
+"""If more sensors have a target in reach, those with the best links count."""
 DOA_FIX: Final = 2
 """Two bearings give a position."""
 
@@ -44,7 +44,7 @@ DOA_FIX: Final = 2
 class Coverage:
     """A target at the steps at which it is there: ``t_s`` (n,) since the first step, ``in_reach`` (n,) sensors.
 
-    ``fixed`` (n,) is the probability that as many reports as a fix needs arrive and are of use; ``outside`` (n,)
+    ``fixed`` (n,) is the probability that as many reports as a fix needs arrive in time; ``outside`` (n,)
     whether the target is out of the rectangle around all sensors.
     """
 
@@ -60,7 +60,7 @@ class Trial:
     """Frames sent on trial, one a row: ``delay_s`` (n,) until they arrive, NaN for those that are lost.
 
     ``air_s`` (n,) is how long they are on air with repeats, ``ack_s`` (n,) their acknowledgements, ``busy_s`` (n,) how
-    long the sender's radio is taken; all of them 0 of a link that knows no radio.
+    long the sender's radio is taken; all of them are 0 for a link without a radio.
     """
 
     delay_s: Array
@@ -68,10 +68,15 @@ class Trial:
     ack_s: Array
     busy_s: Array
 
+    def in_time(self, left_s: Array) -> Array:
+        """(n,) the shares of the frames that arrive that take no longer than ``left_s`` (n,); 1 if none arrives."""
+        arrived = np.sort(self.delay_s[np.isfinite(self.delay_s)])
+        return np.searchsorted(arrived, left_s, side="right") / len(arrived) if len(arrived) else np.ones(len(left_s))
+
 
 @dataclass(frozen=True)
 class Duty:
-    """Who sends ``what`` for so long (s) in the busiest hour."""
+    """The node ``id`` sends ``what`` for so many ``seconds`` in its busiest hour."""
 
     id: str
     what: str
@@ -80,75 +85,71 @@ class Duty:
 
 @dataclass(frozen=True)
 class Foresight:
-    """See the module. Of the run's ``steps``, ``every`` so manieth was looked at.
+    """See the module. Of the run's ``steps``, one in ``every`` was looked at.
 
-    ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send.
+    ``needs`` is how many sensors a fix takes, ``reports`` how many each that has any will send. With an ``adaptive``
+    threshold everything is what comes at the lowest one: no more than that can be expected, and nothing waits.
 
-    ``receptions`` are by kind of message, reports first, on the links of those sensors alone. ``use_s`` is up to which
-    age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has any. ``duty`` is who
-    sends longest in any hour; None where no rule limits that.
+    ``receptions`` are by kind of message, reports first, on the links of those sensors alone, at the times at which
+    they report. ``arriving`` is the share of all reports that may be expected to arrive, ``of_use`` the share of those
+    that are not too late, ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes
+    for the radio. ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of
+    each step that has any. ``duty`` is who sends longest in any hour; None where no rule limits that.
     """
 
     needs: int
     steps: int
     every: int
+    adaptive: bool
     coverage: tuple[Coverage, ...]
     reports: Mapping[str, float]
     receptions: Mapping[str, Shares]
+    arriving: float
+    of_use: float
+    delay_s: Array
     trial: Trial
     use_s: float
     air_s: Array
     duty: Duty | None
 
-    @cached_property
-    def arriving(self) -> float:
-        """The share of all reports that may be expected to arrive."""
-        total = sum(self.reports.values())
-        return sum(n * self.arrives(id) for id, n in self.reports.items()) / total if total else 0.0
-
-    @cached_property
-    def of_use(self) -> float:
-        """The share of the reports that arrive that are not too late."""
-        return useful(self.trial, self.use_s)
-
-    def arrives(self, id: str) -> float:
-        """The share of a sensor's reports that arrive at its best hearer."""
-        return best(next(iter(self.receptions.values()), {}), id)
-
-
-def useful(trial: Trial, use_s: float) -> float:
-    """The share of the arriving frames of a trial that are no older than ``use_s``; 1 if none arrives."""
-    arrived = trial.delay_s[np.isfinite(trial.delay_s)]
-    return float(np.mean(arrived <= use_s)) if len(arrived) else 1.0
-
 
 def best(shares: Shares, id: str) -> float:
-    """What arrives of a sender's messages at whoever hears it best."""
+    """The share of a sender's messages that arrives at its best receiver."""
     return max((share for (src, _), share in shares.items() if src == id), default=0.0)
 
 
 def foresee(plan: Plan) -> Foresight:
-    """What this plan promises."""
+    """What to expect of this plan."""
     sensors = plan.info.tagged(SENSES)
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
     heard = _Heard.of(plan, positions)
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
-    used = {kind: _of(shares, reports) for kind, shares in receptions(plan, reports.keys()).items()}
-    trial = _trial(plan, ids, heard)
+    rows = len(heard.sensor)
+    some = np.unique(np.linspace(0, rows - 1, min(rows, MOST_FRAMES)).round().astype(int))
+    trial = _trial(plan, ids, heard, some)
+    wait_s = _waits(plan, heard, trial)
+    sent = np.isfinite(wait_s)
+    leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
+    used = receptions(plan, {ids[i]: leaves_ns[heard.sensor == i].tolist() for i in senders.tolist()})
+    chance = _chances(plan, ids, heard, leaves_ns, next(iter(used.values()), {})) * sent
     use_s = max(plan.deadline_s, plan.max_age_s)
-    there = next(iter(used.values()), {})
-    share = np.array([best(there, id) if id in reports else 0.0 for id in ids]) * useful(trial, use_s)
+    share = chance * trial.in_time(use_s - wait_s)
+    delay_s = trial.delay_s + wait_s[some]
     needs = _needs(plan, len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
     return Foresight(
         needs=needs,
         steps=heard.steps,
         every=heard.every,
+        adaptive=_adaptive(plan),
         coverage=tuple(_coverage(plan, id, path, heard, positions, share, needs) for id, path in plan.paths.items()),
         reports=reports,
         receptions=used,
+        arriving=float(chance.mean()) if len(chance) else 0.0,
+        of_use=float(share.sum() / chance.sum()) if chance.any() else 1.0,
+        delay_s=delay_s[np.isfinite(delay_s)],
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
@@ -156,23 +157,23 @@ def foresee(plan: Plan) -> Foresight:
     )
 
 
+def _adaptive(plan: Plan) -> bool:
+    """Whether the centre sets the sensors' threshold."""
+    return any(isinstance(flow.message, Threshold) for flow in plan.flows)
+
+
 def _needs(plan: Plan, sensors: int) -> int:
-    """How many sensors a fix takes. A field of fewer that starts from a prior goes by the reports of those it has."""
+    """How many sensors a fix takes; in a field of fewer that starts from a prior, all of them."""
     own = plan.tracking.get("sensor")
     needs = fix_sensors(make_sensor(**own)) if own else DOA_FIX
     return min(needs, sensors) if plan.tracking.get("prior") else needs
-
-
-def _of(shares: Shares, senders: Mapping[str, float]) -> Shares:
-    """The links from or to these."""
-    return {link: share for link, share in shares.items() if link[0] in senders or link[1] in senders}
 
 
 @dataclass(frozen=True)
 class _Heard:
     """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
 
-    A sensor reports the nearest target. Looked at are the instants ``times``, ``every`` so manieth of ``steps``.
+    A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``.
     """
 
     t_ns: NDArray[np.int64]
@@ -224,18 +225,48 @@ def _rows(
     return t_ns, np.full(len(sensor), number), sensor, far
 
 
+def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:
+    """(n,) how long (s) each report waits until its sender's radio is free; infinite if the queue is full by then."""
+    busy_s, wait_s = float(trial.busy_s.mean()) if len(trial.busy_s) else 0.0, np.zeros(len(heard.t_ns))
+    if busy_s <= plan.step_ns / NS or _adaptive(plan):
+        return wait_s
+    free_s: dict[int, float] = {}
+    for row, (sensor, t_s) in enumerate(zip(heard.sensor.tolist(), (heard.t_ns / NS).tolist(), strict=True)):
+        wait_s[row] = max(free_s.get(sensor, 0.0) - t_s, 0.0)
+        if wait_s[row] > plan.run.queue * busy_s:
+            wait_s[row] = np.inf
+        else:
+            free_s[sensor] = t_s + wait_s[row] + busy_s * heard.every
+    return wait_s
+
+
+def _chances(plan: Plan, ids: list[str], heard: _Heard, leaves_ns: NDArray[np.int64], shares: Shares) -> Array:
+    """(n,) the probability that each report, sent then, arrives at its best receiver; links have these ``shares``."""
+    if not varies(plan):
+        return np.array([best(shares, id) for id in ids])[heard.sensor]
+    link, message = _link(plan), plan.flows[0].message
+    kind, size = kind_of(message).name, len(encode(message))
+    receivers = {id: [dst for src, dst in shares if src == id] for id in ids}
+    return np.array(
+        [
+            max(link.reception(ids[i], dst, size, kind, t_ns) for dst in receivers[ids[i]])
+            for i, t_ns in zip(heard.sensor.tolist(), leaves_ns.tolist(), strict=True)
+        ]
+    )
+
+
 def _coverage(plan: Plan, id: str, path: Path, heard: _Heard, positions: Array, share: Array, needs: int) -> Coverage:
-    """The coverage of one target, for sensors whose reports arrive in time with these probabilities (sensors,)."""
+    """The coverage of one target, if reports arrive in time with these probabilities (n,)."""
     there = [(t, state[:2]) for t in heard.times if (state := path.at(t / NS)) is not None]
     times, points = np.array([t for t, _ in there], np.int64), np.reshape([point for _, point in there], (-1, 2))
     mine = heard.target == list(plan.paths).index(id)
-    step, sensor = np.searchsorted(times, heard.t_ns[mine]), heard.sensor[mine]
+    step, share = np.searchsorted(times, heard.t_ns[mine]), share[mine]
     in_reach = np.bincount(step, minlength=len(times))
-    order = np.lexsort((-share[sensor], step))
+    order = np.lexsort((-share, step))
     rank = np.arange(len(step)) - np.repeat(np.cumsum(in_reach) - in_reach, in_reach)
     best = rank < MOST_SENSORS
     chances = np.zeros((len(times), min(int(in_reach.max(initial=0)), MOST_SENSORS)))
-    chances[step[order][best], rank[best]] = share[sensor[order]][best]
+    chances[step[order][best], rank[best]] = share[order][best]
     margin = np.maximum(points - positions.max(axis=0), positions.min(axis=0) - points).max(axis=1)
     return Coverage(id, (times - plan.origin_ns) / NS, in_reach, at_least(needs, chances), margin > 0.0)
 
@@ -251,13 +282,12 @@ def at_least(needs: int, chances: Array) -> Array:
     return so_many[:, needs]
 
 
-def _trial(plan: Plan, ids: list[str], heard: _Heard) -> Trial:
-    """Some of the reports to come, as the link would treat them."""
-    if not plan.flows or not len(heard.sensor):
+def _trial(plan: Plan, ids: list[str], heard: _Heard, some: Indices) -> Trial:
+    """The reports of ``some`` rows, as the link would treat them."""
+    if not plan.flows or not len(some):
         return Trial(*np.empty((4, 0)))
     link, flow = _link(plan), plan.flows[0]
     kind, size, hearer = kind_of(flow.message).name, len(encode(flow.message)), dict(flow.pairs)
-    some = np.unique(np.linspace(0, len(heard.sensor) - 1, MOST_FRAMES).astype(int))
     fates = [
         link.fate(ids[i], hearer[ids[i]], kind, t_ns, 0, size)
         for i, t_ns in zip(heard.sensor[some].tolist(), heard.t_ns[some].tolist(), strict=True)
@@ -272,7 +302,7 @@ def _link(plan: Plan) -> Link:
 
 
 def _duty(plan: Plan, ids: list[str], heard: _Heard, trial: Trial) -> Duty | None:
-    """Whose reports, or whose acknowledgements of them, are longest on air in any hour."""
+    """The node whose reports, or acknowledgements of reports, are longest on air in any hour."""
     name = str(plan.run.link.get("radio"))
     if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(heard.sensor):
         return None
@@ -286,7 +316,7 @@ def _duty(plan: Plan, ids: list[str], heard: _Heard, trial: Trial) -> Duty | Non
 
 
 def _busiest(heard: _Heard, whose: Indices) -> list[tuple[int, int]]:
-    """(whose, how many) of the reports fall into the busiest hour of each."""
+    """(owner, reports in its busiest hour) of each owner in ``whose``."""
     order, hour = np.lexsort((heard.t_ns, whose)), 3600 * NS
     owner, t_ns = whose[order].astype(np.int64), heard.t_ns[order]
     span = int(t_ns.max()) + hour

@@ -18,15 +18,15 @@ FJ_PER_MJ: Final = 10**12
 DEVICE_OF: Final = {"802154-0dbm": "cc2420", "802154-20dbm": "cc2420-20dbm", "lora868": "sx1276", "wifi11b": "wifi11b"}
 """The device that has this radio; for any other, the figures of a CC2420."""
 PATIENCE_NS: Final = NS // 10
-"""What a node allows for an exchange, or for a command, besides the link's own delays."""
+"""Time allowed for an exchange, or for a command, besides the link's own delays."""
 COMMANDS: Final = 32
-"""So many sensors may have to be told a threshold in turn, through the centre's one radio."""
+"""Sensors that may have to be told a threshold one after another, by the centre's one radio."""
 JITTERS: Final = 5
-"""So many times the mean of an exponential delay are exceeded by one in 150."""
+"""In units of its mean: one exponential delay in 150 is longer."""
 GUARD_SDS: Final = 3
-"""By so many standard deviations may the clock be off of who listens at a time, and it still listens long enough."""
+"""A node listens long enough if its clock is off by no more than so many standard deviations."""
 SYNC_BYTES: Final = 64
-"""No message of a synchronisation is longer (docs/wire.md)."""
+"""At least the length of the longest message that sets clocks (docs/wire.md)."""
 
 
 def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
@@ -56,7 +56,7 @@ def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
 
 
 def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] | None:
-    """When a sensor node that is awake listens for its threshold; None if nobody tells it.
+    """When a sensor node that is awake listens for its threshold; None if it is never told one.
 
     The first step is at ``origin_ns``, the run ends at ``end_ns``.
     """
@@ -67,24 +67,24 @@ def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] |
         case LognormalPrr() | Csma154():
             window_ns = PATIENCE_NS + COMMANDS * slowest_ns(scenario)
         case Trace():
-            window_ns = step_ns  # whatever was measured
+            window_ns = step_ns  # measured delays may have any length
         case _:
             window_ns = PATIENCE_NS + slowest_ns(scenario)
     return {
         "listen_from_ns": origin_ns + round(scenario.fusion.deadline_s * NS) - guard_ns,
-        # At most until it listens again: what comes after the coming step's instant counts for those after it.
+        # At most until it listens again: a threshold that comes after the next step's instant counts for later steps.
         "listen_for_ns": min(window_ns + 2 * guard_ns, step_ns),
     }
 
 
 def _guard_ns(scenario: Scenario, end_ns: int) -> int:
-    """How far off a node must take its clock to be, if it never learns the time."""
+    """How far off a node assumes its clock to be, if it never sets it."""
     clock = scenario.clock
     return 0 if clock.sync else round(GUARD_SDS * (clock.offset_ms * 1e6 + clock.drift_ppm * 1e-6 * end_ns))
 
 
 def slowest_ns(scenario: Scenario) -> int:
-    """How long a message of a synchronisation takes where it takes long, on an idle channel; 0 if nobody knows."""
+    """How long a message that sets clocks may take on an idle channel; 0 if unknown."""
     match scenario.link:
         case Fixed() | Ethernet() as link:
             return round(link.delay_ms * 1e6)
@@ -98,7 +98,7 @@ def slowest_ns(scenario: Scenario) -> int:
 
 
 def power_of(scenario: Scenario, battery_j: float | None, sample_fj: int = 0) -> dict[str, Any]:
-    """What a process draws, and what its battery holds (None: it hangs on the mains)."""
+    """What a process draws, and what its battery holds (None: it runs on mains)."""
     radio = scenario.link.radio if isinstance(scenario.link, LognormalPrr) else ""
     device = scenario.energy.device or DEVICE_OF.get(radio, "cc2420")
     battery_fj = None if battery_j is None else round(battery_j * 1e6) * FJ_PER_UJ

@@ -27,8 +27,8 @@ TRUTH_SAMPLES: Final = 4
 def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
-    Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file is of no
-    use, or a fault befalls somebody who is not there.
+    Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file cannot be
+    used, or a fault names an unknown process.
     """
     site = survey(scenario)
     architecture = architecture_of(site)
@@ -62,7 +62,7 @@ def end_of(site: Site) -> int:
 
 
 def planned_faults(site: Site, architecture: Architecture) -> Faults:
-    """What befalls whom. Raises ``ScenarioError`` as ``resolve`` does."""
+    """The planned faults by process. Raises ``ScenarioError`` as ``resolve`` does."""
     scenario, end_ns = site.scenario, end_of(site)
     return resolve(scenario.faults, scenario.seed, architecture.places(), end_ns, site.origin_ns)
 
@@ -87,12 +87,12 @@ def check_link(scenario: Scenario) -> None:
 
 
 def link_of(scenario: Scenario) -> dict[str, Any]:
-    """What makes the link; the queue is a process's, not of what is in the air."""
+    """The arguments of the link; the queue belongs to each process, not to the channel."""
     return {key: value for key, value in scenario.plain()["link"].items() if key != "queue"}
 
 
 def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:
-    """The process in each of its lives; a sensor's noise is another in each, its clock and its faults stay."""
+    """The process in each of its lives: each has its own sensor noise, but the same clock and sensor faults."""
     fates = faults.of(process.id)
     return [
         replace(

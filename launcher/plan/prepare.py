@@ -1,4 +1,4 @@
-"""From what the user typed to a scenario and its plan; everything a user can get wrong is found here."""
+"""From the user's input to a scenario and its plan; all errors in the input are found here."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from trackfield.scenario.problems import section_of
 from trackfield.world.path import Path as TruePath
 
 MAX_LINKS: Final = 2000
-"""Nobody looks at more links than that."""
+"""In a field of more places, the reception of links is not worked out for the timeline."""
 
 
 def load(name: str, **options: Any) -> Scenario:
@@ -84,7 +84,7 @@ def _changes(
     }
     overrides, errors = _parsed(settings)
     if target is None and (start is not None or end is not None) and not _recorded(name, overrides):
-        errors.append(ScenarioError("there is no track to cut", key="--from, --to", expected="--target FILE beside it"))
+        errors.append(ScenarioError("there is no track to cut", key="--from, --to", expected="--target FILE as well"))
         del options["target.from"], options["target.to"]
     for key, (option, value) in options.items():
         if value is not None and key in overrides:
@@ -94,7 +94,7 @@ def _changes(
     if {"field.nodes", "field.extent_m"} <= overrides.keys():
         what = "has no effect, since the number of nodes decides how large the field is"
         errors.append(ScenarioError(what, key="field.extent_m", expected="one of field.extent_m and field.nodes"))
-    whole = {"target.steps": None} if "target.to" in options and end is not None else {}  # all up to there
+    whole = {"target.steps": None} if "target.to" in options and end is not None else {}  # all steps up to --to
     return whole | overrides, errors
 
 
@@ -126,7 +126,7 @@ def prepare(
     """The scenario with these changes (see ``changes``), and its plan with its warnings.
 
     Raises ``ScenarioError`` with all that is wrong: by any of the ``checks``, with the options, in the scenario, and
-    what shows only as it is worked out.
+    what shows only when it is worked out.
     """
     scenario, errors = examine(name, **options)
     errors += found_by([partial(check_speed, speed), *checks])
@@ -173,7 +173,7 @@ def remarks(plan: Plan) -> list[str]:
     rough = [name for name in plan.tracking["trackers"] if lag and lagged_name(name, lag) not in tracks]
     return [
         *(text for target, path in plan.paths.items() if (text := _in_gaps(plan, target, path))),
-        *(f"{name} does not tell the motion that it expects, so its track is not smoothed" for name in rough),
+        *(f"{name} does not report its motion model, so its track is not smoothed" for name in rough),
     ]
 
 

@@ -1,8 +1,8 @@
-"""How well a plan's radio carries what its processes say to each other."""
+"""The share of the messages between a plan's processes that the radio delivers."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from launcher.records import Flow, Plan
@@ -12,27 +12,34 @@ from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of
 
 INSTANTS: Final = 50
-"""At how many instants of a run the links of somebody who moves are looked at."""
+"""The number of instants of a run at which links are evaluated, of links that change over time."""
 
 Shares = dict[tuple[str, str], float]
-"""By sender and hearer."""
+"""By sender and receiver."""
 
 
-def receptions(plan: Plan, ends: Collection[str] | None = None) -> dict[str, Shares]:
-    """The share of its messages that each link in use may expect to carry, by kind of message, reports first.
+def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> dict[str, Shares]:
+    """The share of its messages that each link in use is expected to deliver, by kind of message, reports first.
 
-    Of who moves, the mean over the run. ``ends`` are those whose links are asked for; None: all.
+    Of links that change over time, the mean. ``when`` are the instants (ns) that count for the links of each of its
+    processes, and other links are left out; None: all links, over the run.
     """
-    return {kind_of(flow.message).name: _shares(plan, flow, ends) for flow in plan.flows}
+    return {kind_of(flow.message).name: _shares(plan, flow, when) for flow in plan.flows}
 
 
-def _shares(plan: Plan, flow: Flow, ends: Collection[str] | None) -> Shares:
+def varies(plan: Plan) -> bool:
+    """Whether links change during the run: a process moves, or a trace is replayed."""
+    return plan.run.link["model"] == "trace" or any(p.legs for p in plan.processes)
+
+
+def _shares(plan: Plan, flow: Flow, when: Mapping[str, Sequence[int]] | None) -> Shares:
     link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
     kind, size = kind_of(flow.message).name, len(encode(flow.message))
-    moving = any(p.legs for p in plan.processes)
-    times = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if moving else [0]
-    return {
-        (src, dst): sum(link.reception(src, dst, size, kind, at) for at in times) / len(times)
-        for src, dst in flow.pairs
-        if ends is None or src in ends or dst in ends
-    }
+    always = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if varies(plan) else [0]
+    shares: Shares = {}
+    for src, dst in flow.pairs:
+        times = always if when is None else when.get(src, when.get(dst, ()))
+        some = times[:: -(-len(times) // INSTANTS) or 1] if varies(plan) else times[:1]
+        if some:
+            shares[src, dst] = sum(link.reception(src, dst, size, kind, at) for at in some) / len(some)
+    return shares

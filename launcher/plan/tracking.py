@@ -1,4 +1,4 @@
-"""What whoever tracks is told, whichever process it is: the arguments of a ``fusion.bank.Bank``."""
+"""The arguments of a ``fusion.bank.Bank``, the same for every process that tracks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackfield.scenario.sensors import Acoustic, OwnSensor
 
 
 def tracking_of(site: Site, source: str) -> dict[str, Any]:
-    """For the process ``source``, which is the first that tracks: by its id its prior is drawn.
+    """For the process ``source``, the first that tracks: its prior is drawn by its id.
 
     Raises ``ScenarioError`` for trackers and sensors that do not fit each other.
     """
@@ -42,7 +42,7 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
 
 
 def check_tracking(scenario: Scenario) -> None:
-    """Raise ``ScenarioError`` for trackers and sensors that there are not, or that do not fit each other."""
+    """Raise ``ScenarioError`` for unknown trackers and sensors, and for those that do not fit each other."""
     checks: list[Callable[[], object]] = [partial(tracker_places, scenario.fusion), partial(_noise, scenario)]
     together(checks)
 
@@ -55,12 +55,12 @@ def track_names(scenario: Scenario) -> tuple[str, ...]:
 
 
 def if_used(**more: Any) -> dict[str, Any]:
-    """Those that are not off: a role has them off by default, and a thousand nodes need not be told so."""
+    """The settings that are on: roles have them off by default, which keeps the configuration of many nodes small."""
     return {name: value for name, value in more.items() if value}
 
 
 def _noise(scenario: Scenario) -> Mapping[str, Any]:
-    """How reports are off, or of what kind of sensor they are."""
+    """The noise of reports, or the user's own sensor that makes them."""
     sensor = scenario.sensor
     if isinstance(sensor, Acoustic):
         return {"doa_sd_deg": sensor.doa_sd_deg}
@@ -69,7 +69,7 @@ def _noise(scenario: Scenario) -> Mapping[str, Any]:
 
 
 def _prior(site: Site, source: str) -> Mapping[str, Sequence[float]] | None:
-    """Zhai et al.: the initial estimate is drawn around the truth (of the first target), anew for each run."""
+    """Zhai et al.: the initial estimate is drawn around the truth (of the first target), for each run again."""
     scenario = site.scenario
     truth, sd = next(iter(site.paths.values())).at(site.origin_ns / NS), scenario.fusion.prior_sd
     if scenario.fusion.prior == "none" or truth is None:

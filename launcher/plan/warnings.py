@@ -1,4 +1,4 @@
-"""What is likely to go wrong in a run, said before it starts, and a summary of what was looked at."""
+"""Warnings of what is likely to go wrong in a run, before it starts, and a summary of what to expect."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from trackfield.role import NS
 POOR: Final = 0.5
 """A link that carries less than this share of its messages is poor."""
 FEW: Final = 0.05
-"""What concerns a smaller share of the steps or of the reports is not worth a warning: a track of which 95 % of the
+"""A problem in a smaller share of the steps or of the reports is not worth a warning: a track of which 95 % of the
 steps are good counts as tracked."""
 COVERED: Final = 0.8
-"""A track bridges single steps without a fix; where more than one in five has none, it is in doubt."""
+"""A track bridges single steps without a fix; if more than one in five has none, there is a warning."""
 HOUR_S: Final = 3600.0
 
 
 def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
-    """What is likely to go wrong, a sentence each; nothing of nodes that will have nothing to report."""
+    """What is likely to go wrong, a sentence each; nodes that will have nothing to report are left out."""
     geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
     radio = [*_lost(seen), *_late(plan, seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
@@ -33,20 +33,22 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
 
 
 def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """What was looked at, in figures, a line each."""
+    """What to expect, in figures, a line each."""
     for one in seen.coverage:
         mean = one.in_reach.mean() if len(one.in_reach) else 0.0
         yield (
-            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')} within {_metres(plan.reach_m)} of the target in "
+            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')} within {_metres(plan.reach_m)} of the target"
+            f"{', the reach at the lowest threshold,' if seen.adaptive else ''} in "
             f"{_steps(seen, one, _enough(one, seen.needs))} ({mean:.1f} on average), {_fix(seen, ' reports')} in time "
-            f"in {_fixed(one):.0%}"
+            f"in {_at_most(seen)}{_fixed(one):.0%}"
         )
     if not seen.reports:
         return
     senders = f"{len(seen.reports)} sensor node{'s' * (len(seen.reports) != 1)}"
     yield (
-        f"reports: about {_total(seen):.0f} from {senders}; {seen.arriving:.1%} arrive, {seen.of_use:.1%} of those in "
-        f"time ({_delays(seen)}; {_limit(plan)})"
+        f"reports: {_at_most(seen) or 'about '}{_total(seen):.0f} from {senders}"
+        f"{', at the lowest threshold' if seen.adaptive else ''}; {seen.arriving:.1%} arrive, "
+        f"{seen.of_use:.1%} of those in time ({_delays(seen)}; {_limit(plan)})"
     )
     if len(seen.air_s) and seen.air_s.max() > 0:
         yield (
@@ -63,20 +65,22 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
 def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
     """Steps in which too few sensors are in reach, whatever the radio does."""
     enough, nobody, who = _enough(one, seen.needs), one.in_reach == 0, f"the target{_whose(seen, one)}"
-    few = f"{_fix(seen)} in {_steps(seen, one, enough)}"
+    few = f"{_fix(seen)} in {_at_most(seen)}{_steps(seen, one, enough)}"
     if len(nobody) and nobody.mean() >= FEW:
         begin, lasts = _longest(one, nobody, plan.step_ns / NS)
-        what = f"{who} leaves the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
+        what = (
+            f"{who} is outside the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
+        )
         yield (
             f"{what}: no sensor is within {_metres(plan.reach_m)} of it in {_steps(seen, one, float(nobody.mean()))} "
-            f"(the longest time from t = {begin:g} s on for {lasts:g} s){f', {few}' if seen.needs > 1 else ''}"
+            f"(longest: {lasts:g} s from t = {begin:g} s on){f', {few}' if seen.needs > 1 else ''}"
         )
     elif enough < COVERED:
         yield f"too few sensors along the path: within {_metres(plan.reach_m)} of {who}, {few}"
 
 
 def _longest(one: Coverage, where: NDArray[np.bool_], step_s: float) -> tuple[float, float]:
-    """The longest time for which something holds: from when on (s), and for how long."""
+    """The longest time for which something holds: its beginning (s), and how long it lasts (s)."""
     runs = [list(run) for holds, run in groupby(range(len(where)), key=lambda i: bool(where[i])) if holds]
     longest = max(runs, key=len)
     begin, end = one.t_s[longest[0]], one.t_s[longest[-1]]
@@ -107,7 +111,8 @@ def _lost(seen: Foresight) -> Iterator[str]:
         yield (
             f"less than {POOR:.0%} of {', '.join(kinds)} arrive on the links of {len(ids)} of the {len(seen.reports)} "
             f"sensor nodes that will report (worst: {' to '.join(worst)}, {poor[worst]:.0%}); "
-            f"{seen.arriving * total:.0f} of {total:.0f} reports may be expected to arrive{_consequence(seen)}"
+            f"{_at_most(seen)}{_about(seen)}{seen.arriving * total:.0f} of {total:.0f} reports may be expected to "
+            f"arrive{_consequence(seen)}"
         )
 
 
@@ -126,27 +131,32 @@ def _poor(seen: Foresight) -> list[tuple[list[str], dict[tuple[str, str], float]
 
 
 def _late(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Reports that take longer than anybody waits for them."""
+    """Reports that arrive too late to be used."""
     if 1 - seen.of_use >= FEW:
         yield (
             f"{1 - seen.of_use:.0%} of the reports that arrive are too late ({_delays(seen)}; {_limit(plan)})"
-            f"{_consequence(seen)}; it takes a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
+            f"{_consequence(seen)}; use a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
         )
 
 
 def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
-    """Losses that none of the others names."""
+    """Losses that no other warning names."""
     if _fixed(one) < COVERED:
         yield (
-            f"{seen.arriving * seen.of_use:.0%} of the reports{_whose(seen, one)} may be expected to arrive in time, "
-            f"{_fix(seen)} in {_steps(seen, one, _fixed(one))}"
+            f"{seen.arriving * seen.of_use:.0%} of all reports may be expected to arrive in time, {_fixes(seen, one)}"
         )
 
 
 def _consequence(seen: Foresight) -> str:
     """What losses and delays leave of the coverage."""
     least = min(seen.coverage, key=_fixed)
-    return f", {_fix(seen)} in {_steps(seen, least, _fixed(least))}"
+    return f", {_fixes(seen, least)}"
+
+
+def _fixes(seen: Foresight, one: Coverage) -> str:
+    """In how many steps enough reports arrive in time, of which target if there are several."""
+    of = f" of{_whose(seen, one)}" if _whose(seen, one) else ""
+    return f"{_fix(seen)}{of} in {_at_most(seen)}{_steps(seen, one, _fixed(one))}"
 
 
 def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
@@ -161,8 +171,8 @@ def _queueing(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 
 def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Reports of a step that one channel cannot carry: the models know no collisions."""
-    if not len(seen.air_s):
+    """Reports of a step that one channel cannot carry: the link models leave out collisions."""
+    if not len(seen.air_s) or seen.adaptive:
         return
     air_s, step_s = float(np.mean(seen.air_s)), plan.step_ns / NS
     for limit_s, what in ((step_s, f"a step lasts {_time(step_s)}"), (seen.use_s, _limit(plan))):
@@ -175,8 +185,8 @@ def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 
 def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Radios that by law may not send so much."""
-    if seen.duty and seen.duty.seconds > _allowed_s(plan):
+    """Radios that send for longer than the duty cycle of their band allows."""
+    if seen.duty and seen.duty.seconds > _allowed_s(plan) and not seen.adaptive:
         yield (
             f"{_sends(seen.duty)} in an hour, and in the band of {plan.run.link['radio']} {_allowed_s(plan):.0f} s are "
             f"allowed, a duty cycle of {_allowed_s(plan) / HOUR_S:.0%} (link models leave it out)"
@@ -205,10 +215,20 @@ def _whose(seen: Foresight, one: Coverage) -> str:
     return f" {one.target}" if len(seen.coverage) > 1 else ""
 
 
+def _at_most(seen: Foresight) -> str:
+    """An adaptive threshold is higher than the lowest one, for most of the time."""
+    return "up to " if seen.adaptive else ""
+
+
+def _about(seen: Foresight) -> str:
+    """Figures are extrapolated if not all steps were looked at."""
+    return "about " if seen.every > 1 else ""
+
+
 def _steps(seen: Foresight, one: Coverage, share: float) -> str:
     """A share of a target's steps, as a number of them."""
     steps = min(len(one.t_s) * seen.every, seen.steps)
-    return f"{share * steps:.0f} of {steps} steps"
+    return f"{_about(seen)}{share * steps:.0f} of {steps} steps"
 
 
 def _fix(seen: Foresight, what: str = "") -> str:
@@ -218,10 +238,9 @@ def _fix(seen: Foresight, what: str = "") -> str:
 
 def _delays(seen: Foresight) -> str:
     """How long reports take."""
-    delays = seen.trial.delay_s[np.isfinite(seen.trial.delay_s)]
-    if not len(delays):
+    if not len(seen.delay_s):
         return "none arrives"
-    median, most = np.quantile(delays, (0.5, 0.95))
+    median, most = np.quantile(seen.delay_s, (0.5, 0.95))
     same = most < 1.01 * median
     return f"delay {_time(float(median))}{'' if same else f', 95% within {_time(float(most))}'}"
 

@@ -1,1 +1,1 @@
-"""The operating-system processes of a run: forked or gathered, given their places, watched, and gone at the end."""
+"""The operating-system processes of a run: forked or gathered, given their places, watched, and ended with the run."""

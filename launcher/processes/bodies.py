@@ -1,4 +1,4 @@
-"""What forked processes become that are no recorders: a role, the router, the program that serves the viewer."""
+"""What forked processes run, besides recorders: a role, the router, the program that serves the viewer."""
 
 from __future__ import annotations
 

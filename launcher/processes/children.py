@@ -1,4 +1,4 @@
-"""The operating-system processes of a run: forked from one zygote, asked how they are, and gone at the end."""
+"""The operating-system processes of a run: forked from one zygote, watched, and ended with the run."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ FILES: Final = 1024
 KILL_TIMEOUT_S: Final = 5.0
 POLL_S: Final = 0.02
 STAT_BYTES: Final = 128
-"""As much of /proc/<pid>/stat as holds the pid, the name (at most 64 bytes) and the state."""
+"""Enough of /proc/<pid>/stat for the pid, the name (at most 64 bytes) and the state."""
 _FORKING: Final = threading.Lock()
-"""Runs may begin in several threads at once; what children are not to inherit is the whole program's."""
+"""Held while forking: runs may begin in several threads, and forking changes state of the whole program."""
 
 
 class Children:
@@ -43,7 +43,7 @@ class Children:
     def __init__(self, expected: int, preload: Iterable[str] = ()) -> None:
         _allow_many_files(FILES_EACH * expected + FILES)
         self._context = multiprocessing.get_context("forkserver")
-        # The zygote comes last: all that was imported before it is shared by those that it forks.
+        # The zygote comes last: all that was imported before it is shared by the processes that it forks.
         self._context.set_forkserver_preload(["launcher.processes.bodies", *preload, zygote.__name__])
         self._children: dict[str, ForkServerProcess] = {}
         self._stats: dict[str, int] = {}
@@ -51,25 +51,25 @@ class Children:
         self._by_sentinel: dict[int, str] = {}
 
     def fork(self, name: str, body: Child, *arguments: Any) -> None:
-        """Start a process of its own, which becomes ``body``."""
+        """Start a process that runs ``body``."""
         with _FORKING, _no_main_module(), _zygote_environment():
             _start_zygote(os.getpid())
             child = self._context.Process(target=zygote.become, name=name, args=(body, *arguments))
             child.start()
-        # Each start polls all children that multiprocessing knows of; we watch ours ourselves.
+        # Each start polls all children that multiprocessing knows of; these are watched here instead.
         multiprocessing.process._children.discard(child)  # type: ignore[attr-defined]
         self._children[name] = child
         self._by_sentinel[child.sentinel] = name
         self._exits.register(child.sentinel, select.EPOLLIN | select.EPOLLHUP)
-        with suppress(OSError):  # gone already: its sentinel says so
+        with suppress(OSError):  # it has ended already, which its sentinel reports
             self._stats[name] = os.open(f"/proc/{child.pid}/stat", os.O_RDONLY)
 
     def names(self) -> list[str]:
-        """All that were ever forked."""
+        """The names of all that were ever forked."""
         return list(self._children)
 
     def gone(self) -> list[tuple[str, str]]:
-        """Who ended since the last call, and how."""
+        """(name, how) of each that ended since the last call."""
         ended = [self._by_sentinel.pop(sentinel) for sentinel, _ in self._exits.poll(0, len(self._by_sentinel) or 1)]
         for name in ended:
             self._exits.unregister(self._children[name].sentinel)
@@ -82,7 +82,7 @@ class Children:
         return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
     def stopped(self, name: str) -> bool:
-        """Whether it stands still, by SIGSTOP or under a debugger."""
+        """Whether it is stopped, by SIGSTOP or under a debugger."""
         file = self._stats.get(name)
         try:
             stat = b"" if file is None else os.pread(file, STAT_BYTES, 0)

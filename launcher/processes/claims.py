@@ -1,4 +1,4 @@
-"""Who has which place in a run, where processes come from elsewhere and do not say which one they want."""
+"""Assigns the places of a run to processes that are started elsewhere and do not say which one they want."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Final
 GRACE_S: Final = 10.0
 """How long a place is kept for a host whose process is gone."""
 STARTING_S: Final = 30.0
-"""How long a process that was given a place may take until it is seen to live there."""
+"""How long a process that was given a place may take until it is seen alive there."""
 
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Who has a place; ``since`` is when it was given, or when its process came or went last (s, any clock).
+    """The host that has a place; ``since`` is when it was given, or when its process came or went last (s, any clock).
 
-    A process that asked for a place by name has no ``host`` to come back under.
+    There is no ``host`` if its process asked for the place by name.
     """
 
     host: str | None
@@ -36,7 +36,7 @@ class Holder:
 class Claims:
     """Gives places, each to one process at a time: a host gets its own back, then come free ones, then abandoned ones.
 
-    ``places`` tells the role of each, in the order in which they are given. Times are seconds of any one clock.
+    ``places`` has the role of each, in the order in which they are given. Times are seconds of any one clock.
     """
 
     def __init__(self, places: Mapping[str, str]) -> None:
@@ -44,13 +44,13 @@ class Claims:
         self._holders: dict[str, Holder] = {}
 
     def take(self, role: str, host: str, now: float) -> tuple[str, bool] | None:
-        """A place of this role for a process on this host, and whether somebody lived there before.
+        """A place of this role for a process on this host, and whether another process had it before.
 
         None if all are taken. Raises ``LookupError`` if there is no such role.
         """
         places = [place for place, its_role in self._places.items() if its_role == role]
         if not places:
-            raise LookupError(f"nobody has the role {role!r} in this run")
+            raise LookupError(f"no process of this run has the role {role!r}")
         free = [p for p in places if p not in self._holders or self._holders[p].yields_to(host, now)]
         if not free:
             return None
@@ -66,7 +66,7 @@ class Claims:
         return 0 if holder.host == host else 2
 
     def seen(self, place: str, *, live: bool, now: float) -> None:
-        """The process at this place came, or went."""
+        """The process at this place appeared, or ended."""
         if place in self._places:
             holder = self._holders.get(place, Holder(None, now))
             self._holders[place] = replace(holder, since=now, live=live, arrived=holder.arrived or live)

@@ -1,4 +1,4 @@
-"""The processes of a run: forked, joined, started, watched, and gone at the end whatever happened."""
+"""The processes of a run: forked, joined, started, watched, and ended with the run whatever happens."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ LOG_TAIL: Final = 12
 class Deployment:
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
-    ``status`` is what the recorder said of the run last. Raises ``RunFailed`` where a process does not come up; what
-    befalls them later is in ``deaths`` and ``stops``.
+    ``status`` is the latest status from the recorder. Raises ``RunFailed`` if a process does not start; later failures
+    are in ``deaths`` and ``stops``.
     """
 
     stopped = "was stopped from outside"
-    """What became of a process that stood still."""
+    """What is said of a process that stood still."""
 
     def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
         self.plan, self.folder = plan, folder
@@ -85,7 +85,7 @@ class Deployment:
 
     @property
     def stops(self) -> list[Stop]:
-        """Who was stopped from outside."""
+        """The processes that were stopped from outside."""
         return self._watch.stops
 
     # --- birth ----------------------------------------------------------------------------------------------------
@@ -101,7 +101,7 @@ class Deployment:
             self._fork_role(life)
 
     def _fork_router(self) -> None:
-        for left in self._sockets.iterdir():  # by one that was killed
+        for left in self._sockets.iterdir():  # left by a router that was killed
             left.unlink()
         router = Child("launcher.processes.bodies:router", ROUTER, str(self.log(ROUTER)))
         self._children.fork(ROUTER, router, self.endpoint)
@@ -117,7 +117,7 @@ class Deployment:
         try:
             self.session = open_client(self.endpoint, self.plan.run.run, timeout_s)
         except zenoh.ZError as error:
-            what = f"no Zenoh router answers at {self.endpoint} (or it refuses this one's credentials)"
+            what = f"no Zenoh router answers at {self.endpoint} (or it refuses the credentials of this process)"
             raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
         self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
@@ -139,7 +139,7 @@ class Deployment:
     def wait_ready(self, tick: Callable[[set[str], int], bool]) -> None:
         """Wait until all declare themselves alive; ``tick(missing, of)`` returns True to give up.
 
-        Raises ``RunFailed`` for a process that dies first, or is not there in time.
+        Raises ``RunFailed`` for a process that dies first, or is not ready in time.
         """
         wanted = {*self._lives, RECORDER}
         deadline = time.monotonic() + self._ready_timeout_s()
@@ -196,7 +196,7 @@ class Deployment:
             time.sleep(patience.POLL_S)
 
     def _to_the_end(self) -> set[str]:
-        """Who should say that it has reached the end."""
+        """The processes that should report that they have reached the end."""
         return {name for name, life in self._lives.items() if life.kill_ns is None or life.kill_ns >= self._end_ns}
 
     def _end_early(self) -> None:
@@ -255,7 +255,7 @@ class Deployment:
         self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
 
     def _repeat(self) -> None:
-        """Give all orders again to whoever came, or came back, and may have missed them."""
+        """Repeat all orders for processes that joined, or returned, and may have missed them."""
         now = time.monotonic()
         if self._arrivals != self.registry.arrivals:
             self._arrivals, self._repeat_at = self.registry.arrivals, now + patience.REPEAT_S
@@ -267,7 +267,7 @@ class Deployment:
     # --- death ----------------------------------------------------------------------------------------------------
 
     def _tend(self) -> None:
-        """See who died or stands still, and do what is to be done about it."""
+        """Handle processes that died or stand still, and repeat orders."""
         for name, why in self._watch.look():
             self._bury(name, why)
         if ROUTER in self._watch.still(patience.ROUTER_STILL_S):
@@ -288,7 +288,7 @@ class Deployment:
         self._watch.died(name, why, again=again)
 
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
-        """Start another in the place of one that died, where that is wanted and did not happen too often."""
+        """Start another in the place of one that died, if that is wanted and has not happened too often."""
         start_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
         wanted = name == ROUTER if life is None else self.plan.restart and start_ns < self._end_ns
         if not wanted or self._restarts[keys.id_of(name)] >= patience.MAX_RESTARTS:
@@ -305,7 +305,7 @@ class Deployment:
         return True
 
     def _router_is_gone(self) -> bool:
-        """Whether there is no router and none to come."""
+        """Whether there is no router, and none will be started."""
         if self._own_router:
             return ROUTER in self._watch.gone
         now = time.monotonic()
@@ -320,7 +320,7 @@ class Deployment:
         return {name: pid for name in self._children.names() if (pid := self._children.pid(name)) is not None}
 
     def host(self, name: str) -> str:
-        """Where it runs."""
+        """The host that it runs on."""
         return platform.node()
 
     def log(self, name: str) -> Path:

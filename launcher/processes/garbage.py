@@ -1,4 +1,4 @@
-"""How often a program looks for garbage."""
+"""How often a program collects garbage."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import gc
 
 
 def look_seldom() -> None:
-    """A program that makes much and drops little (a process that begins, a plan of a large field) finds hardly any.
+    """Collect garbage less often: a process that starts, or plans a large field, keeps nearly all that it makes.
 
-    With the interpreter's own settings, a run of 100,000 nodes in virtual time spends a third of its time on that.
+    With the interpreter's own settings, a run of 100,000 nodes in virtual time spends a third of its time on it.
     """
     gc.set_threshold(20_000, 20, 50)

@@ -1,7 +1,7 @@
 """A run whose roles start elsewhere, in containers or on other machines: gathered, and watched by their tokens.
 
-Nobody here can see how such a process is. It has a liveliness token, which Zenoh takes away when the process ends, and
-when nothing was heard of it for the time of a lease.
+Such a process cannot be watched directly. It has a liveliness token, which Zenoh withdraws when the process ends, or
+when nothing was heard from it for the time of a lease.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 
 GATHER_TIMEOUT_S: Final = 300.0
-"""How long to wait for processes that others have to start."""
+"""How long to wait for processes that are started elsewhere."""
 STOP_TIMEOUT_S: Final = 60.0
-"""How long they may take to stop; an engine that takes down a hundred containers leaves the rest little time."""
+"""How long they may take to stop; a container engine that removes a hundred of them leaves the others little time."""
 REFRESH_S: Final = 5.0
-"""How often to ask who is there, beside being told."""
+"""How often to ask which processes are alive, besides being notified."""
 LOST: Final = "gone: its token was lost"
 
 
 class Guests(Children):
-    """The recorder, a child, and guests, who are none: being out of reach is for them what standing still is for it."""
+    """The recorder, which is a child process, and guests, which are not: a guest out of reach counts as stopped."""
 
     def __init__(self, registry: Registry) -> None:
         super().__init__(1)
@@ -47,12 +47,12 @@ class Guests(Children):
         self._expected[name] = None
 
     def left(self, name: str) -> None:
-        """This guest said its last word."""
+        """This guest sent its final record."""
         self._left.add(name)
         self._ended.append((name, GOOD_END))
 
     def dismiss(self, names: Iterable[str]) -> None:
-        """These have nothing left to do: whoever of them is gone from now on has left."""
+        """These have nothing left to do: from now on, those that are gone count as having left."""
         self._dismissed.update(names)
 
     def names(self) -> list[str]:
@@ -65,7 +65,7 @@ class Guests(Children):
         return super().gone() + ended
 
     def stopped(self, name: str) -> bool:
-        """Whether a child stands still; whether a guest that was there is not, once emulated time goes on."""
+        """Whether a child stands still, or a guest that was there is gone while emulated time runs."""
         if name not in self._expected:
             return super().stopped(name)
         if self._registry.start_ns is None or name in self._left:
@@ -87,7 +87,7 @@ class Guests(Children):
 
 
 class Gathering(Deployment):
-    """A deployment that starts the recorder alone and waits for the roles; its router is somewhere else, too."""
+    """A deployment that starts only the recorder and waits for the roles; its router runs elsewhere, too."""
 
     stopped = "was out of reach"
     _refresh_at = 0.0
@@ -128,7 +128,7 @@ class Gathering(Deployment):
         super()._tend()
 
     def _succeed(self, before: str, life: ProcessSpec) -> None:
-        """Another process came to the place of one that is gone."""
+        """Another process took the place of one that is gone."""
         self._lives[life.name] = life
         self._guests.expect(life.name)
         self._order(keys.LIFE, msgpack.packb(life.plain()))
@@ -142,14 +142,14 @@ class Gathering(Deployment):
         return False
 
     def finish(self) -> None:
-        """As any deployment, but nobody waits for those who never came, or for last words."""
+        """As in any deployment, but without waiting for processes that never joined, or for final records."""
         self._guests.dismiss(self._reached)
         if self.registry.start_ns is None:
             self._watch.gone.update(set(self._lives) - self.registry.live)
         super().finish()
 
     def _end_still(self, names: set[str]) -> None:
-        """Who is out of reach at the end is not waited for."""
+        """Processes that are out of reach at the end are not waited for."""
         for name in sorted(names & self._watch.still() & set(self._lives)):
             self._watch.give_up(name, LOST)
         super()._end_still(names - self._watch.gone)
@@ -159,5 +159,5 @@ class Gathering(Deployment):
         return {}
 
     def host(self, name: str) -> str:
-        """Where it runs, as it said itself."""
+        """The host that it runs on, as it reported."""
         return self.registry.hosts.get(name) or super().host(name)

@@ -1,6 +1,6 @@
 """The live view of a run: the processes that show it to browsers while it goes on.
 
-If it does not come up, or dies, the run goes on without it.
+If it does not start, or dies, the run goes on without it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from launcher.records import LIVE, Plan
 from launcher.timeline.view import environment, free_port, page_address, web_server
 
 VIEWER: Final = "viewer"
-"""What serves Rerun's viewer to browsers."""
+"""The process that serves Rerun's viewer to browsers."""
 NICENESS: Final = 10
-"""Whatever the run needs itself comes first."""
+"""The run itself comes first."""
 READY_S: Final = 60.0
 END_S: Final = 5.0
 """How long the live view may take to show the last of a run."""
@@ -32,7 +32,7 @@ POLL_S: Final = 0.05
 class LiveView:
     """A run's live view, as a context manager that leaves no process behind; it ends with the run.
 
-    ``tell`` is told its address, and what becomes of it.
+    ``tell`` is called with its address, and with why it failed.
     """
 
     def __init__(self, plan: Plan, folder: Path, endpoint: str, tell: Callable[[str], None]) -> None:
@@ -56,7 +56,7 @@ class LiveView:
         self._children.close()
 
     def wait_ready(self, live: Collection[str], give_up: Callable[[], bool]) -> None:
-        """Wait until a browser can come; ``live`` are the names of those that hear the run, as Zenoh sees them."""
+        """Wait until a browser can connect; ``live`` are the names of the live processes, as Zenoh sees them."""
         deadline = time.monotonic() + READY_S
         while self._alive and not give_up():
             if LIVE in live and _answers(self._page):
@@ -65,12 +65,12 @@ class LiveView:
                 _open_browser(address)
                 return
             if time.monotonic() > deadline:
-                self._end(f"did not come up within {READY_S:.0f} s")
+                self._end(f"did not start within {READY_S:.0f} s")
             time.sleep(POLL_S)
             self.look()
 
     def look(self) -> None:
-        """See whether it is still there."""
+        """Check that it is still alive."""
         for name, why in self._children.gone():
             if self._alive:
                 self._end(f"died ({name}: {why}; its log: {self._log})")
@@ -89,7 +89,7 @@ def _answers(port: int) -> bool:
 
 
 def _open_browser(address: str) -> None:
-    """Open it where somebody looks at a screen; the address was told in any case."""
+    """Open a browser if there is a screen and a terminal; the address was printed in any case."""
     screen = sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
     if screen and sys.stderr.isatty():
         webbrowser.open(address)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Final
 
 CONNECT_TIMEOUT_S: Final = 10.0
-"""For a router that should be there already; one of our own may take as long as any process."""
+"""For a router that should run already; one that is started here may take as long as any process."""
 READY_TIMEOUT_S: Final = 60.0
 READY_PER_PROCESS_S: Final = 0.05
 LEAD_S: Final = 0.5
 LEAD_PER_PROCESS_S: Final = 0.001
-"""Between an order and what it orders, so that every process has it in time."""
+"""Between an order and its time of effect, so that every process has it in time."""
 NICENESS: Final = 5
 """Of nodes: router, recorder and fusion centre come first, as all others wait for them."""
 LINGER_S: Final = 0.3
@@ -18,15 +18,15 @@ LINGER_S: Final = 0.3
 OVERDUE_S: Final = 20.0
 """After the end, how long (wall time) a process may take to say that it has reached it."""
 STILL_S: Final = 5.0
-"""The same for one that stands still, stopped from outside."""
+"""The same for a process that was stopped from outside."""
 ROUTER_STILL_S: Final = 3.0
 """How long the router may stand still before another takes its place: less than a lease of Zenoh's sessions."""
 ROUTER_AWAY_S: Final = 5.0
-"""How long a router that is not ours may be away."""
+"""How long an external router may be away."""
 MAX_RESTARTS: Final = 5
-"""Of one process; what dies more often than that is broken."""
+"""Of one process; one that dies more often is taken to be broken."""
 REPEAT_S: Final = 0.3
-"""After somebody came (back), when all orders are given again: it may have missed them."""
+"""How long after a process joined or returned all orders are repeated: it may have missed them."""
 POLL_S: Final = 0.1
 STOP_TIMEOUT_S: Final = 10.0
 STOP_PER_PROCESS_S: Final = 0.01

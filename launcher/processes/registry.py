@@ -1,4 +1,4 @@
-"""Who has which place in a run, and who is there: answers all who ask at ``control/join``, early or late."""
+"""The places of a run and the processes that are alive: answers all that ask at ``control/join``, early or late."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 
 LEAD_S: Final = 0.5
-"""After a place was given again, until its next life begins: the recorder has to know of it by then."""
+"""From giving a place again to the beginning of its next life, of which the recorder has to know by then."""
 REFRESH_TIMEOUT_S: Final = 2.0
 
 
 class Registry:
-    """The lives of a run by name, planned and made on the way.
+    """The lives of a run by name, planned ones and those added during the run.
 
-    ``run`` is what all share, ``start_ns`` the host's monotonic time at which emulated time began (None: not yet),
-    ``live`` the names of those that are there as Zenoh sees it, ``arrivals`` how often one came (back).
-    An ``open`` one also gives places to those who do not say which: ``hosts`` tells whence they came, by name, and
-    ``births`` has each life that came of it with the name of the one before.
+    ``run`` is common to all, ``start_ns`` the host's monotonic time at which emulated time began (None: not yet),
+    ``live`` the names of those that are alive as Zenoh sees it, ``arrivals`` how often one joined or returned.
+    An ``open`` registry also gives places to processes that do not ask for one by name: ``hosts`` has the host of each
+    by name, and ``births`` has each new life with the name of the life before it.
     """
 
     def __init__(self, plan: Plan, *, open: bool = False) -> None:
@@ -55,15 +55,15 @@ class Registry:
             session.liveliness().declare_subscriber(
                 keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
             ),
-            session.liveliness().declare_token(keys.LAUNCHER),  # last: whoever finds the run may ask
+            session.liveliness().declare_token(keys.LAUNCHER),  # last: processes that see it may ask at once
         ]
 
     def end(self, end_ns: int) -> None:
-        """The run ends early, at this emulated time: whoever joins later must know it."""
+        """The run ends early, at this emulated time; processes that join later are told so."""
         self.run = replace(self.run, end_ns=end_ns)
 
     def next_life(self, name: str, start_ns: int) -> ProcessSpec:
-        """A place for whoever comes after the life ``name``, from this emulated time on to that life's planned end."""
+        """The life after the life ``name``, from this emulated time to the planned end of that one."""
         last = self._lives[name]
         incarnation = 1 + max(p.incarnation for p in self._lives.values() if p.id == last.id)
         life = replace(last, incarnation=incarnation, start_ns=start_ns)
@@ -74,11 +74,11 @@ class Registry:
     def claim(self, role: str, host: str) -> str | None:
         """The name to join under for a process on this host, None if all places of the role are taken.
 
-        Once emulated time goes on, whoever comes to a place after another is a new life. Raises ``LookupError`` where
+        While emulated time runs, a process that takes a place after another is a new life. Raises ``LookupError`` where
         there is no place to give, now or later.
         """
         if self._claims is None:
-            raise LookupError("the launcher starts all processes of this run itself: say whose place to take with --id")
+            raise LookupError("the launcher starts all processes of this run itself: name the place to take with --id")
         now_ns = self._now_ns()
         if now_ns is not None and now_ns >= self.run.end_ns:
             raise LookupError("the run is over")
@@ -97,7 +97,7 @@ class Registry:
             return name
 
     def refresh(self, session: zenoh.Session) -> None:
-        """Ask who is there: the news that somebody left is lost if the launcher was out of reach itself."""
+        """Ask which processes are alive: notice of their end is lost while the launcher itself is out of reach."""
         known = set(self.live)
         replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
         there = {_name(token.key_expr) for token in replies if token}

@@ -1,4 +1,4 @@
-"""What befalls the processes of a run that nobody planned: deaths, and standing still."""
+"""Unplanned events of the processes of a run: deaths, and stops from outside."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 from launcher.processes.children import Children
 
 SLICES: Final = 10
-"""A look asks this share of all whether they stand still, so that it costs little however many there are."""
+"""One in so many processes is checked for standing still at each look, which keeps a look cheap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Stop:
 
 @dataclass(slots=True)
 class _Still:
-    """Who was seen to stand still: ``since`` (monotonic, s) the first time, and whether at another look too."""
+    """A process that was seen standing still: ``since`` when (monotonic, s), and whether again at a later look."""
 
     stop: Stop
     since: float
@@ -61,13 +61,13 @@ class Watch:
 
     @property
     def stops(self) -> list[Stop]:
-        """Who stood still for longer than from one look to the next."""
+        """The processes that stood still for longer than from one look to the next."""
         return [*self._went_on, *(still.stop for still in self._still.values() if still.sure)]
 
     def look(self) -> list[tuple[str, str]]:
-        """Who ended since the last look, and how; call it ``SLICES`` times a second.
+        """(name, how) of each that ended since the last look; call it ``SLICES`` times a second.
 
-        Who is being killed is not asked any more: it does not go on, even if it does not stand still any longer.
+        A process that is being killed is no longer checked: it does not resume, even if it no longer stands still.
         """
         ended = [(name, self._reasons.pop(name, why)) for name, why in self._children.gone() if name not in self.gone]
         for name, _ in ended:
@@ -93,12 +93,12 @@ class Watch:
                 self._went_on.append(replace(before.stop, for_s=now - since))
 
     def still(self, at_least_s: float = 0.0) -> set[str]:
-        """Who has been standing still for so long (wall time) now."""
+        """The processes that have stood still for at least so long (wall time)."""
         latest = time.monotonic() - at_least_s
         return {name for name, still in self._still.items() if still.since <= latest}
 
     def give_up(self, name: str, why: str, *, again: bool = False) -> None:
-        """One that stands still will not go on: report that it died when it stopped."""
+        """Report that a process that stands still died when it stopped: it will not resume."""
         stop = self._still.pop(name).stop
         self.gone.add(name)
         self.deaths.append(Death(name, why, stop.t_s, again))
@@ -108,10 +108,10 @@ class Watch:
         self.deaths.append(Death(name, why, self._clock(), again))
 
     def kill(self, name: str, why: str) -> None:
-        """End one that is of no use any more; ``look`` will give this reason."""
+        """Kill a process; ``look`` will give this reason."""
         self._reasons[name] = why
         self._children.kill(name)
 
     def born(self, name: str) -> None:
-        """One by this name lives again."""
+        """A process of this name lives again."""
         self.gone.discard(name)

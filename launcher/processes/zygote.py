@@ -1,7 +1,7 @@
 """What every process of a run is forked from, and how each of them begins.
 
-Preloaded by a fork server: a node is forked with all its imports done and shares their memory with its thousand
-siblings. What a child is to become comes as ``module:attribute``, imported after the fork unless ``Children`` was told
+Preloaded by a fork server: a node is forked with all its imports done and shares their memory with all others. What a
+child is to become comes as ``module:attribute``, imported after the fork unless ``Children`` was told
 to preload it. Nothing here may import what a node must not carry (numpy, rerun, pydantic).
 
 A node's memory is what it writes to after the fork, and Python writes to every object that it uses: each function that
@@ -33,7 +33,7 @@ _ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREAD
 
 @dataclass(frozen=True, slots=True)
 class Child:
-    """What a child becomes: ``place`` (``module:attribute``) is called with its arguments and is its whole life.
+    """What a child runs: ``place`` (``module:attribute``) is called with its arguments, and the child ends with it.
 
     ``title`` is what ``ps`` shows, ``log`` where its output goes. One that is ``graceful`` is terminated, not killed,
     when the launcher dies.
@@ -47,13 +47,13 @@ class Child:
 
 
 def become(child: Child, *arguments: Any) -> None:
-    """Be this child, from its birth to its last word."""
+    """Run this child from its start to its end."""
     _enter(child)
     load(child.place)(*arguments)
 
 
 def _enter(child: Child) -> None:
-    """Be a process of its own: title, log file, and no life beyond that of the launcher."""
+    """Set title, log file and priority, and end with the launcher."""
     setproctitle(f"trackfield {child.title}")
     _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM if child.graceful else signal.SIGKILL)
     _prctl(_PR_SET_TIMERSLACK, 1000)

@@ -1,1 +1,1 @@
-"""What writes a run down: the ledger of frames, the recorder, tables of tracks and messages, figures."""
+"""Recording a run: the ledger of frames, the recorder, tables of tracks and messages, figures."""

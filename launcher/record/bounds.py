@@ -1,7 +1,7 @@
 """How well the target of a run could be known at all, on the scale of the trackers' errors.
 
-Bounds along the true path (``trackfield/filters/bounds.py``), of trackers that go by what the sensors report.
-The motion noise is the path's own: they are told how hard the target accelerates in each step, but not which way.
+Bounds along the true path (``trackfield/filters/bounds.py``), for trackers that use what the sensors report. The motion
+noise is that of the path: the trackers know how hard the target accelerates in each step, but not in which direction.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from trackfield.role import NS
 from trackfield.world.sensors import make_sensor
 
 Reporting = Mapping[int, Collection[str]]
-"""Whose reports there are of each instant (ns)."""
+"""The sensors that reported of each instant (ns)."""
 Series = dict[int, float]
 """A bound on the sd of the position (m) by instant (ns)."""
 
@@ -34,7 +34,7 @@ Series = dict[int, float]
 def run_bound(plan: Plan, rows: Iterable[TrackRow]) -> Series:
     """The bound at each step for the reports that these points used; empty if there is none.
 
-    Of several targets nobody knows whose reports are whose, so there is none.
+    With several targets it is unknown which report is of which, so there is none.
     """
     return _series(plan, used(rows))
 
@@ -56,7 +56,7 @@ def bound_metrics(plan: Plan, rows: Iterable[TrackRow], of_run: Mapping[int, flo
 
 
 def used(rows: Iterable[TrackRow]) -> Reporting:
-    """Whose reports of each instant any of these points used."""
+    """The sensors whose reports of each instant any of these points used."""
     reporting = defaultdict[int, set[str]](set)
     for row in rows:
         reporting[row.t_ns].update(row.point.sensors)
@@ -76,7 +76,7 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
 
 
 def _series(plan: Plan, reporting: Reporting) -> Series:
-    """From the start if there is a prior, else from when on the target is known to within ``lost_m``."""
+    """From the start if there is a prior, else from the time when the target is known to within ``lost_m``."""
     truth, sensors = _truth(plan), _sensors(plan)
     prior, sensor = plan.tracking.get("prior"), _sensor(plan.tracking)
     first = next((t for t in truth if t > plan.origin_ns and (prior or reporting.get(t))), None)
@@ -92,7 +92,7 @@ def _series(plan: Plan, reporting: Reporting) -> Series:
 
 
 def _sensor(tracking: Mapping[str, Any]) -> Measurement:
-    """What a reading says; of nobody who tracks, and of bearings without error, nothing can be said."""
+    """The measurement model; its sd is 0 if no process tracks or bearings have no error, and then there is no bound."""
     own = OfSensor(make_sensor(**tracking["sensor"])) if "sensor" in tracking else None
     return Model(radians(tracking.get("doa_sd_deg", 0.0)), own=own).sensor
 
@@ -118,7 +118,7 @@ def _sensors(plan: Plan) -> dict[str, tuple[float, float]]:
 
 
 def _truth(plan: Plan) -> dict[int, Array]:
-    """Where the target is at each step (ns) at which it is there; nothing of several."""
+    """Where the target is at each step (ns) at which it is there; empty if there are several."""
     if len(plan.paths) != 1:
         return {}
     (path,) = plan.paths.values()

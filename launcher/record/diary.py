@@ -1,4 +1,4 @@
-"""What one life of a process told, in the order of its events, and the clock it lived by."""
+"""What one life of a process reported, in the order of its events, and its clock."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from trackfield.role import Corrected, Radio
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Settled telemetry: what a process told at true time ``t_ns``."""
+    """Settled telemetry: what a process reported at true time ``t_ns``."""
 
     t_ns: int
     process: str
@@ -34,7 +34,7 @@ class Diary:
     passed: int = 0  # how many of ``told`` were handed on as settled
 
     def write(self, output: Told | Refused | Undone) -> None:
-        """The process told something."""
+        """Add telemetry of the process."""
         if isinstance(output, Refused):
             self.refused[output.key] = output.reason
         elif isinstance(output, Undone):
@@ -49,7 +49,7 @@ class Diary:
                 self.corrections.append((output.key, output.effect.correction_ns))
 
     def _undo(self, since: EventKey) -> None:
-        """Forget what it told from this event on."""
+        """Forget what it reported from this event on."""
         for tail in (self.told, self.radio):
             while tail and tail[-1].key >= since:
                 tail.pop()
@@ -62,7 +62,7 @@ class Diary:
             self.died = None
 
     def owns(self, due_ns: int) -> bool:
-        """Whether a frame due then is this life's, as it was planned."""
+        """Whether a frame due then belongs to this life, as planned."""
         return self.spec.start_ns <= due_ns and (self.spec.kill_ns is None or due_ns < self.spec.kill_ns)
 
     def misses(self, medium: str, due_ns: int) -> str | None:
@@ -82,7 +82,7 @@ class Diary:
         return True
 
     def awake(self, medium: str) -> list[tuple[int, bool]]:
-        """From when on (true time, ns: a change at t counts after t) frames reach it, and from when on they do not."""
+        """When frames begin and cease to reach it: (true time in ns, whether they do); a change at t counts after t."""
         edges = [self.spec.start_ns - 1, *(told.key[0] for told in self.radio)]
         edges += [edge - 1 for freeze in self.spec.freezes for edge in freeze]
         edges += [self.spec.kill_ns - 1] if self.spec.kill_ns is not None else []
@@ -94,12 +94,12 @@ class Diary:
         return Clock(**self.spec.clock).local(t_ns) + sum(by for at, by in self.spec.jumps if at <= t_ns)
 
     def clock_error_ns(self, t_ns: int) -> int:
-        """By how much its clock was ahead, after what it knew of that."""
+        """By how much its clock was ahead, after its own correction."""
         known = bisect_right(self.corrections, t_ns, key=lambda c: c[0][0])
         return self.local_ns(t_ns) + (self.corrections[known - 1][1] if known else 0) - t_ns
 
     def settled(self, until_ns: int) -> Iterator[Event]:
-        """What it told up to this time and was not handed on before."""
+        """What it reported up to this time and was not handed on before."""
         while self.passed < len(self.told) and self.told[self.passed].key[0] <= until_ns:
             told = self.told[self.passed]
             self.passed += 1

@@ -1,4 +1,4 @@
-"""What the field's batteries gave: by cause, under several accountings, and for how long they last."""
+"""The energy from the field's batteries: by cause, under several accountings, and how long they last."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackfield.link.energy import CAUSES, DEVICES, Power
 from trackfield.role import NS
 
 HEARD: Final = 0.01
-"""A hearer of whose sender's frames at least this share would arrive pays for hearing them, meant for it or not."""
+"""A node overhears a sender if at least this share of its frames would arrive at the node."""
 ACCOUNTINGS: Final = ("metered", "without_listening", "with_overhearing", "first_order")
 """Ways to count that do not change the device (docs/metrics.md); those that do are called by its name."""
 _FJ: Final = 1e-15
@@ -26,7 +26,7 @@ _FJ: Final = 1e-15
 
 @dataclass(frozen=True)
 class Battery:
-    """A battery's whole story, over all lives of its process: ``power`` its device, ``died_ns`` when it was empty."""
+    """A battery over all lives of its process: ``power`` its device, ``died_ns`` when it was empty."""
 
     spec: ProcessSpec
     power: Power
@@ -51,7 +51,7 @@ class Battery:
 
 
 def batteries_of(plan: Plan, ledger: Ledger) -> list[Battery]:
-    """Those of the places that live on one, as far as they know what they draw."""
+    """The batteries of the places that run on one and know what they draw."""
     tagged = {place.id for place in plan.info.tagged(BATTERY)}
     lives: defaultdict[str, list[ProcessSpec]] = defaultdict(list)
     for diary in ledger.diaries.values():
@@ -74,7 +74,7 @@ def batteries_of(plan: Plan, ledger: Ledger) -> list[Battery]:
 
 
 def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, Any]:
-    """``energy_j`` of metrics.json; null where nobody counts."""
+    """``energy_j`` of metrics.json; null where no energy is metered."""
     if not batteries:
         nothing = {"by": dict.fromkeys(CAUSES), "by_accounting": dict.fromkeys((*ACCOUNTINGS, *DEVICES))}
         return {"total": None, "max_node": None, **nothing}
@@ -94,8 +94,8 @@ def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, An
 def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]:
     """``lifetime_s`` of metrics.json: of the batteries alone, at the rate of this run where they outlast it.
 
-    Coverage is lost when a target, on its path in this run, could pass a place unheard which it could not before: all
-    sensors within reach of it are empty. Lifetimes last from the start of the run; times of ``empty`` count from the
+    Coverage is lost when all sensors within reach of some point of a target's path in this run are empty, if there were
+    any. Lifetimes last from the start of the run; times of ``empty`` count from the
     first step, as those of faults do.
     """
     ends = {one.spec.id: t for one in batteries if (t := one.lifetime_s) is not None}
@@ -148,7 +148,7 @@ def _by_device_j(ledger: Ledger, batteries: Iterable[Battery]) -> dict[str, floa
 
 
 def _first_order_j(ledger: Ledger, batteries: Iterable[Battery]) -> float:
-    """Heinzelman's model: bits alone cost, at the sender with the distance to the furthest hearer."""
+    """Heinzelman's model: only bits cost, at the sender with the distance to the furthest receiver."""
     counted = {one.spec.id for one in batteries}
     places = {diary.spec.id: (diary.spec.x, diary.spec.y) for diary in ledger.diaries.values()}
     furthest: dict[tuple[Any, ...], tuple[float, int]] = {}
@@ -166,7 +166,7 @@ def _first_order_j(ledger: Ledger, batteries: Iterable[Battery]) -> float:
 
 
 def _overheard_j(ledger: Ledger, batteries: Sequence[Battery]) -> float:
-    """What hearing the frames of others, and lost ones, costs those whose radio is on in their reach, above sleeping.
+    """What overhearing costs above sleeping: frames for others, and lost ones, in reach of a radio that is on.
 
     A radio that listens draws as much as one that receives, or nearly: this is a part of ``listen``, not beside it.
     """
@@ -181,7 +181,7 @@ def _overheard_j(ledger: Ledger, batteries: Sequence[Battery]) -> float:
 
 
 def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow, set[str], set[str]]]:
-    """Each transmission, who got it that it was meant for, and whose radios were on as it was sent."""
+    """Each transmission, the intended receivers that got it, and the nodes whose radio was on when it was sent."""
     sent: dict[tuple[Any, ...], tuple[MessageRow, set[str]]] = {}
     for row in ledger.rows:
         if row.medium == RADIO and row.outcome != "overflow":

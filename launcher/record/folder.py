@@ -1,4 +1,4 @@
-"""Run folders: begun empty, with a manifest, and with the files that make the run again."""
+"""Run folders: created empty, with a manifest and the files that repeat the run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUN
 
 
 def begin_folder(folder: Path, inside: str) -> None:
-    """A folder with an empty one inside. Raises ``ScenarioError`` if it has something in it or cannot be written."""
+    """A folder with an empty one inside. Raises ``ScenarioError`` if it is not empty or cannot be written."""
     with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         _check_empty(folder)
@@ -55,7 +55,7 @@ def check_folder(folder: Path) -> None:
 
 @contextmanager
 def whole_or_none(folder: Path) -> Iterator[None]:
-    """Remove the folder if what fills it is interrupted, unless the run in it is over."""
+    """Remove the folder if filling it is interrupted, unless the run in it is over."""
     try:
         yield
     except KeyboardInterrupt:
@@ -75,12 +75,12 @@ def _writing(folder: Path) -> Iterator[None]:
 
 def _check_empty(folder: Path) -> None:
     if any(folder.iterdir()):
-        what = "the folder has something in it"
+        what = "the folder is not empty"
         raise ScenarioError(what, file=str(folder), key="--out", expected="an empty or new one")
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """What ``manifest`` has, the warnings, and by what others join the run: ``run`` and ``endpoint``."""
+    """Write what ``manifest`` has, the warnings, and what others need to join the run: ``run`` and ``endpoint``."""
     told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
     write_json({**manifest(command), **told}, folder / "manifest.json")
 
@@ -101,12 +101,12 @@ def manifest(command: Sequence[str]) -> dict[str, Any]:
 
 
 def keep(scenario: Scenario, folder: Path) -> None:
-    """Write ``scenario.toml`` into the run folder, and beside it the files that it names: to be run again anywhere."""
+    """Write ``scenario.toml`` and the files that it names into the run folder, so that it can run again anywhere."""
     (folder / "scenario.toml").write_text(with_files(scenario, folder).to_toml(), encoding="utf-8")
 
 
 def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
-    """The scenario with copies in the folder of the files that it names, called by what they are."""
+    """The scenario with copies of the files that it names in the folder, named after their sections."""
     for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
         copied = _kept(getattr(scenario, section), folder, prefix + name)
         scenario = scenario.model_copy(update={section: copied})
@@ -117,11 +117,11 @@ def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
 
 
 def _kept(part: Any, folder: Path, name: str) -> Any:
-    """A section whose file is the copy made of it in the folder; one that names no file as it is."""
+    """The section with a copy of its file in the folder; unchanged if it names no file."""
     if not isinstance(part, FromFile | Surveyed | Trace):
         return part
     file = Path(part.file)
     copy = folder / f"{name}{file.suffix}"
-    if not copy.exists() or not copy.samefile(file):  # a study's folder may be given its own scenario again
+    if not copy.exists() or not copy.samefile(file):  # a study may be run again from its own scenario file
         shutil.copyfile(file, copy)
     return part.model_copy(update={"file": copy.name})

@@ -26,7 +26,7 @@ TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
 
 Unplanned = tuple[str, float | None, str]
-"""A death that nobody planned: whose, when (s since the first step; None: nobody knows), and why."""
+"""An unplanned death: the process, when (s since the first step; None: unknown), and why."""
 
 
 class Telling:
@@ -45,7 +45,7 @@ class Telling:
         self.timeline.flush()
 
     def take_over(self, rows: Sequence[MessageRow]) -> None:
-        """What became of each frame in a run before this one."""
+        """Take over the outcome of each frame from an earlier run."""
         self.ledger.rows += rows
         self._write(rows, [])
 
@@ -59,7 +59,7 @@ class Telling:
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
-            if row.sent_ns < self.plan.run.end_ns:  # a stranger may date its frames at will
+            if row.sent_ns < self.plan.run.end_ns:  # a foreign sender may put any time on its frames
                 self.timeline.message(row)
         for event in events:
             self._tell(event)
@@ -83,13 +83,14 @@ class Telling:
                 self.timeline.note(event.t_ns, event.process, text)
             case Publish(point):
                 truth, _ = nearest(self.plan.paths, point)
-                self.timeline.estimate(point, truth[:2] if truth else None)
+                late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
+                self.timeline.estimate(point, truth[:2] if truth else None, late_ns)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
 
 
 class Journal(Telling):
-    """Writes the timeline of a run into its folder, and closes the books."""
+    """Writes the timeline of a run into its folder, and at the end tables and metrics."""
 
     def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
         from launcher.timeline.timeline import Timeline  # loads Rerun
@@ -98,7 +99,7 @@ class Journal(Telling):
         self.folder = folder
 
     def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
-        """Write the rest, and the tables; the metrics that are known here."""
+        """Write the rest, and the tables; returns the metrics that are known here."""
         self.end(deaths)
         tracks = track_rows(self.ledger.estimates(), self.plan.paths)
         bound = run_bound(self.plan, headline(self.plan, tracks))
@@ -126,5 +127,5 @@ def summary(journal: Journal) -> dict[str, Any]:
 
 
 def write_json(value: object, file: FilePath) -> None:
-    """A file that people read, too."""
+    """Write JSON that is easy to read."""
     file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")

@@ -11,7 +11,7 @@ from typing import Final
 from trackfield.errors import ScenarioError
 
 RUNS: Final = Path("runs")
-"""Where runs go that are not told where."""
+"""Where run folders go by default."""
 LATEST: Final = "latest"
 _LATEST: Final = re.compile(rf"{LATEST}(?:~(\d{{1,9}}))?")
 
@@ -19,8 +19,8 @@ _LATEST: Final = re.compile(rf"{LATEST}(?:~(\d{{1,9}}))?")
 def run_folder(name: str | Path) -> Path:
     """The folder of a run: ``latest``, ``latest~N`` (N runs before it), or a path as it is.
 
-    Raises ``ScenarioError`` if there are not so many finished runs. Whether a path is the folder of a run is for those
-    to say who read it; a folder that is itself called latest is ``./latest``.
+    Raises ``ScenarioError`` if there are not so many finished runs. A path is not checked here; a folder whose name is
+    latest is ``./latest``.
     """
     asked = isinstance(name, str) and _LATEST.fullmatch(name)
     if not asked:
@@ -46,6 +46,7 @@ def _started(below: Path) -> Iterator[tuple[tuple[str, int], Path]]:
             continue
         try:
             started = json.loads(manifest.read_bytes())["started"]
+            written_ns = manifest.stat().st_mtime_ns
         except (OSError, ValueError, KeyError, TypeError):
             continue
-        yield (str(started), manifest.stat().st_mtime_ns), manifest.parent
+        yield (str(started), written_ns), manifest.parent

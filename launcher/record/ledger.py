@@ -1,8 +1,9 @@
 """The ledger: every frame accounted for.
 
-Fate being pure, the ledger computes what became of each (frame, hearer) from the frame alone; what depends on the
-hearer's state (asleep, refused as late) it takes from the hearer's telemetry, and the hearers' own counters are the
-cross-check. It sees a run through ``sent``, ``told`` and ``final``, from Zenoh or from the virtual driver alike.
+As the fate of a frame is a pure function, the ledger computes what became of each frame at each receiver from the frame
+alone; what depends on the receiver's state (asleep, refused as late) it takes from the receiver's telemetry, and the
+receivers' own counters are the cross-check. Its input are ``sent``, ``told`` and ``final``, from Zenoh or from the
+virtual driver alike.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Published(NamedTuple):
 
 
 class Ledger:
-    """Accounts of one run; ``rows`` grows as outcomes settle."""
+    """The frames of one run; ``rows`` grows as outcomes settle."""
 
     def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec]) -> None:
         self.run = run
@@ -83,13 +84,13 @@ class Ledger:
             self._await(frame, _row(frame, hearer, outcome, due, said, local_ns))
 
     def told(self, process: str, output: Told | Refused | Undone) -> None:
-        """A process told something."""
+        """Telemetry of a process."""
         if process in self.diaries:
             self.diaries[process].write(output)
             self._written[process] = None
 
     def life(self, spec: ProcessSpec) -> None:
-        """A process that died unplanned lives again: what is due from then on is its new life's. May be told twice."""
+        """A process that died unplanned lives again: it gets the frames due from then on. May be called twice."""
         if spec.name in self.diaries:
             return
         for diary in self._lives[spec.id]:
@@ -103,7 +104,7 @@ class Ledger:
         self.run = replace(self.run, end_ns=min(end_ns, self.run.end_ns))
 
     def final(self, process: str, record: Mapping[str, Any]) -> None:
-        """A process's last word."""
+        """The final record of a process."""
         self.finals[process] = dict(record)
 
     def estimates(self) -> list[Published]:
@@ -119,7 +120,7 @@ class Ledger:
     # --- what is settled ------------------------------------------------------------------------------------------
 
     def settle(self, until_ns: int) -> tuple[list[MessageRow], list[Event]]:
-        """What is final up to this true time and was not handed out before, each in time order."""
+        """What is final up to this true time and was not returned before, each in time order."""
         rows = []
         while self._pending and self._pending[0][0] <= until_ns:
             _, _, frame, row = heappop(self._pending)
@@ -150,8 +151,8 @@ class Ledger:
     def sums(self) -> dict[str, int]:
         """How many frames were ``expected``, ``delivered`` and ``host_lost``.
 
-        The machine lost what the recorder saw and a hearer says that it did not get, and what left a process and
-        neither of them saw. What the recorder alone missed was delivered.
+        The machine lost a frame that the recorder saw and a receiver did not get, and one that neither of them saw. A
+        frame that only the recorder missed was delivered.
         """
         due: Counter[str] = Counter()
         for row in self.rows:
@@ -209,11 +210,11 @@ class Ledger:
         return replace(row, outcome="late" if reason == LATE else "ignored")
 
     def _owner(self, row: MessageRow) -> Diary | None:
-        """The life that owns a frame at its hearer."""
+        """The life that owns a frame at its receiver."""
         return next((diary for diary in self._lives[row.dst] if diary.owns(row.due_ns or 0)), None)
 
     def _note_clock(self, row: MessageRow) -> None:
-        """By how much its sender's clock was off, unless it was asking for the time."""
+        """Note how far off the sender's clock was, except for messages that set clocks."""
         if row.src in self._timed and row.kind not in SYNCHRONISING:
             diary = self.diaries.get(life_name(row.src, row.incarnation))
             if diary is not None:
@@ -228,7 +229,7 @@ class Ledger:
 
 
 class Said(NamedTuple):
-    """What is in a payload: in words, and if it is a report its step and, of a DOA report, its bearing (degrees)."""
+    """The content of a payload: in words; of a report also its step, and of a DOA report its bearing (degrees)."""
 
     text: str
     bearing_deg: float | None = None
@@ -243,7 +244,7 @@ def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said
 
 
 def describe(payload: bytes) -> Said:
-    """A payload for a person; never raises."""
+    """The content of a payload in words; never raises."""
     try:
         message = decode(payload)
     except WireError as error:

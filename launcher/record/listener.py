@@ -1,4 +1,4 @@
-"""What hears all of a run over Zenoh and keeps its ledger: the part that all recorders have in common."""
+"""Receives all messages of a run over Zenoh and keeps its ledger: the common part of all recorders."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from trackfield.wire.envelope import Envelope
 log = logging.getLogger(__name__)
 
 FLUSH_S: Final = 0.25
-"""How often what arrived is taken in and told."""
+"""How often received samples are processed."""
 SETTLE_S: Final = 1.0
-"""How far the timeline stays behind (wall time), so that what it shows is rarely undone."""
+"""How far the timeline lags behind (wall time), so that what it shows is rarely undone."""
 
 _parsed = lru_cache(maxsize=10_000)(keys.parse)
-"""The keys of a run are few, and come again and again."""
+"""Cached: a run uses few keys, again and again."""
 
 
 class Listener:
@@ -51,7 +51,7 @@ class Listener:
         self._held: list[Any] = []
 
     def listen(self, name: str, *telemetry: str) -> None:
-        """Hear all data and orders, and this telemetry, from now on; alive as ``name`` from then on."""
+        """Receive all data and orders, and this telemetry, from now on; then declare the liveliness of ``name``."""
         for key in (keys.ALL_DATA, *telemetry, keys.START, keys.END, keys.LIFE):
             self._held.append(take_in(self.session, key, self._inbox, self._arrived))
         self._held.append(self.session.liveliness().declare_token(keys.live(name)))
@@ -63,13 +63,13 @@ class Listener:
         return round((time.monotonic_ns() - self._start_ns) * self.plan.run.speed)
 
     def pulse(self, telling: Telling) -> None:
-        """Take in what arrived, and tell what is settled of it; to be called every ``FLUSH_S``."""
+        """Process what arrived, and hand on what is settled; to be called every ``FLUSH_S``."""
         self.drain()
         if (now_ns := self.now_ns()) is not None:
             telling.settle(now_ns - round(SETTLE_S * self.plan.run.speed * NS))
 
     def drain(self) -> None:
-        """Take in what arrived."""
+        """Process what arrived."""
         while self._inbox:
             _, sample = self._inbox.popleft()
             key = str(sample.key_expr)
@@ -96,7 +96,7 @@ class Listener:
         to, payload = address.to or NEIGHBOURHOOD, sample.payload.to_bytes()
         frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
         if self._seen.again(frame.identity):
-            return  # its hearers count it as a duplicate
+            return  # its receivers count it as a duplicate
         self.ledger.sent(frame)
 
     def _telemetry(self, key: str, data: bytes) -> None:

@@ -1,6 +1,6 @@
 """A recorder that shows a run while it goes on: it serves the timeline to browsers and writes no file.
 
-It is no part of the field. A browser that stands still holds up this recorder, never the one that writes the run down.
+It is not part of the field. A browser that hangs holds up this recorder, never the one that writes the run folder.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from trackfield.wire import keys
 
 
 class LiveRecorder(Listener):
-    """Shows what it hears, at a port of this machine, until it is told to end."""
+    """Shows what it receives, at a port of this machine, until it is told to end."""
 
     def __init__(self, session: zenoh.Session, plan: Plan, port: int) -> None:
         super().__init__(session, plan)
@@ -28,7 +28,7 @@ class LiveRecorder(Listener):
         self.listen(LIVE, keys.telemetry_of_all("event"))
 
     def run(self) -> None:
-        """Show all up to the end, and that too."""
+        """Show the run up to its end."""
         while not self.end.wait(FLUSH_S):
             self.pulse(self.telling)
         self.drain()
@@ -37,7 +37,7 @@ class LiveRecorder(Listener):
 
 
 def show(endpoint: str, plan: Plan, port: int) -> None:
-    """The life of the process that shows a run."""
+    """The body of the process that shows a run."""
     session = open_client(endpoint, plan.run.run)
     recorder = LiveRecorder(session, plan, port)
     signal.signal(signal.SIGTERM, lambda *_: recorder.end.set())

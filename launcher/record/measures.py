@@ -13,7 +13,7 @@ from trackfield.errors import ScenarioError
 
 
 class _Figures(BaseModel):
-    """Figures that belong together; what a later version adds is left out."""
+    """Figures that belong together; keys that a later version adds are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -70,7 +70,7 @@ class TrackerFigures(ScoreFigures):
 
 
 class Bound(_Figures):
-    """The error (m) that no tracker can beat: by any report in reach, and by those that came."""
+    """The least error (m) of any tracker: with every report in reach, and with those that came."""
 
     position: float | None
     trajectory: float | None
@@ -86,7 +86,7 @@ class Death(_Figures):
 
 
 class Stop(_Figures):
-    """A process that was stopped from outside at ``t``, for ``s`` (emulated s; None: it never went on)."""
+    """A process that was stopped from outside at ``t``, for ``s`` (emulated s; None: it never resumed)."""
 
     id: str
     host: str
@@ -105,7 +105,7 @@ class Processes(_Figures):
 
 
 class Lost(_Figures):
-    """Frames that did not reach their hearer, by cause."""
+    """Frames that did not reach their receiver, by cause."""
 
     radio: int
     partition: int
@@ -169,7 +169,7 @@ class HostQuantiles(_Figures):
 
 
 class Timing(_Figures):
-    """How this machine kept pace."""
+    """How well this machine kept up."""
 
     speed: float | None
     slip_ms: HostQuantiles
@@ -214,7 +214,7 @@ class Lifetime(_Figures):
 
 
 class ClockError(_Figures):
-    """How far senders' clocks were off, ms."""
+    """The clock error of senders, ms."""
 
     rms: float | None
     max: float | None
@@ -259,7 +259,7 @@ class RunFigures(_Figures):
             key, what = ".".join(map(str, first["loc"])), "is missing"
             if first["type"] != "missing":
                 what = f"is {first['input']!r}"
-            expected = "the figures of a run whose recorder lived to its end, by this version"
+            expected = "the figures of a run by this version, whose recorder did not die"
             raise ScenarioError(what, file=file, key=key, expected=expected) from None
 
     def rows(self) -> Iterator[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""metrics.json: all that a run has to say in numbers (docs/metrics.md tells each key)."""
+"""metrics.json: all figures of a run (docs/metrics.md explains each key)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Metrics = dict[str, Any]
 def run_metrics(
     plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bound: Mapping[int, float] | None = None
 ) -> Metrics:
-    """Every key of metrics.json that the ledger and the tracks can fill; null where there is nothing to say.
+    """Every key of metrics.json that the ledger and the tracks can fill; null where there is no value.
 
     ``bound`` is what ``run_bound`` finds for the headline view, if that is known.
     """
@@ -138,7 +138,7 @@ def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metric
 
 
 def _clock_errors(ledger: Ledger) -> Metrics:
-    """Of senders' clocks after correction, each time that they sent; null where all clocks are perfect."""
+    """The errors of senders' clocks after correction, whenever they sent; null where all clocks are perfect."""
     if not ledger.clock_errors:
         return {"rms": None, "max": None}
     errors = np.abs(np.array(list(ledger.clock_errors.values())) / 1e6)

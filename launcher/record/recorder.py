@@ -1,7 +1,7 @@
-"""The recorder process: hears all of a run over Zenoh and writes it down.
+"""The recorder process: receives all messages of a run over Zenoh and records them.
 
 Settled events go to the timeline as the run goes on; tables and metrics are made at the end. It writes what it has
-when it is told to finish, and just as well when it is terminated.
+when it is told to finish, and also when it is terminated.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FINALS_TIMEOUT_S: Final = 5.0
 
 
 class Recorder(Listener):
-    """Feeds the journal of a run folder, tells how it goes, and closes the books."""
+    """Feeds the journal of a run folder, reports progress, and writes tables and metrics at the end."""
 
     def __init__(self, session: zenoh.Session, plan: Plan, folder: Path) -> None:
         super().__init__(session, plan)
@@ -43,13 +43,13 @@ class Recorder(Listener):
         self._finish.set()
 
     def terminate(self) -> None:
-        """Close the books with what there is."""
+        """End the recording with what has arrived."""
         unheard = self.ledger.diaries.keys() - self.ledger.finals.keys()
-        self.deaths = [(name, None, "not heard of again") for name in sorted(unheard)]
+        self.deaths = [(name, None, "not heard from again") for name in sorted(unheard)]
         self._finish.set()
 
     def run(self) -> None:
-        """Record until told to finish, then close the books."""
+        """Record until told to finish, then write tables and metrics."""
         status_at = 0.0
         while not self._finish.wait(FLUSH_S):
             self.pulse(self.journal)
@@ -73,7 +73,7 @@ class Recorder(Listener):
 
 
 def record(endpoint: str, plan: Plan, folder: Path) -> None:
-    """The life of the recorder process."""
+    """The body of the recorder process."""
     session = open_client(endpoint, plan.run.run)
     recorder = Recorder(session, plan, folder)
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())

@@ -32,7 +32,7 @@ def scored(
 
     Errors, and the ``bound`` (m, by instant in ns) beside them, are over the instants at which there are both a track
     and a recorded truth; what lies in gaps of the truth stands apart. Each step at which a target is there is expected
-    to have a track, also those of which nobody told anything.
+    to have a track, also those for which nothing was published.
     """
     known = [row for row in rows if row.has_track and row.truth is not None]
     guessed = [row for row in known if row.interpolated]
@@ -70,7 +70,7 @@ def _errors(rows: Sequence[TrackRow]) -> dict[str, Any]:
 
 
 def _beside(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> dict[str, float | None]:
-    """The bound, and how many times it the error is, both over the instants that have one."""
+    """The bound, and the error divided by it, both over the instants that have a bound."""
     bounded = [row for row in rows if not row.point.lag and row.t_ns in bound]
     if not bounded:
         return {"bound_m": None, "times_bound": None}
@@ -120,7 +120,7 @@ def _worst(rows: Iterable[TrackRow]) -> float:
 
 
 def _longest(steps: Sequence[int]) -> int:
-    """How many of these steps follow each other at most."""
+    """The length of the longest run of consecutive steps."""
     longest = row = min(len(steps), 1)
     for before, step in pairwise(steps):
         row = row + 1 if step == before + 1 else 1

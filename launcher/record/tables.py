@@ -23,7 +23,7 @@ class TrackRow:
     """A published point of a track beside the truth at its instant.
 
     ``told_ns`` is when it was published first, ``incarnation`` the life of its source that did so last. ``truth`` is
-    the state of ``true_target``; with several targets the one nearest to the point, as nobody says which one it is of.
+    the state of ``true_target``; with several targets the one nearest to the point, as reports name no target.
     It may be ``interpolated``, in a gap of a recorded track.
     """
 
@@ -41,12 +41,12 @@ class TrackRow:
 
     @property
     def has_track(self) -> bool:
-        """Whether there is a track; a filter that diverged to what is no number has none."""
+        """Whether there is a track; a filter that diverged to NaN or infinity has none."""
         return bool(self.point.mean) and all(map(isfinite, (*self.point.mean, *self.point.covariance)))
 
 
 def track_rows(published: Iterable[Published], paths: Mapping[str, Path]) -> list[TrackRow]:
-    """The last point of each (source, tracker, target, instant), in that order, and when there was one first."""
+    """The last point of each (source, tracker, target, instant), in that order, and when the first was published."""
     latest: dict[tuple[str, str, str, int], tuple[int, Published]] = {}
     for one in published:
         key = (one.source, one.point.tracker, one.point.target, one.point.at_ns)
@@ -73,7 +73,7 @@ def nearest(paths: Mapping[str, Path], point: TrackPoint) -> tuple[State | None,
 
 
 def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
-    """messages.parquet: one row per (frame, hearer)."""
+    """messages.parquet: one row per frame and receiver."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
         "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
@@ -91,7 +91,7 @@ def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: Fil
 
 
 def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns: int = 0) -> pa.Table:
-    """One row per (source, tracker, target, instant): state, covariance row by row, truth; null before the track.
+    """One row per (source, tracker, target, instant): state, covariance row by row, truth; null without a track.
 
     Times in s count from the first step, at ``origin_ns``. ``bound`` is that of the position's sd (m) by instant (ns),
     as far as there is one.

@@ -1,4 +1,4 @@
-"""What became of a track, in the words that stand in tables, pages and metrics.json."""
+"""The verdict on a track, in the words of tables, pages and metrics.json."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ TRACKED: Final = "tracked"
 WITH_GAPS: Final = "tracked with gaps"
 LOST: Final = "lost"
 WITHIN: Final = 0.95
-"""A track that was within ``lost_m`` in this share of the steps was there ..."""
+"""From this share of the steps with the track within ``lost_m``, it counts as tracked ..."""
 LEAST: Final = 0.5
-"""... and one that was so in less than this share was not."""
+"""... and below this share as lost."""
 BLACKOUT_STEPS: Final = 5
-"""A track may be missing for so many steps in a row."""
+"""A tracked target may be without a track for so many steps in a row."""
 
 
 def verdict(*, lost: bool, share_within: float | None, blackout_steps: int) -> Verdict | None:
     """*lost* by the scenario's rule or if the target was followed in less than half of the steps; else *tracked*, or
-    *tracked with gaps* if it was missing for long or often. None where no step can be judged.
+    *tracked with gaps* if the track was missing for long or often. None where no step can be judged.
     """
     if share_within is None:
         return None
@@ -28,7 +28,7 @@ def verdict(*, lost: bool, share_within: float | None, blackout_steps: int) -> V
 
 
 def told(figures: dict[str, Any]) -> str:
-    """The verdict on a tracker as a page or table says it."""
+    """The verdict on a tracker as pages and tables show it."""
     if figures["verdict"] is None:
         return "no truth to judge by" if figures["gap"]["steps"] else "no step to judge"
     return str(figures["verdict"])

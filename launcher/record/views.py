@@ -1,4 +1,4 @@
-"""Whose tracks are scored together: a view's points, one for each instant."""
+"""Views: the processes whose tracks are scored together, with one point for each instant."""
 
 from __future__ import annotations
 

@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 _LONGER: Final = (("years", 365.25 * 86_400), ("days", 86_400), ("h", 3_600), ("min", 60))
 _JOULES: Final = (("GJ", 1e9), ("MJ", 1e6), ("kJ", 1e3), ("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9))
+
+FATES: Final[Mapping[str, str]] = {
+    "late": "after the deadline",
+    "ignored": "ignored",
+    "radio": "lost on the link",
+    "partition": "cut off by a partition",
+    "in_flight": "still on the way at the end of the run",
+    "asleep": "to a receiver that was off",
+    "frozen": "to a frozen receiver",
+    "dead": "to a dead receiver",
+    "overflow": "never sent, as the queue was full",
+    "host_lost": "lost by the machine itself",
+}
+"""What became of a frame that was of no use in time."""
 
 
 def span(seconds: float) -> str:
@@ -29,17 +44,29 @@ def _digits(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
+def losses(fates: Mapping[str, int]) -> str:
+    """What became of frames that did not come in time, in words."""
+    return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if n and name != "delivered")
+
+
+def uninformed(metrics: dict[str, Any]) -> str:
+    """What it means that no report arrived; a tracker that has a track even so has it from its prior."""
+    tracked = any(tracker["steps_tracked"] for tracker in metrics["trackers"].values())
+    return f"no tracker had any report{', only its prior' if tracked else ''}"
+
+
 def alarms(metrics: dict[str, Any]) -> list[str]:
     """What makes a run's figures doubtful."""
     found = []
     frames, timing = metrics["frames"], metrics["timing"]
     if timing["host_late"]:
         found.append(
-            f"timing: {timing['host_late']} events came too late on this machine to be put in order without a trace "
+            f"timing: {timing['host_late']} events came too late on this machine to be handled in order "
             "(timing.host_late): a lower --speed, or --virtual, is exact"
         )
     if frames["expected"] and not frames["delivered"]:
-        found.append(f"the link delivered none of {frames['expected']} frames: no tracker had anything to go by")
+        lost = losses({**frames["lost"], "host_lost": frames["host_lost"]})
+        found.append(f"none of {frames['expected']:,} frames arrived ({lost}): {uninformed(metrics)}")
     if not frames["expected"]:
-        found.append("no frame was sent: no tracker had anything to go by")
+        found.append(f"no frame was sent: {uninformed(metrics)}")
     return found

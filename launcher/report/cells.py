@@ -1,4 +1,4 @@
-"""What all parts of a page are made of: tables, bars, figures in words, lists of ids."""
+"""Building blocks of all pages: tables, bars, formatted figures, lists of ids."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Bar:
 
 
 def number(value: float | None, unit: str = "") -> str:
-    """A figure to three digits or so; a dash for none."""
+    """A figure to about three digits; a dash for none."""
     if value is None or not np.isfinite(value):
         return NOTHING
     size = abs(value)
@@ -44,8 +44,10 @@ def number(value: float | None, unit: str = "") -> str:
 
 
 def percent(share: float) -> str:
-    """A share (0 to 1) to a tenth of a percent; what is too small for that and not nothing is said to be."""
-    return "< 0.1 %" if 0 < share < 0.0005 else f"{100 * share:.1f} %"
+    """A share (0 to 1) to a tenth of a percent; ``< 0.1 %`` and ``> 99.9 %`` if it is not quite 0 or 1."""
+    if 0 < share < 0.0005:
+        return "< 0.1 %"
+    return "> 99.9 %" if 0.9995 <= share < 1 else f"{100 * share:.1f} %"
 
 
 def ids(names: Iterable[str]) -> str:

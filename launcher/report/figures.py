@@ -14,11 +14,11 @@ from launcher.report.style import STYLE, Figures
 
 PLOTS: Final = "plots"
 FIGURES: Final[Figures] = {name: draw for part in PARTS.values() for name, draw in part.FIGURES.items()}
-"""Those of all parts, by name."""
+"""The figures of all parts, by name."""
 
 
 def draw(run: Run, names: Collection[str] = FIGURES.keys()) -> dict[str, Path]:
-    """Write ``plots/<name>.png`` into the run folder, anew, for these names; the files by name."""
+    """Write ``plots/<name>.png`` into the run folder, over earlier ones, for these names; the files by name."""
     folder = run.folder / PLOTS
     folder.mkdir(exist_ok=True)
     drawn = {}

@@ -1,4 +1,4 @@
-"""A finished run as its folder tells it: what a report and a comparison are made from."""
+"""A finished run, read from its folder: the input of a report and a comparison."""
 
 from __future__ import annotations
 
@@ -27,18 +27,20 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
 
 REPORTS: Final = ("doa", "measurement")
-"""The kind of message that carries what a sensor heard."""
+"""The kinds of message that carry what a sensor measured."""
 LONG: Final = 400
-"""Steps, of which a line with all of them can still be read."""
+"""The most steps that a line can show one by one."""
 WINDOWS: Final = 60
-"""How many windows a longer run has, over which errors are averaged."""
+"""The number of windows of a longer run over which errors are averaged."""
 _COLUMNS: Final = ("kind", "src", "dst", "outcome", "sent_ns", "due_ns", "bytes", "copy", "incarnation", "step")
+_USES: Final = ("sensors", "step", "told_ns")
+"""The columns of tracks.parquet that say when which reports were used."""
 _TEXT: Final = ("kind", "src", "dst", "outcome")
 
 
 @dataclass(frozen=True)
 class Frames:
-    """Every frame and what became of it at each hearer; the columns of messages.parquet that a report needs.
+    """Every frame and what became of it at each receiver; the columns of messages.parquet that a report needs.
 
     Times in s count from the first step, at ``origin_ns``.
     """
@@ -60,23 +62,26 @@ class Frames:
 
     @cached_property
     def link_s(self) -> Array:
-        """(n,) how long each was on its way, s; NaN where it did not arrive."""
+        """(n,) how long each was under way, s; NaN where it did not arrive."""
         arrived = self.where("outcome", *ARRIVED)
         return np.where(arrived, self._floats("due_ns") - self._floats("sent_ns"), np.nan) / NS
 
     @cached_property
     def steps(self) -> Array:
-        """(n,) of a report the step that it is about; else NaN."""
+        """(n,) the step that a report is about; NaN for other messages."""
         return self._floats("step")
 
     @cached_property
     def reports(self) -> npt.NDArray[np.bool_]:
-        """(n,) whether it carries what a sensor heard."""
+        """(n,) whether it is a report of a sensor."""
         return self.where("kind", *REPORTS)
 
     def senders(self, *outcomes: str) -> set[str]:
-        """Who sent a report that had one of these outcomes, or any."""
-        chosen = self.reports & self.where("outcome", *outcomes) if outcomes else self.reports
+        """The nodes that sent a report with one of these outcomes, or with any."""
+        return self.those(self.reports & self.where("outcome", *outcomes) if outcomes else self.reports)
+
+    def those(self, chosen: npt.NDArray[np.bool_]) -> set[str]:
+        """The nodes that sent these frames."""
         return set(self.table["src"].filter(pa.array(chosen)).unique().to_pylist())
 
     def fates(self, chosen: npt.NDArray[np.bool_]) -> dict[str, int]:
@@ -91,7 +96,7 @@ class Frames:
         return np.where(late, after - deadline_s, np.nan)
 
     def by_kind(self) -> dict[str, tuple[int, int, int]]:
-        """At how many hearers they were expected, at how many they arrived, and how many of those late, by kind."""
+        """(expected, arrived, arrived late) at receivers, by kind of message."""
         arrived, late = self.where("outcome", *ARRIVED), self.where("outcome", "late")
         of = {kind: self.where("kind", kind) for kind in sorted(self.table["kind"].unique().to_pylist())}
         return {
@@ -107,9 +112,9 @@ class Frames:
 class Run:
     """A run folder, read; all times in s count from the first step.
 
-    ``site`` is its scenario worked out, ``places`` who was there, ``faults`` what was planned. ``points`` is
-    what all sources told, the columns of tracks.parquet that a report needs; ``tracks`` are those of the headline view,
-    and ``course`` says of which instants one is expected.
+    ``site`` is its scenario worked out, ``places`` are those of its processes, ``faults`` the planned ones. ``points``
+    are those of all sources, with the columns of tracks.parquet that a report needs; ``tracks`` are those of the
+    headline view, and ``course`` has the instants at which one is expected.
     """
 
     folder: Path
@@ -136,13 +141,18 @@ class Run:
 
     @property
     def marks(self) -> tuple[Mark, ...]:
-        """When the planned faults begin and end, and whom they befall."""
+        """When the planned faults begin and end, and the processes that they affect."""
         return self.faults.marks
 
     @property
     def end_s(self) -> float:
-        """When the run was to end."""
+        """When the run was planned to end."""
         return (end_of(self.site) - self.site.origin_ns) / NS
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether the run was interrupted before that."""
+        return bool(self.metrics["end_s"] < self.end_s)
 
     @property
     def origin_s(self) -> float:
@@ -151,7 +161,7 @@ class Run:
 
     @property
     def last_step(self) -> int:
-        """The number of the last step whose track was to be told before the run ended."""
+        """The number of the last step whose track was due before the run ended."""
         return _last_step(self.site, self.metrics)
 
     @property
@@ -161,7 +171,7 @@ class Run:
 
     @property
     def step_s(self) -> float:
-        """From one step to the next."""
+        """The length of a step."""
         return self.site.step_ns / NS
 
     @property
@@ -171,12 +181,12 @@ class Run:
 
     @property
     def window(self) -> int:
-        """Over how many steps figures are averaged to be read: 1 unless the run is long."""
+        """The number of steps over which figures are averaged for display: 1 unless the run is long."""
         return max(len(self.course.at_ns) // WINDOWS, 2) if self.long else 1
 
     @cached_property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """(from s, to s) of each gap in the data of some target, up to the end; a straight line stands in for it."""
+        """(from s, to s) of each gap in the data of any target, up to the end; the path is interpolated there."""
         found = [gap for path in self.site.paths.values() for gap in path.gaps_inside]
         shifted = ((begin - self.origin_s, end - self.origin_s) for begin, end in found)
         return tuple(gap for gap in shifted if gap[0] < self.metrics["end_s"])
@@ -185,6 +195,24 @@ class Run:
     def bounded(self) -> bool:
         """Whether the tracks have a bound beside them."""
         return any(bool(np.isfinite(track.bound).any()) for track in self.tracks)
+
+    @cached_property
+    def first_fused_ns(self) -> dict[tuple[str, int], int]:
+        """When a track was first told that used a report, by its sensor and step; ns since the start of the run."""
+        first: dict[tuple[str, int], int] = {}
+        for sensors, step, told_ns in zip(*(self.points[name].to_pylist() for name in _USES), strict=True):
+            for sensor in sensors:
+                first[sensor, step] = min(told_ns, first.get((sensor, step), told_ns))
+        return first
+
+    @cached_property
+    def fused_late(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether a frame is a report that came late and was fused all the same, within ``fusion.max_age_s``."""
+        found = self.frames.reports & self.frames.where("outcome", "late")
+        late = self.frames.table.filter(pa.array(found))
+        used = zip(late["src"].to_pylist(), late["step"].to_pylist(), strict=True)
+        found[found] = [report in self.first_fused_ns for report in used]
+        return found
 
     @cached_property
     def sensors(self) -> dict[str, tuple[float, float]]:
@@ -197,7 +225,7 @@ class Run:
 
 
 def read_run(folder: Path) -> Run:
-    """Read a finished run. Raises ``ScenarioError`` for a folder that is none, or whose scenario cannot be read."""
+    """Read a finished run. Raises ``ScenarioError`` for any other folder, or if its scenario cannot be read."""
     metrics, manifest = (_json(folder, name) for name in ("metrics.json", "manifest.json"))
     points = _table(folder, "tracks.parquet", tracks.COLUMNS)
     frames = _table(folder, "messages.parquet", _COLUMNS)
@@ -246,8 +274,8 @@ def _table(folder: Path, name: str, columns: Collection[str]) -> pa.Table:
     except (OSError, ValueError) as error:
         raise _unusable(folder, name, error) from None
     if not set(columns) <= set(table.column_names):
-        expected = "a run by this version; trackfield run <its scenario.toml> makes it again"
-        raise ScenarioError("an older version made it", file=str(folder / name), expected=expected)
+        expected = "a run by this version; trackfield run <its scenario.toml> repeats it"
+        raise ScenarioError("was written by an older version", file=str(folder / name), expected=expected)
     return table.select(list(columns))
 
 

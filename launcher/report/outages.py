@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
@@ -10,33 +10,21 @@ from typing import Final
 
 import numpy as np
 
-from launcher.record.words import span
+from launcher.record.words import losses, span, uninformed
 from launcher.records import TRACKS
 from launcher.report.folder import Run
 from launcher.report.tracks import Array, Track
 from trackfield.role import NS
 
 SETTLING: Final = 3
-"""Steps that a centre may take, once it is back, before its track needs an explanation of its own."""
+"""Steps that a centre may need for a track once it is back, before the report explains why there is none."""
 FEW: Final = 0.5
-"""Of the reports: if a smaller share came in time, a reader has to know."""
-FATES: Final[Mapping[str, str]] = {
-    "late": "after the deadline",
-    "ignored": "ignored",
-    "radio": "lost on the link",
-    "partition": "cut off by a partition",
-    "in_flight": "still on the way at the end of the run",
-    "asleep": "to a receiver that was off",
-    "frozen": "to a frozen receiver",
-    "dead": "to a dead receiver",
-    "overflow": "never sent, as the queue was full",
-}
-"""What became of a report that did not come in time."""
+"""If a smaller share of the reports came in time, the report says so at its top."""
 
 
 @dataclass(frozen=True)
 class Outage:
-    """Steps in a row, at ``t_s`` (n,), of which a track was expected and there was none; each lasts ``step_s``."""
+    """Consecutive steps, at ``t_s`` (n,), with a track expected and none there; each lasts ``step_s``."""
 
     t_s: Array
     step_s: float
@@ -49,7 +37,7 @@ class Outage:
 
 @dataclass(frozen=True)
 class Down:
-    """Who tracks was out of order from ``from_s`` until ``until_s``, and what happened, in words."""
+    """A process that tracks was down from ``from_s`` until ``until_s``; ``text`` says why."""
 
     from_s: float
     until_s: float
@@ -57,42 +45,60 @@ class Down:
 
 
 def outages(run: Run, track: Track) -> list[Outage]:
-    """Those of a track, in the order of time; the last steps of a smoothed one are not expected."""
+    """The outages of a track, in the order of time; the last steps of a smoothed one are not expected."""
     at = track.t_s[track.expected]
     missing = ~track.known[track.expected]
-    missing[len(missing) - track.lag :] = False
+    missing[max(len(missing) - track.lag, 0) :] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], missing.view(np.int8), [0]])))
     return [Outage(at[begin:end], run.step_s) for begin, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def in_words(run: Run, track: Track) -> str:
-    """How long there was no track, and why, in a sentence; nothing if there was one all the time."""
+    """How long there was no track, and why, in a sentence; empty if there was always one."""
     found = outages(run, track)
     if not found:
         return ""
     longest = max(found, key=lambda one: one.seconds)
-    cause = why(run, longest)
+    cause = why(run, longest, track.lag)
     if len(found) == 1:
         return f"{span(longest.seconds)} without a track{cause}."
     total = sum(one.seconds for one in found)
     return f"{span(total)} without a track, in {len(found)} stretches; the longest, {span(longest.seconds)}{cause}."
 
 
-def never(run: Run) -> str:
-    """That there was no track at all, and why, in a sentence."""
+def never(run: Run, lag: int = 0) -> str:
+    """A sentence that says that there was no track at all, and why; ``lag`` as ``Track`` has it."""
     times = (np.array(run.course.at_ns, float) - run.site.origin_ns) / NS
+    times = times[: max(len(times) - lag, 0)]
     if not len(times):
-        return "The run ended before any step was to have a track."
-    cause = why(run, Outage(times, run.step_s))
+        return "The run ended before a track was due."
+    cause = why(run, Outage(times, run.step_s), lag)
     return f"No track of {'a' if run.several else 'the'} target at any of the {len(times):,} steps{cause}."
 
 
-def why(run: Run, outage: Outage) -> str:
-    """What explains it: who was down, then what became of the reports of steps that this does not explain."""
-    deadline_s = run.scenario.fusion.deadline_s
-    end_s = outage.t_s[-1] + outage.step_s
+def told_late(run: Run, track: Track) -> str:
+    """A sentence that says how many steps were published more than a step late, and why; empty if none was."""
+    due_s = track.t_s + run.scenario.fusion.deadline_s + track.lag * run.step_s
+    late_s = np.where(track.known & track.expected, track.told_s - due_s, 0.0)
+    slow = late_s > run.step_s
+    if not slow.any():
+        return ""
+    causes = [one.text for one in downs(run) if ((one.from_s <= due_s) & (due_s < one.until_s))[slow].any()]
+    steps = "1 step was" if slow.sum() == 1 else f"{slow.sum():,} steps were"
+    return f"{steps} published more than a step late, by up to {span(late_s.max())}{': ' if causes else ''}{'; '.join(causes)}."
+
+
+def why(run: Run, outage: Outage, lag: int = 0) -> str:
+    """The reason: processes that were down, then what became of the reports of steps that this does not explain.
+
+    A smoothed track is published ``lag`` steps later: a process that dies before that never publishes it.
+    """
+    lag_s = lag * run.step_s
+    told_s = outage.t_s + run.scenario.fusion.deadline_s + lag_s
+    end_s = outage.t_s[-1] + outage.step_s + lag_s
     causes = [one for one in downs(run) if one.from_s < end_s and one.until_s > outage.t_s[0]]
-    rest = outage.t_s[[not any(c.from_s <= t + deadline_s and t < c.until_s for c in causes) for t in outage.t_s]]
+    explained = [(one.from_s <= told_s) & (outage.t_s < one.until_s) for one in causes]
+    rest = outage.t_s[~np.any(explained, axis=0)] if causes else outage.t_s
     said = [one.text for one in causes]
     if not causes or len(rest) > SETTLING:
         said.append(f"{'then ' if causes else ''}{_reports(run, rest)}")
@@ -100,7 +106,7 @@ def why(run: Run, outage: Outage) -> str:
 
 
 def downs(run: Run) -> Iterator[Down]:
-    """When those who track were dead or frozen, as planned and not."""
+    """When processes that track were dead or frozen, as planned or not."""
     ids = {place.id for place in run.tagged(TRACKS)}
     for id in sorted(ids):
         lives = run.faults.of(id).lives
@@ -116,7 +122,7 @@ def downs(run: Run) -> Iterator[Down]:
     for one in processes["died"] or []:
         if one["id"].partition("~")[0] in ids and one["t"] is not None:
             back = min((t for track in run.tracks for t in track.t_s[track.known] if t > one["t"]), default=inf)
-            yield Down(one["t"], back, f"{one['id']} died at {one['t']:.1f} s, which was not planned ({one['why']})")
+            yield Down(one["t"], back, f"{one['id']} died unplanned at {one['t']:.1f} s ({one['why']})")
     for one in processes["stopped"] or []:
         if one["id"].partition("~")[0] in ids and one["t"] is not None:
             on = inf if one["s"] is None else one["t"] + one["s"]
@@ -132,41 +138,43 @@ def _since(run: Run, t_ns: int) -> float:
 
 def _reports(run: Run, t_s: Array) -> str:
     """What became of the reports of these steps."""
-    steps = np.rint(t_s / run.step_s)
-    fates = run.frames.fates(run.frames.reports & np.isin(run.frames.steps, steps))
+    chosen = run.frames.reports & np.isin(run.frames.steps, np.rint(t_s / run.step_s))
+    fates, fused_late = run.frames.fates(chosen), int((chosen & run.fused_late).sum())
     total, in_time = sum(fates.values()), fates.get("delivered", 0)
     if not total:
         return "no sensor sent a report"
-    if in_time:
-        return f"{in_time} of {total} reports arrived in time, and the tracker made no track of them"
-    return f"none of {total} reports arrived in time ({losses(fates)})"
+    if not in_time + fused_late:
+        return f"none of {total} reports arrived in time ({losses(fates)})"
+    late = f", {_all_the_same(fused_late)}" if fused_late else ""
+    return f"{in_time} of {total} reports arrived in time{late}, but the tracker had no track"
 
 
-def losses(fates: Mapping[str, int]) -> str:
-    """What became of reports that did not come in time, in words."""
-    return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if name != "delivered")
+def _all_the_same(fused_late: int) -> str:
+    """What became of these reports, which came after their deadline."""
+    return f"{fused_late:,} came late and {'was' if fused_late == 1 else 'were'} still fused (fusion.max_age_s)"
 
 
 def few_reports(run: Run) -> str:
-    """That most reports did not come in time, and what became of them, in a sentence; nothing if most did."""
+    """A sentence or two that say that most reports did not come in time, and what became of them; empty if most did."""
     fates, frames = run.frames.fates(run.frames.reports), run.metrics["frames"]
     in_time, total = fates.get("delivered", 0), sum(fates.values())
     if not frames["delivered"]:
         return ""  # of any kind: that is said elsewhere
     if not total:
-        return "no sensor sent a report: no tracker had anything to go by"
+        return f"no sensor sent a report: {uninformed(run.metrics)}"
     if in_time >= FEW * total:
         return ""
     some = f"only {in_time:,}" if in_time else "none"
     said = f"{some} of {total:,} reports arrived in time ({losses(fates)})"
-    if not in_time:
-        alone = " but its prior" if run.scenario.fusion.prior == "paper" else ""
-        said += f": no tracker had anything to go by{alone}"
+    if fused_late := int(run.fused_late.sum()):
+        said += f"; {_all_the_same(fused_late)}"
+    elif not in_time:
+        said += f": {uninformed(run.metrics)}"
     return " ".join(filter(None, [f"{said}.", _lateness(run)])).removesuffix(".")
 
 
 def _lateness(run: Run) -> str:
-    """By how much those were late that came late, in a sentence."""
+    """By how much late reports were late, in a sentence."""
     deadline_s = run.scenario.fusion.deadline_s
     late = run.frames.late_s(run.site.step_ns, deadline_s)
     late = late[np.isfinite(late)]
@@ -174,11 +182,11 @@ def _lateness(run: Run) -> str:
         return ""
     typical, least = span(float(np.median(late))), span(float(late.min()))
     when = f"{typical} (median; at least {least}) after their deadline"
-    return f"Those that were late came {when}, which is {span(deadline_s)} after the step."
+    return f"Late reports came {when}, which is {span(deadline_s)} after the step."
 
 
 def broken_at(run: Run) -> list[float]:
-    """When a fault began or ended, or somebody died or stood still, s; each instant once."""
+    """When a fault began or ended, or a process died or was stopped, s; each instant once."""
     unplanned = [one["t"] for name in ("died", "stopped") for one in run.metrics["processes"][name] or []]
     empty = [one["t"] for one in run.metrics["lifetime_s"].get("empty") or []]
     return sorted({t_s for t_s, *_ in run.marks} | {t for t in (*unplanned, *empty) if t is not None})

@@ -1,4 +1,4 @@
-"""``report.html``: one file with all that a run has to show, which needs nothing else to be opened."""
+"""``report.html``: one file with all results of a run, which opens without any other file."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ _SECTIONS: Final = {
 _FILES: Final = {
     "scenario.toml": "the scenario as it ran, every default written out",
     "metrics.json": "all figures of this page, and more",
-    "tracks.parquet": "what each tracker said at each step, beside the truth; pandas, DuckDB and others read it",
+    "tracks.parquet": "estimates of each tracker at each step, and the truth; for pandas, DuckDB and others",
     "messages.parquet": "every frame and what became of it",
     "run.rrd": "the timeline, for trackfield view",
     "manifest.json": "command, versions, machine",
     PLOTS: "the figures of this page",
-    "logs": "what each process had to say",
+    "logs": "the log of each process",
 }
 
 
 def write_report(folder: Path) -> Path:
-    """Draw ``plots/*.png`` and write ``report.html`` into a finished run folder, anew; the path of the page.
+    """Draw ``plots/*.png`` and write ``report.html`` into the folder of a finished run, again if they exist.
 
-    Raises ``ScenarioError`` for a folder that is no finished run, and ``OSError`` where it cannot be written.
+    Returns the path of the page. Raises ``ScenarioError`` for a folder that is not that of a finished run, ``OSError``
+    if it cannot be written.
     """
     run = read_run(folder)
     return write_page(run, draw(run))
@@ -58,7 +59,7 @@ def write_page(run: Run, pictures: Mapping[str, Path]) -> Path:
 
 
 def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
-    """What the template is filled with: each part's contents by its name, and what is of no part."""
+    """The values of the template: the contents of each part by its name, and the rest."""
     return {
         "run": run,
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
@@ -77,9 +78,9 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
 
 
 def _shortfalls(run: Run) -> list[str]:
-    """What a reader must know before all figures."""
+    """What a reader must know before any figure."""
     found = []
-    if run.metrics["end_s"] < run.end_s:
+    if run.ended_early:
         planned, last = run.site.steps, run.last_step
         found.append(
             f"the run ended early, {run.metrics['end_s']:.1f} s after its first step: {last} of {planned} steps"
@@ -91,12 +92,12 @@ def _shortfalls(run: Run) -> list[str]:
     if dropped := run.metrics["recorder"]["dropped"]:
         found.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     if died := run.metrics["processes"]["died"]:
-        found.append(f"died without being planned: {ids(one['id'] for one in died)}")
+        found.append(f"died unplanned: {ids(one['id'] for one in died)}")
     return found
 
 
 def commands(run: Run) -> list[tuple[str, str]]:
-    """How to do it again, and what else can be done with it: (command, what it does)."""
+    """How to run it again, and what else can be done with it: (command, what it does)."""
     name = shlex.quote(run.folder.resolve().name)
     virtual = " --virtual" if run.metrics["driver"] == "virtual" else ""
     speed = run.metrics["timing"]["speed"]
@@ -105,18 +106,18 @@ def commands(run: Run) -> list[tuple[str, str]]:
     replayed = run.metrics["driver"] == "replay"
     again = [
         (f"trackfield run {name}/scenario.toml{virtual}{pace} --out again", "the same run from its folder"),
-        (f"trackfield compare {name} again --exact 0", "whether it is the same, bit for bit"),
+        (f"trackfield compare {name} again --exact 0", "check that it is the same, bit for bit"),
     ]
     return [
-        *([(" ".join(["trackfield", *map(_quoted, given)]), "as it was called")] if given else []),
-        *([] if replayed else again),
+        *([(" ".join(["trackfield", *map(_quoted, given)]), "the command of this run")] if given else []),
+        *([] if replayed or run.ended_early else again),
         (f"trackfield view {name}", "its timeline"),
-        (f"trackfield report {name}", "this page, anew"),
+        (f"trackfield report {name}", "this page, written again"),
     ]
 
 
 def _quoted(argument: str) -> str:
-    """As a shell takes it, in the quotes that are easier to read."""
+    """Quoted for a shell, in the way that is easier to read."""
     double = "'" in argument and not set(argument) & set('"$`\\!')
     return f'"{argument}"' if double else shlex.quote(argument)
 

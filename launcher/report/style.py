@@ -16,9 +16,9 @@ from launcher.report.outages import broken_at
 from launcher.report.tracks import Array, Track
 
 Figures = Mapping[str, Callable[[Run], Figure | None]]
-"""How each figure is drawn, by the name of its file; None where there is nothing to show."""
+"""The function that draws each figure, by the name of its file; it returns None if there is nothing to show."""
 WIDTH: Final = 8.0
-"""Of every figure, in inches; its height is its own."""
+"""The width of every figure, in inches."""
 INK: Final = "#1f2733"
 SOFT: Final = "#6b7585"
 TRUTH: Final = "#7c8796"
@@ -26,11 +26,11 @@ DEAD: Final = "#c8102e"
 GAP: Final = "#c04f9b"
 BAND: Final = "#e4eef7"
 PALE: Final = 0.35
-"""How much of its colour is left of what does not count."""
+"""The opacity of values that do not count."""
 POINTS: Final = 400
-"""Of a curve: more cannot be seen."""
+"""The most points of a curve: more cannot be seen."""
 _DASHES: Final = ("-", "--", "-.", ":")
-"""Of several targets."""
+"""The line styles of several targets."""
 OUTCOMES: Final[Mapping[str, str]] = {
     "delivered": "#dbe1e9",
     "late": "#f0c75e",
@@ -83,7 +83,7 @@ def blank(height: float, rows: int = 1, *, ratios: Sequence[float] = ()) -> tupl
 
 
 def over_time(axes: Axes, run: Run, *, named: bool = True) -> None:
-    """The time of the run as x axis, with the gaps in the data and what broke when; ``named`` in the legend, or not."""
+    """The time of the run as x axis, with gaps in the data, faults and deaths; ``named`` in the legend, or not."""
     for index, gap in enumerate(run.gaps):
         label = "truth interpolated" if named and not index else None
         axes.axvspan(*gap, color=GAP, alpha=0.12, lw=0, label=label, zorder=0)
@@ -95,7 +95,7 @@ def over_time(axes: Axes, run: Run, *, named: bool = True) -> None:
 
 
 def look(run: Run, track: Track) -> dict[str, Any]:
-    """Of a line: the colour of its tracker, the dashes of its target, and its name."""
+    """The look of a line: the colour of its tracker, the dashes of its target, and its name."""
     targets = list(dict.fromkeys(other.target for other in run.tracks))
     label = track.tracker if len(targets) == 1 else f"{track.tracker}, {track.target}"
     dash = _DASHES[targets.index(track.target) % len(_DASHES)]
@@ -103,7 +103,7 @@ def look(run: Run, track: Track) -> dict[str, Any]:
 
 
 def line(axes: Axes, run: Run, track: Track, values: Array, *, pale: bool = False) -> None:
-    """What a track has at each of its steps; where there is nothing the line breaks, and single steps are dots."""
+    """Draw the values of a track at its steps; the line breaks at NaN, and single steps are dots."""
     drawn = look(run, track) | ({"label": None, "alpha": PALE} if pale else {})
     axes.plot(track.t_s, values, lw=1.4 if run.long else width(len(values)), **drawn)
     if run.long:
@@ -115,7 +115,7 @@ def line(axes: Axes, run: Run, track: Track, values: Array, *, pale: bool = Fals
 
 
 def rolling(values: Array, window: int) -> Array:
-    """(T,) the mean of those of ``window`` around each that are there; NaN where there is none at the place itself."""
+    """(T,) the mean over a ``window`` around each value, without NaN; NaN where the value itself is NaN."""
     if window <= 1:
         return values
     there = np.isfinite(values)
@@ -125,7 +125,7 @@ def rolling(values: Array, window: int) -> Array:
 
 
 def rolling_rms(values: Array, window: int) -> Array:
-    """(T,) the same of squares, and its root."""
+    """(T,) the root mean square over a window, as ``rolling``."""
     return np.abs(values) if window <= 1 else np.sqrt(rolling(np.square(values), window))
 
 
@@ -141,17 +141,17 @@ def counts(axes: Axes) -> None:
 
 
 def width(points: int) -> float:
-    """How wide a line of so many points is drawn, so that it does not become a surface."""
+    """The line width for so many points; many points need a thin line to stay legible."""
     return float(np.clip(1.8 - points / 1200, 0.5, 1.8))
 
 
 def size(sensors: int) -> float:
-    """How large the dots of so many sensors on a map are, so that they do not become a surface."""
+    """The size of the dots of so many sensors on a map; many sensors need small dots to stay apart."""
     return float(np.clip(70 / max(sensors, 1) ** 0.5, 1.0, 5.0))
 
 
 ROW: Final = 105
-"""Characters of a legend that fit into one row, with the lines before them."""
+"""Characters of a legend that fit into one row, including its lines."""
 
 
 def legend(axes: Axes, columns: int = 4) -> None:

@@ -1,4 +1,4 @@
-"""Pages of one look: their templates, and pictures that are part of the page."""
+"""The templates of all pages, and pictures that are embedded in a page."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def templates(*packages: str) -> Environment:
 
 
 def inline(png: bytes) -> str:
-    """A picture as an address that holds all of it, so that a page needs no other file."""
+    """A picture as a data URL, so that a page needs no other file."""
     return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"

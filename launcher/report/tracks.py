@@ -1,4 +1,4 @@
-"""What the trackers of a run said: the points of its headline view, as a track of each tracker and target."""
+"""The estimates of a run: the points of its headline view, as a track of each tracker and target."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ COLUMNS: Final = (
     *(f"true_{name}" for name in STATE),
     "true_interpolated",
 )
-"""Of tracks.parquet, that a report needs."""
+"""The columns of tracks.parquet that a report needs."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """Of which instants a track is expected: those ``at_ns`` (in order) at which some target of ``paths`` is there."""
+    """The instants at which a track is expected: ``at_ns`` (in order), when any target of ``paths`` is there."""
 
     at_ns: tuple[int, ...] = ()
     origin_ns: int = 0
@@ -40,13 +40,13 @@ class Course:
 
     @classmethod
     def of(cls, paths: Mapping[str, Path], steps: int, step_ns: int, origin_ns: int) -> Course:
-        """That of a run of so many steps; the first to be tracked is 1."""
+        """The course of a run of so many steps; the first to be tracked is 1."""
         times = (origin_ns + step * step_ns for step in range(1, steps + 1))
         whole = cls(tuple(times), origin_ns, paths)
         return replace(whole, at_ns=tuple(t for t in whole.at_ns if whole._present(t / NS)))
 
     def truth(self, at_ns: int) -> State | None:
-        """Where the only target is; None if there are several, as nobody says which one a missing track is of."""
+        """Where the only target is; None if there are several, as a missing track is of no particular one."""
         return next(iter(self.paths.values())).at(at_ns / NS) if len(self.paths) == 1 else None
 
     @cached_property
@@ -60,13 +60,13 @@ class Course:
 
 @dataclass(frozen=True)
 class Track:
-    """What one tracker said of one target: an entry for each step of the run, and any other instant that it told of.
+    """The estimates of one tracker for one target: an entry for each step of the run, and any other instant published.
 
     ``t_s`` and ``told_s`` (T,) in s since the first step; ``reports`` (T,) fused; ``coasting`` (T,) where there was a
     track and no report; ``mean`` and ``truth`` (T, 4) as (x, y, vx, vy) in m and m/s, with several targets that of the
     nearest; ``covariance`` (T, 4, 4); ``bound`` (T,) in m, the least sd of the position. Where there was
     no track, target or bound, they are NaN. ``expected`` (T,) where a target was there; ``interpolated`` (T,) where
-    its truth is a straight line over a gap of the recording. ``lag`` is by how many steps a smoothed track comes later.
+    its truth is a straight line over a gap of the recording. ``lag`` is the delay of a smoothed track, in steps.
     """
 
     tracker: str
@@ -109,9 +109,9 @@ class Track:
 
 
 def read(points: pa.Table, view: View, order: Sequence[str], course: Course = Course()) -> tuple[Track, ...]:
-    """The tracks of a view, by their trackers in this order; what it does not name comes last.
+    """The tracks of a view, by their trackers in this order; trackers that it does not name come last.
 
-    Of what several sources told of one instant the point of the highest term holds, of equal ones the first told.
+    Where several sources published a point for one instant, the highest term counts, of equal ones the first published.
     """
     table = points.filter(pc.is_in(points["source"], pa.array(view.sources)))
     table = table.sort_by([("at_ns", "ascending"), ("term", "descending"), ("told_ns", "ascending")])
@@ -130,7 +130,7 @@ def _track(tracker: str, target: str, table: pa.Table, course: Course) -> Track:
     where = np.searchsorted(at_ns, told)
 
     def placed(values: Any, empty: float = np.nan) -> Array:
-        """With what is told at its instants, and nothing at all others."""
+        """The values at their instants, ``empty`` at all others."""
         found = np.full((len(at_ns), *np.shape(values)[1:]), empty)
         found[where] = values
         return found

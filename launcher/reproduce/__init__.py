@@ -1,1 +1,1 @@
-"""Published results, done again: ``trackfield reproduce PAPER``."""
+"""Published results, reproduced: ``trackfield reproduce PAPER``."""

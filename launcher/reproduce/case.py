@@ -1,4 +1,4 @@
-"""What is run to do a published experiment again: a field, a target, and trackers side by side."""
+"""What is run to reproduce a published experiment: a field, a target, and trackers side by side."""
 
 from __future__ import annotations
 

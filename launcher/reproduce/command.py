@@ -1,4 +1,4 @@
-"""``trackfield reproduce``: a paper's runs, its tables and figures, and what became of its claims."""
+"""``trackfield reproduce``: a paper's runs, its tables and figures, and which of its claims hold."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FIGURES: Final = "figures"
 
 @dataclass(frozen=True)
 class Study:
-    """A finished one: what results.json and report.md hold."""
+    """A finished study: the contents of results.json and report.md."""
 
     summary: Mapping[str, Any]
     report: str
@@ -41,9 +41,9 @@ class Study:
 
 
 def reproduce(name: str, runs: int, out: Path | None) -> Study:
-    """Do a paper's study, or what is missing of it, and write tables, figures and one run below ``out``.
+    """Run a paper's study, or what is missing of it, and write tables, figures and one run below ``out``.
 
-    Raises ``ScenarioError`` for an unknown paper, for less than one run, and for a folder with something else in it;
+    Raises ``ScenarioError`` for an unknown paper, for less than one run, and for a folder with other contents;
     ``typer.Exit`` with 130 when it is interrupted.
     """
     paper = paper_named(name)
@@ -58,7 +58,7 @@ def reproduce(name: str, runs: int, out: Path | None) -> Study:
         return _conclude(paper, store, seeds)
     except KeyboardInterrupt:
         left, of = len(store.missing(seeds)), runs * len(paper.cases)
-        console.print(f"[yellow]interrupted[/]: {left} of {of} runs are left; the same command goes on")
+        console.print(f"[yellow]interrupted[/]: {left} of {of} runs are left; the same command runs them")
         raise typer.Exit(INTERRUPTED) from None
 
 
@@ -66,7 +66,7 @@ def _fill(store: Store, seeds: Sequence[int]) -> None:
     missing = store.missing(seeds)
     there = len(seeds) * len(store.cases) - len(missing)
     if there:
-        console.print(f"{there} of {there + len(missing)} runs are there from before")
+        console.print(f"{there} of {there + len(missing)} runs exist already")
     for _ in store.fill(missing):
         pass
 

@@ -1,4 +1,4 @@
-"""How sure a figure is that comes from some runs: its interval, and what that lets one say."""
+"""Confidence intervals of figures over runs, and the conclusions that they allow."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Interval(NamedTuple):
     high: float | None
 
     def at_most(self, limit: float) -> bool | None:
-        """Whether the figure is; None if the interval has the limit in it."""
+        """Whether the figure is at most the limit; None if the interval has the limit in it."""
         if self.low is None or self.high is None:
             return None
         if self.high <= limit:
@@ -33,7 +33,7 @@ class Interval(NamedTuple):
         return False if self.low > limit else None
 
     def above(self, limit: float) -> bool | None:
-        """The contrary of ``at_most``."""
+        """The opposite of ``at_most``."""
         answer = self.at_most(limit)
         return None if answer is None else not answer
 
@@ -56,7 +56,7 @@ def any_of(answers: Iterable[bool | None]) -> bool | None:
 
 
 def positive(statistic: Weighted, runs: int) -> Interval:
-    """Of an error, a variance, a ratio: jackknife over the runs, Student's t on the logarithm.
+    """The interval of an error, a variance or a ratio: jackknife over the runs, Student's t on the logarithm.
 
     A statistic of several trackers or cases leaves out the same run of all: it is paired by seed.
     """
@@ -73,7 +73,7 @@ def positive(statistic: Weighted, runs: int) -> Interval:
 
 
 def share(hits: int, of: int) -> Interval:
-    """Of the runs in which something is so: Clopper and Pearson's, exact."""
+    """The share of ``hits`` in ``of`` runs, with the exact interval of Clopper and Pearson."""
     found = stats.binomtest(hits, of).proportion_ci(CONFIDENCE, method="exact")
     return Interval(hits / of, float(found.low), float(found.high))
 
@@ -81,7 +81,7 @@ def share(hits: int, of: int) -> Interval:
 def share_of_steps(shares: Array) -> Interval:
     """The mean of shares (R,) of the steps of a run: Student's t over runs.
 
-    Where all runs are alike, no spread is known: the interval is that of so many hits or none, which is wider.
+    If all runs are alike, their spread is unknown: the interval is that of ``share``, which is wider.
     """
     value, runs = float(shares.mean()), len(shares)
     if np.ptp(shares) == 0:
@@ -92,7 +92,7 @@ def share_of_steps(shares: Array) -> Interval:
 
 
 def median(values: Array) -> Interval:
-    """Of values (R,): by their order, whatever their distribution. It takes six."""
+    """The median of values (R,), with an interval from their order, for any distribution; it takes six values."""
     rank, ordered = _rank(len(values)), np.sort(values).tolist()
     low, high = (ordered[rank - 1], ordered[-rank]) if rank else (None, None)
     return Interval(float(np.median(values)), low, high)
@@ -100,5 +100,5 @@ def median(values: Array) -> Interval:
 
 @cache
 def _rank(runs: int) -> int:
-    """Which values from either end are the ends of the median's interval, counted from 1; 0 if there are too few."""
+    """The rank, from either end and from 1, of the ends of the median's interval; 0 if there are too few values."""
     return int(stats.binom.ppf((1 - CONFIDENCE) / 2, runs, 0.5))

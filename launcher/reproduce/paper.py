@@ -1,4 +1,4 @@
-"""What a paper brings along to be done again."""
+"""The parts of a paper that is reproduced."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from launcher.reproduce.tables import Claim, Row
 
 @dataclass(frozen=True)
 class Paper(Generic[S]):
-    """A paper: what is run, how it is scored by ``S`` (a dataclass of numbers), and what is said about it.
+    """A paper: what is run, how it is scored by ``S`` (a dataclass of numbers), and the parts of its report.
 
     ``cases`` are by name. ``scores`` has a score for each tracker of a case, from the case's runs.
     ``contrasts`` are what is compared run by run (ratios, shares), by name, from all runs and each tracker's repeated
     processor times. ``tables`` and ``claims`` go to results.json. The report has the claims, then ``parts``: headings
     and what stands below them, in Markdown; then ``figures``: the name of each, what it shows, and what the paper has
     of it.
-    ``draw`` writes these into a folder and tells the seed of a typical run, by case; that of ``run`` among them stays
-    as a run folder. ``timed`` is the case of which a run's processor time is measured, with the trackers that are.
+    ``draw`` writes the figures into a folder and returns the seed of a typical run, by case; that of ``run`` is kept as
+    a run folder. ``timed`` is the case whose processor time is measured, with the trackers that are measured.
     """
 
     name: str

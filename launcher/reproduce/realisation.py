@@ -1,4 +1,4 @@
-"""One run of a case, whole: what a paper's figures of typical runs show."""
+"""One complete run of a case, for a paper's figures of typical runs."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Realisation:
 
 
 def realise(case: Case, seed: int) -> Realisation:
-    """Run it again, whole."""
+    """Run the case again, and keep all of it."""
     plan = planned(case.scenario(seed))
     ledger, rows = simulate(plan)
     steps = max(plan.step_of(row.t_ns) for row in rows)
@@ -63,7 +63,7 @@ def realise(case: Case, seed: int) -> Realisation:
 
 
 def typical(case: Case, records: Sequence[Record], trackers: Sequence[str]) -> int:
-    """The place of the run in which these trackers err most nearly as much as each does in its median run."""
+    """The place of the run in which the errors of these trackers are nearest to their medians over all runs."""
     rows = [list(case.trackers).index(name) for name in trackers]
     errors = np.stack([record.errors[rows, :, :2] for record in records])
     runs = np.log(np.sqrt(np.nanmean(np.square(errors).sum(axis=-1), axis=-1)))  # (R, trackers)

@@ -1,4 +1,4 @@
-"""A study in words, as Markdown."""
+"""The report of a study, as Markdown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures over all runs of a case: the usual indices, and those that say whether to trust them."""
+"""Figures over all runs of a case: the usual indices, and those that show how reliable they are."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Score:
         )
 
     def interval(self, name: str) -> Interval:
-        """The figure of this name and the ends of its interval; one whose ends nobody gave is known exactly."""
+        """The figure of this name and the ends of its interval; a figure without ends is exact."""
         value = getattr(self, name)
         low, high = self.ends.get(name, (value, value))
         return Interval(value, low, high)
@@ -133,7 +133,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Results(Generic[S]):
-    """All figures of a study: by case and tracker, by case, and what a paper compares, by the names that it gave.
+    """All figures of a study: by case and tracker, by case, and the comparisons of a paper by their names.
 
     ``times`` is the processor time of a run by tracker, if timed (s).
     """

@@ -14,7 +14,7 @@ from launcher.study.store import scenario_digest
 
 
 def code_digest() -> str:
-    """Of every source file that has a say in the figures of a case."""
+    """The digest of every source file that affects the figures of a case."""
     return store.code_digest(Path(records.__file__))
 
 
@@ -34,7 +34,7 @@ class Store(store.Store):
             yield
 
     def records(self, case: str, seeds: Sequence[int]) -> list[Record]:
-        """The case's runs, which have to be there."""
+        """The case's runs, which must exist."""
         return [Record.load(self.file(case, seed)) for seed in seeds]
 
 

@@ -40,7 +40,7 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """A figure of a tracker in a case, with what it is to be compared with; None where there is nothing.
+    """A figure of a tracker in a case, with the figures to compare it with; None where there is none.
 
     ``quantity`` says what ``ours`` is and its unit. ``ratio`` is ours to ``published``, ``to_bound`` ours to ``bound``,
     the least error that any tracker can have; it has no interval. ``band`` tells the bands that ``verdict``
@@ -72,12 +72,12 @@ class Claim:
 
 
 def verdict(holds: bool | None) -> Verdict:
-    """That of a claim that cannot hold in part."""
+    """The verdict on a claim that cannot hold in part."""
     return "too few runs to tell" if holds is None else "holds" if holds else "does not hold"
 
 
 def beside(ratio: Interval) -> str:
-    """What a figure is, compared with the published one."""
+    """How a figure compares with the published one."""
     higher, lower = ratio.above(FACTOR), ratio.at_most(1 / FACTOR)
     if higher or lower:
         return "higher" if higher else "lower"
@@ -99,7 +99,7 @@ _NUMBERS: Final = {
 
 
 def rows_table(rows: Sequence[Row]) -> str:
-    """The rows with those columns in which any of them has something to say."""
+    """The rows, with the columns in which any of them has a value."""
     used = [name for name in _NUMBERS if any(getattr(row, name) is not None for row in rows)]
     texts = [name for name in ("band", "verdict") if any(getattr(row, name) for row in rows)]
     header = ["case", "tracker", "figure", *(_NUMBERS[name] for name in used), *texts]

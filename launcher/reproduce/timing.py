@@ -1,4 +1,4 @@
-"""What trackers cost: processor time of their steps, on the reports of the same run, in one process."""
+"""The processor time of trackers: of their steps, on the reports of the same run, in one process."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from trackfield.wire.codec import decode
 from trackfield.wire.messages import Doa
 
 REPEATS: Final = 7
-"""So many goes; the least of them is the figure, as what else the machine does only adds."""
+"""Repetitions; the least time is the figure, as other work of the machine only adds to it."""
 
 
 class _Ear(Ledger):
@@ -44,7 +44,7 @@ class _Ear(Ledger):
 
 @dataclass(frozen=True)
 class Heard:
-    """What the trackers of a run are given: what the centre is told beforehand, and the reports of each step."""
+    """The input of the trackers of a run: the configuration of the centre, and the reports of each step."""
 
     config: Mapping[str, Any]
     reports: tuple[Reports, ...]
@@ -59,12 +59,12 @@ class Heard:
         return tracker.step(state, some, self.config["step_ns"] / NS, rng)
 
     def rng(self, name: str, some: Reports) -> np.random.Generator:
-        """What the tracker of this name draws from in this step."""
+        """The random generator of the tracker of this name in this step."""
         return generator(self.config["seed"], name, some.step)
 
 
 def heard(case: Case, seed: int) -> Heard:
-    """Of a run whose link loses nothing."""
+    """The input from a run whose link loses nothing."""
     plan = planned(case.scenario(seed))
     ear = _Ear(plan)
     Virtual(plan.run, plan.processes, ear).run()
@@ -73,7 +73,7 @@ def heard(case: Case, seed: int) -> Heard:
 
 
 def cpu_times(case: Case, seed: int = 1) -> dict[str, list[float]]:
-    """Processor time (s) of all steps of a run by tracker, in each go; all take turns on the same reports."""
+    """Processor time (s) of all steps of a run by tracker, for each repetition; all take turns on the same reports."""
     given = heard(case, seed)
     trackers = {name: make_tracker(name, options) for name, options in case.trackers.items()}
     times: dict[str, list[float]] = {name: [] for name in trackers}
@@ -94,7 +94,7 @@ def _cpu_s(given: Heard, name: str, tracker: Tracker[Any]) -> float:
 
 
 def _reports(config: Mapping[str, Any], told: Iterable[tuple[str, Doa]], steps: int) -> list[Reports]:
-    """What the fusion centre makes of the messages of each step when none is lost."""
+    """The reports of each step at the fusion centre if no message is lost."""
     places = {id: (x, y) for id, x, y in config["sensors"]}
     by_step: dict[int, dict[str, Doa]] = {step: {} for step in range(1, steps + 1)}
     for sensor, message in told:

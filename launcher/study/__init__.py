@@ -1,1 +1,1 @@
-"""Many runs, and runs of before: studies over seeds, comparisons, the same reports fused again."""
+"""Many runs, and finished runs: studies over seeds, comparisons, replays of recorded reports."""

@@ -74,17 +74,17 @@ class Design:
 
 
 def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable[Any]] | None = None) -> Design:
-    """All combinations of what is varied, each checked. Raises ``ScenarioError`` for whatever cannot be run."""
+    """All combinations of what is varied, each checked. Raises ``ScenarioError`` for any that cannot be run."""
     axes = tuple(_axis(key, values) for key, values in (vary or {}).items())
     _apart(axes)
     chosen = tuple(index(seed) if hasattr(seed, "__index__") else seed for seed in seeds)
     if not chosen:
-        raise ScenarioError("there are none", key="seeds", expected="one or more, like range(100)")
+        raise ScenarioError("none given", key="seeds", expected="one or more, like range(100)")
     if len(set(chosen)) < len(chosen):
-        raise ScenarioError("some are there twice", key="seeds", expected="each seed once")
+        raise ScenarioError("some are given twice", key="seeds", expected="each seed once")
     for seed in chosen:
         if not isinstance(seed, int) or seed < 0:
-            checked(scenario, seed)  # which says what is wrong
+            checked(scenario, seed)  # raises the error
     return Design(scenario, axes, tuple(_variants(scenario, axes, chosen[0])), chosen)
 
 
@@ -97,7 +97,7 @@ def _axis(key: str, values: Iterable[Any]) -> Axis:
         raise ScenarioError(what, key=key, expected="two values or more; --set sets a single one")
     for value in given:
         if sum(label(other) == label(value) for other in given) > 1:
-            raise ScenarioError(f"{label(value)} is there twice", key=key, expected="each value once")
+            raise ScenarioError(f"{label(value)} is given twice", key=key, expected="each value once")
         if key == TRACKER and not isinstance(value, str):
             what = f"is {label(value)}"
             raise ScenarioError(what, key=key, expected="names of single trackers; fusion.trackers takes lists of them")
@@ -109,11 +109,11 @@ def _apart(axes: Sequence[Axis]) -> None:
         for other in axes[:i]:
             if overlap(one.sets, other.sets):
                 what = f"is varied, and so is {other.key}"
-                raise ScenarioError(what, key=one.key, expected="keys that do not set the same")
+                raise ScenarioError(what, key=one.key, expected="keys that do not overlap")
 
 
 def overlap(one: str, other: str) -> bool:
-    """Whether two keys set the same: are equal, or one is the section of the other."""
+    """Whether two keys overlap: they are equal, or one is the section of the other."""
     return one == other or one.startswith(f"{other}.") or other.startswith(f"{one}.")
 
 
@@ -135,9 +135,9 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
 
 
 def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Any, ...]]:
-    """``key=a,b,c`` of each as values by key; what is no TOML array is text between commas.
+    """``key=a,b,c`` of each as values by key; values that are not TOML are text between commas.
 
-    Raises ``ScenarioError`` for what is no such thing, and for a key that is there twice.
+    Raises ``ScenarioError`` for a text of any other form, and for a key that is given twice.
     """
     found: dict[str, tuple[Any, ...]] = {}
     for text in texts:
@@ -165,7 +165,7 @@ def _values(key: str, text: str) -> tuple[Any, ...]:
 
 
 def _split(text: str) -> list[str]:
-    """At the commas that are in no brackets."""
+    """Split at the commas that are not in brackets."""
     parts, depth = [""], 0
     for character in text:
         depth += (character in "[{") - (character in "]}")
@@ -177,7 +177,7 @@ def _split(text: str) -> list[str]:
 
 
 def label(value: Any) -> str:
-    """A value in words, short."""
+    """A value as short text."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int | float):

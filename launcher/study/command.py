@@ -1,4 +1,4 @@
-"""``trackfield study``: what a person gives on the line, and is told while the runs go on."""
+"""``trackfield study``: its options, and its output while the runs go on."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from trackfield.scenario import Scenario
 
 MOST_WARNED: Final = 3
 _WIDTH: Final = 200
-"""Columns of a table that goes to no terminal."""
+"""Width of the table, in characters, where there is no terminal."""
 
 
 def conduct(
@@ -39,7 +39,7 @@ def conduct(
     out: Path | None,
     command: Sequence[str],
 ) -> None:
-    """Do a study, or what is missing of it, and print its table; ``fixed`` are the keys that other options set.
+    """Run a study, or what is missing of it, and print its table; ``fixed`` are the keys that other options set.
 
     Raises ``ScenarioError`` for bad input before anything runs, ``typer.Exit`` with 130 when it is interrupted.
     """
@@ -55,14 +55,14 @@ def conduct(
     for warning in _warnings(whole):
         console.print(Text.assemble(("warning: ", "yellow"), warning))
     if missing < runs:
-        console.print(f"{runs - missing} of {runs} runs are there from before")
+        console.print(f"{runs - missing} of {runs} runs exist already")
     try:
         fill(folder, n_jobs, lines=True)
         found = finish(folder, figures)
     except KeyboardInterrupt:
         left = len(folder.missing())
         said = f"interrupted: {runs - left} of {runs} runs are done and kept in {folder.path}; "
-        console.print(Text(said + "the same command goes on with the others"))
+        console.print(Text(said + "the same command runs the others"))
         raise typer.Exit(INTERRUPTED) from None
     stdout = _table_console()
     stdout.print(rich_table(found.summary, stdout))
@@ -81,19 +81,19 @@ def parse_seeds(text: str) -> list[int]:
     except ValueError:
         raise ScenarioError(f"is {text!r}", key="--seeds", expected=expected) from None
     if not found:
-        raise ScenarioError(f"{text!r} are none", key="--seeds", expected=expected)
+        raise ScenarioError(f"{text!r} gives no seeds", key="--seeds", expected=expected)
     return found
 
 
 def _check_free(whole: Design, fixed: Collection[str]) -> None:
     """Raise ``ScenarioError`` if another option sets what the study sets itself."""
     if "seed" in fixed:
-        raise ScenarioError("has no effect: --seeds says which", file="--set", key="seed", expected="--seeds alone")
+        raise ScenarioError("has no effect beside --seeds", file="--set", key="seed", expected="--seeds alone")
     for axis in whole.axes:
         for key in fixed:
             if overlap(axis.sets, key):
                 what = f"is varied, and set by another option ({key})"
-                raise ScenarioError(what, file="--vary", key=axis.key, expected="one of both")
+                raise ScenarioError(what, file="--vary", key=axis.key, expected="one of the two")
 
 
 def _announced(whole: Design) -> str:
@@ -103,7 +103,7 @@ def _announced(whole: Design) -> str:
 
 
 def _warnings(whole: Design) -> Iterator[str]:
-    """What is likely to go wrong: the first few warnings, and with which combinations."""
+    """The first few warnings, and the combinations that have them."""
     found: dict[str, list[str]] = {}
     for variant in whole.variants:
         for warning in variant.warnings:
@@ -113,10 +113,10 @@ def _warnings(whole: Design) -> Iterator[str]:
         yield f"with {first}{more}: {warning}" if first else warning
     if len(found) > MOST_WARNED:
         doubtful = sum(bool(variant.warnings) for variant in whole.variants)
-        yield f"there are warnings of {doubtful} of the {len(whole.variants)} combinations"
+        yield f"{doubtful} of the {len(whole.variants)} combinations have warnings"
 
 
 def _table_console() -> Console:
-    """Stdout; where it is no terminal, wide enough for a table on lines of its own."""
+    """Stdout; if it is not a terminal, wide enough for the whole table."""
     wide = None if sys.stdout.isatty() or os.environ.get("COLUMNS") else _WIDTH
     return Console(markup=False, emoji=False, highlight=False, width=wide)

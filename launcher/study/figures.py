@@ -1,4 +1,4 @@
-"""The figures of a run that studies are about: keys of metrics.json, in words."""
+"""The figures of a run that studies show: keys of metrics.json, with their names."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ FIGURES: Final = {
         Figure("rmse.position", "RMSE", "m"),
         Figure("rmse.velocity", "RMSE of the velocity", "m/s"),
         Figure("median_error", "median error", "m"),
-        Figure("share_within", "steps with the track near enough, share", "", "more"),
+        Figure("share_within", "share of steps with the track within lost_m", "", "more"),
         Figure("longest_blackout_s", "longest blackout", "s"),
-        Figure("times_bound", "RMSE to its bound", ""),
+        Figure("times_bound", "RMSE / bound", ""),
         Figure("latency_ms.link.p95", "latency on the link, 95 %", "ms"),
         Figure("latency_ms.to_track.p95", "latency from step to track, 95 %", "ms"),
         Figure("energy_j.total", "energy", "J"),
@@ -60,18 +60,18 @@ FIGURES: Final = {
 }
 """By their keys."""
 COST: Final = ("energy_j.total", "bytes.on_air", "frames.sent")
-"""What a field costs, the most telling first."""
+"""What a field costs, the most meaningful first."""
 ERROR: Final = "rmse.position"
 
 _SCALES: Final = {
     "s": ((172_800.0, 86_400.0, "days"), (7_200.0, 3_600.0, "h"), (0.0, 1.0, "s")),
     "J": ((1e4, 1e3, "kJ"), (0.1, 1.0, "J"), (0.0, 1e-3, "mJ")),
 }
-"""From which largest value on a unit is shown as so much of another."""
+"""(least largest value, factor, unit) of each unit that large or small values are shown in."""
 
 
 def scale_of(unit: str, values: Sequence[float]) -> tuple[float, str]:
-    """How many of its unit such values are shown in, and what that is called."""
+    """(factor, unit) in which such values are shown."""
     most = max(values, default=0.0)
     return next(((by, to) for least, by, to in _SCALES.get(unit, ()) if most >= least), (1.0, unit))
 

@@ -1,4 +1,4 @@
-"""The folder of a study: its runs, which are not run again, and what is made of them."""
+"""The folder of a study: its runs, which are not repeated, and the results made from them."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
 CHOSEN: Final = "median"
-"""The folder of the run that a study leaves if nothing is varied."""
+"""The run folder in a study in which nothing is varied."""
 MANIFEST: Final = "manifest.json"
 SCENARIO: Final = "scenario.toml"
 MOST_CHANGES: Final = 3
 
 
 class StudyFolder:
-    """A study below ``path``. Raises ``ScenarioError`` for a folder that has something else in it."""
+    """A study below ``path``. Raises ``ScenarioError`` for a folder with other contents."""
 
     def __init__(self, path: Path, design: Design) -> None:
         study_folder(path)
@@ -48,7 +48,7 @@ class StudyFolder:
         }
 
     def missing(self) -> list[tuple[int, int]]:
-        """(place of the variant, seed) of the runs that are not there."""
+        """(place of the variant, seed) of the runs that are missing."""
         return [(int(name), seed) for name, seed in self._store.missing(self.design.seeds)]
 
     def file(self, place: int, seed: int) -> Path:
@@ -64,7 +64,7 @@ class StudyFolder:
         return self.path / RESULTS / self.file(place, 0).parent.name / SCENARIO
 
     def begin(self, command: Sequence[str]) -> list[str]:
-        """Write what is to be run; in what it differs from the study that is there, for people."""
+        """Write what is to be run; returns how it differs from the study in the folder, in sentences."""
         said = list(self._changes())
         self.path.joinpath(SCENARIO).unlink(missing_ok=True)
         keep(self.design.scenario, self.path)
@@ -83,28 +83,28 @@ class StudyFolder:
         except (OSError, ValueError, KeyError):
             return
         if before["code"] != self._study["code"]:
-            yield "the code of Trackfield is another than that of the runs in this folder, which are made anew"
+            yield "the code of Trackfield has changed since the runs in this folder, which are made again"
         if before["scenario"] != self._study["scenario"]:
-            yield f"the scenario is another than that of the study in this folder: {self._changed_keys()}"
+            yield f"the scenario differs from that of the study in this folder: {self._changed_keys()}"
         if before["vary"] != self._study["vary"]:
-            yield f"varied were {_varied(before['vary'])}, and are {_varied(self._study['vary'])}"
+            yield f"the study varied {_varied(before['vary'])}, and now varies {_varied(self._study['vary'])}"
         if before["seeds"] != self._study["seeds"]:
-            yield f"the seeds were {seeds_in_words(before['seeds'])}, and are {seeds_in_words(self.design.seeds)}"
+            yield f"the seeds were {seeds_in_words(before['seeds'])}, and are now {seeds_in_words(self.design.seeds)}"
 
     def _changed_keys(self) -> str:
-        """Which keys of the scenario are others than before, and what they were."""
+        """The keys of the scenario that have changed, with their values before and now."""
         try:
             old = flat(Scenario.load(self.path / SCENARIO).plain())
         except ScenarioError:
-            return "its file cannot be read any more"
+            return "its old file can no longer be read"
         new = flat(self.design.scenario.plain())
         keys = [key for key in dict.fromkeys((*old, *new)) if old.get(key) != new.get(key) and key != "seed"]
         keys = [key for key in keys if not key.endswith("file")] or keys
         told = [f"{key} was {label(old.get(key, 'unset'))} and is {label(new.get(key, 'unset'))}" for key in keys]
         more = f", and {len(told) - MOST_CHANGES} more keys" if len(told) > MOST_CHANGES else ""
-        return (", ".join(told[:MOST_CHANGES]) or "its files or trackers are others") + more
+        return (", ".join(told[:MOST_CHANGES]) or "its files or trackers differ") + more
 
-    # --- what is made of the runs -------------------------------------------------------------------------------------
+    # --- results of the runs ------------------------------------------------------------------------------------------
 
     def write_tables(self, runs: Sequence[StudyRun], summary: Summary) -> None:
         """study.parquet, study.csv, summary.csv and tracks.parquet."""
@@ -125,7 +125,7 @@ class StudyFolder:
 
 
 def _write_csv(table: pa.Table, file: Path) -> None:
-    """Lists as text, which CSV has no other way to say."""
+    """Write CSV, with lists as text."""
     for place, name in enumerate(table.column_names):
         if pa.types.is_list(table[name].type):
             said = [None if value is None else label(value) for value in table[name].to_pylist()]
@@ -145,7 +145,7 @@ def seeds_in_words(seeds: Sequence[int]) -> str:
 
 
 def default_folder(design: Design) -> Path:
-    """Below ``runs/``: named after the scenario, with a digest of it and of the varied keys, so that more seeds or
-    values go on with what is there, and another scenario gets a folder of its own."""
+    """Below ``runs/``: named after the scenario, with a digest of it and of the varied keys, so that a study with more
+    seeds or values continues in the same folder, and one of another scenario gets its own."""
     digest = scenario_digest(design.scenario, ",".join(axis.key for axis in design.axes))
     return Path("runs") / f"study-{design.scenario.name}-{digest[:6]}"

@@ -1,4 +1,4 @@
-"""95 % confidence intervals of what runs with different seeds say: they are independent of each other.
+"""95 % confidence intervals over runs with different seeds, which are independent of each other.
 
 A mean has Student's t interval, as is usual for replications of a simulation (Law, Simulation Modeling and Analysis,
 chapter 9); no figure of a run can be below 0, and neither is its interval. A share has the interval of Wilson (1927),
@@ -15,7 +15,7 @@ from typing import Final
 
 LEVEL: Final = 0.95
 FEWEST: Final = 3
-"""Of fewer runs there is no interval."""
+"""Fewer runs have no interval."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A finished run as a notebook shows it: what became of each track, in a table with links to the rest."""
+"""A finished run as a notebook shows it: the verdict on each track, in a table with links to the rest."""
 
 from __future__ import annotations
 

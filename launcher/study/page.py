@@ -1,4 +1,4 @@
-"""``study.html``: one file with all that a study has to show, which needs nothing else to be opened."""
+"""``study.html``: one file with all results of a study, which opens without any other file."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ PAGE: Final = "study.html"
 _FILES: Final = {
     "summary.csv": "the table of this page: a row for each combination and tracker, with all figures and intervals",
     "study.csv": "a row for each run and tracker",
-    "study.parquet": "the same",
+    "study.parquet": "the same, for pandas, DuckDB and others",
     "tracks.parquet": "the tracks of all runs, step by step",
     CHOSEN: "the run with the median RMSE, to look at: trackfield view",
-    SCENARIO: "the scenario, before anything of it is varied",
+    SCENARIO: "the scenario before any key is varied",
     MANIFEST: "command, versions, machine, seeds and what was varied",
     PLOTS: "the pictures of this page",
     RESULTS: "the runs and the scenario of each combination",
@@ -37,7 +37,7 @@ _FILES: Final = {
 def write_page(
     folder: StudyFolder, runs: Sequence[StudyRun], summary: Summary, pareto: tuple[str, str] | None = None
 ) -> Path:
-    """Draw the pictures and write ``study.html`` into the folder, anew; the path of the page."""
+    """Draw the pictures and write ``study.html`` into the folder, over earlier ones; the path of the page."""
     pictures = draw(summary, folder.path, pareto)
     manifest = json.loads((folder.path / MANIFEST).read_bytes())
     x, y = pareto or default_pair(summary)
@@ -77,19 +77,19 @@ def _facts(summary: Summary, runs: int) -> list[tuple[str, str]]:
 
 
 def _axes(summary: Summary) -> Iterator[tuple[str, str, str]]:
-    """(key, heading, what is to be said) of each picture of an axis."""
+    """(key, heading, caption) of each picture of an axis."""
     bars = "Bars: 95 % confidence intervals." if summary.estimated else "Too few seeds for intervals."
     for axis in pictured(summary):
         _, held = lines(summary, axis)
-        also = f" Of what else is varied, {in_words(held)}; the table has the rest." if held else ""
-        yield axis.key, f"What {axis.key} does", f"Means over the seeds of each combination. {bars}{also}"
+        also = f" Shown for {in_words(held)}; the table has the other combinations." if held else ""
+        yield axis.key, f"The effect of {axis.key}", f"Means over the seeds of each combination. {bars}{also}"
 
 
 def _front_said(x: str, y: str) -> str:
     sides = " and ".join(f"{FIGURES[key].better} {FIGURES[key].name}" for key in (x, y))
     return (
-        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). On the front are those that no other "
-        "is better than in both. A combination of which half of the runs or more were lost cannot be on it."
+        f"Means of each combination, bars as above; {sides} is better ({x}, {y}). The front holds the combinations "
+        "that no other beats in both. A combination that lost half of its runs or more cannot be on it."
     )
 
 

@@ -16,10 +16,10 @@ Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 
 WORKERS_START_S: Final = 3.0
-"""Worker processes take about so long to start and to import what runs need; less work than that is done here."""
+"""The time that worker processes take to start and to import; less work than that is done in this process."""
 
 FIRST: Final = 5
-"""So many jobs say little of how long the others take."""
+"""The first jobs that are not used to estimate the remaining time."""
 
 
 def unordered(
@@ -28,8 +28,8 @@ def unordered(
     """(place in ``jobs``, answer) of each, as they come; with a progress bar on stderr where that is a terminal.
 
     ``n_jobs`` and ``joblib.parallel_config`` say where they are computed, as for ``joblib.Parallel``; the first is
-    computed in this process, and so are all others if that takes less time than to start others. With ``lines``,
-    progress is told in plain lines where there is no terminal.
+    computed in this process, and so are all others if that takes less time than to start workers. With ``lines``,
+    progress is printed in plain lines where there is no terminal.
     """
     from joblib import Parallel, delayed
 
@@ -51,8 +51,8 @@ def unordered(
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Processes that are started inside do not get Ctrl-C, which is for this one to answer; it gets it afterwards."""
-    resource_tracker.ensure_running()  # which lets it through again when it is first started
+    """Processes that are started inside ignore Ctrl-C; this process handles it afterwards."""
+    resource_tracker.ensure_running()  # its first start would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -61,7 +61,7 @@ def _deaf_children() -> Iterator[None]:
 
 
 def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:
-    register(brought)  # what users registered they did so in the process that asked
+    register(brought)  # users registered theirs in the calling process
     return place, function(job)
 
 

@@ -1,8 +1,8 @@
 """The reports of a finished run, fused again: by other trackers, or without those that came late.
 
-Each process that tracked goes again over the steps of which it published something, with the reports that its tracks
-say they used; a later life goes on from what the one before it believed. What the trackers say is told when the run
-told it. Nothing is sent: the field has already acted.
+Each process that tracked repeats the steps for which it published points, with the reports that its tracks used; a
+later life continues from the estimates of the life before it. Points are published at the times of the run. No messages
+are sent.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from trackfield.role import NS, Publish, State
 from trackfield.wire.codec import decode
 
 FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")
-"""Parts of metrics.json that depend on who tracks; all others stay as they were."""
+"""Parts of metrics.json that depend on the trackers; all others stay as they were."""
 
 
 def replay(
@@ -47,7 +47,7 @@ def replay(
 ) -> Outcome:
     """Fuse the reports of a run folder with these trackers (none: its own) and leave a folder of the same kind.
 
-    With ``drop_late`` reports that came after their deadline do not count. Raises ``ScenarioError`` if the folder is
+    With ``drop_late``, reports that came after their deadline are left out. Raises ``ScenarioError`` if the folder is
     not that of a finished run by this version, for an unknown tracker, and if ``out`` is not empty.
     """
     begun, cpu_s = time.monotonic(), time.process_time()
@@ -68,27 +68,27 @@ def replay(
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
-    # what went wrong in the run is no failure of its replay
+    # failures of the run are not failures of its replay
     return replace(close_folder(plan, folder, metrics, [], []), complaints=())
 
 
 def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
-    """Why a replay of a run with these metrics may differ from it though nothing was changed, or be the same."""
+    """Why a replay may differ from the run with these metrics though nothing was changed, or be the same."""
     said = []
     if drop_late and not metrics["frames"]["late"]:
-        said.append("no report of this run was late (frames.late): --drop-late changes nothing")
+        said.append("no report of the run was late (frames.late): --drop-late changes nothing")
     if dropped := metrics["recorder"]["dropped"]:
-        said.append(
-            f"{dropped} frames of this run never reached the recorder (recorder.dropped): the replay lacks them"
-        )
+        said.append(f"{dropped} frames of the run never reached the recorder (recorder.dropped): the replay lacks them")
     if late := metrics["timing"]["host_late"]:
-        said.append(f"{late} events were handled out of order in this run (timing.host_late); here all are in order")
+        said.append(
+            f"{late} events were handled out of order in the run (timing.host_late); the replay has all in order"
+        )
     return said
 
 
 @dataclass(frozen=True)
 class Fusion:
-    """A process used the reports of these ``sensors`` for a step, and told what came of it first at ``told_ns``."""
+    """A process used the reports of these ``sensors`` for a step, and first published the result at ``told_ns``."""
 
     source: str
     incarnation: int
@@ -103,7 +103,7 @@ class Fusion:
 
 
 def read_fusions(tracks: Path) -> list[Fusion]:
-    """What was fused in a run, process by process and in the order of time."""
+    """The fusions of a run, process by process and in the order of time."""
     columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
     first: dict[tuple[str, int], dict[str, Any]] = {}
     for row in pq.read_table(tracks, columns=list(columns)).to_pylist():
@@ -114,7 +114,7 @@ def read_fusions(tracks: Path) -> list[Fusion]:
 
 
 class _Source:
-    """A process that tracked, doing so again; ``starts`` is when its planned later lives began, by their names."""
+    """Repeats a process that tracked; ``starts`` has the beginnings of its planned later lives, by their names."""
 
     def __init__(self, bank: Bank, starts: Mapping[str, int]) -> None:
         self.bank, self._starts = bank, starts
@@ -123,8 +123,10 @@ class _Source:
         self._life, self._step, self._phase = "", 0, ""
 
     def fuse(self, one: Fusion, heard: Mapping[str, Any], *, early: bool) -> Iterator[tuple[int, State | Publish]]:
-        """What it tells of a step, and when; ``early`` says that some of what it ``heard`` had come by then."""
-        resumed = self._starts.get(one.life) == one.told_ns  # it told of this step as it came back, not at a deadline
+        """(time, effect) published for a step; ``early`` says that some of what it ``heard`` had come by then."""
+        resumed = (
+            self._starts.get(one.life) == one.told_ns
+        )  # it published this step when it returned, not at a deadline
         if one.life != self._life:
             yield from self._begin(one, resumed=resumed)
         for step in range(self._step + 1, one.step):
@@ -139,7 +141,7 @@ class _Source:
             yield from self._enter(one.told_ns, "coasting" if status == "tracking" and not early else status)
 
     def _begin(self, one: Fusion, *, resumed: bool) -> Iterator[tuple[int, State | Publish]]:
-        """A life begins, from what the one before it stored if there is anything."""
+        """A life begins, from what the life before it stored, if anything."""
         until, self._life, self._phase = one.step - 1, one.life, ""
         if self._stored is None:
             self._tracks = self.bank.begin(prior=until == 0)
@@ -160,8 +162,8 @@ class _Source:
 def fused(
     plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]
 ) -> Iterator[tuple[Fusion, int, State | Publish]]:
-    """What all who tracked tell of their steps, with the reports that these messages hold, and when (ns)."""
-    # Of what an unplanned death left open the tracks know best; of several frames the one that is known to have come.
+    """(fusion, time in ns, effect) of what all tracking processes publish, with the reports in these messages."""
+    # Tracks name the reports used, even if an unplanned death left outcomes open; delivered frames count before others.
     kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
     reports = {(row.src, row.step): row for row in kept if row.step is not None}
     starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
@@ -185,13 +187,13 @@ def _fuse(
     *,
     drop_late: bool,
 ) -> Metrics:
-    """Write the tracks and the timeline; the metrics of a run in which nobody but trackers said anything."""
+    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
     ledger = Ledger(plan.run, plan.processes)
     ledger.end(plan.origin_ns + round(before["end_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
     told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
     for number, (one, t_ns, effect) in enumerate(told):
-        if one.life not in ledger.diaries:  # of a life that nobody planned
+        if one.life not in ledger.diaries:  # an unplanned life
             ledger.life(replace(first[one.source], incarnation=one.incarnation, start_ns=t_ns, kill_ns=None))
         ledger.told(one.life, Told((t_ns, RANK_TIMER, number), effect))
     journal = Journal(plan, ledger, folder)

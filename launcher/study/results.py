@@ -25,7 +25,7 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
 _METRICS: Final = b"trackfield.metrics"
-"""Under which a stored run has its figures, beside its tracks."""
+"""The metadata key under which a stored run has its figures, beside its tracks."""
 _TYPES: Final = {
     "seed": pa.int64(),
     "tracker": pa.string(),
@@ -35,12 +35,12 @@ _TYPES: Final = {
     "nees_band": pa.list_(pa.float64()),
     "lifetime_s.extrapolated": pa.bool_(),
 }
-"""Of columns of a study's table; frames and bytes are whole numbers, all others not."""
+"""The types of columns of a study's table; frames and bytes are whole numbers, all others are floats."""
 
 
 @dataclass(frozen=True)
 class StudyRun:
-    """One run of a study: its seed, its figures, and the ``values`` of what is varied."""
+    """One run of a study: its seed, its figures, and the ``values`` of the varied keys."""
 
     seed: int
     metrics: RunFigures
@@ -49,13 +49,13 @@ class StudyRun:
 
     @property
     def tracks(self) -> pa.Table:
-        """Its tracks, as in tracks.parquet; read anew each time if the run is stored."""
+        """Its tracks, as in tracks.parquet; read again each time if the run is stored."""
         if isinstance(self.held, pa.Table):
             return self.held
         return pq.read_table(self.held).replace_schema_metadata(None)
 
     def of(self, values: Mapping[str, Any]) -> StudyRun:
-        """The same as the run of these values."""
+        """The same run, with these values of the varied keys."""
         return replace(self, values=values)
 
     def save(self, file: Path) -> StudyRun:
@@ -71,7 +71,7 @@ class StudyRun:
         try:
             metrics = RunFigures.of(json.loads(pq.read_schema(file).metadata[_METRICS]), str(file))
         except (OSError, ValueError, KeyError, TypeError):
-            expected = "the file gone: then its run is made again"
+            expected = "the file to be deleted, so that the study makes its run again"
             raise ScenarioError("is damaged", file=str(file), expected=expected) from None
         return cls(metrics.seed, metrics, file)
 
@@ -102,7 +102,7 @@ def figures_table(runs: Iterable[RunFigures]) -> pa.Table:
 
 
 def study_table(runs: Sequence[StudyRun], axes: Sequence[Axis]) -> pa.Table:
-    """That of all runs, after a column for each varied key."""
+    """The table of all runs, after a column for each varied key."""
     table = figures_table(run.metrics for run in runs)
     for place, axis in enumerate(columns(axes)):
         values = [run.values[axis.key] for run in runs for _ in run.metrics.trackers]
@@ -111,7 +111,7 @@ def study_table(runs: Sequence[StudyRun], axes: Sequence[Axis]) -> pa.Table:
 
 
 def columns(axes: Sequence[Axis]) -> list[Axis]:
-    """Those that have a column of their own: all but that of the tracker, which tables have anyway."""
+    """The axes with a column of their own: all but that of the tracker, which tables have anyway."""
     return [axis for axis in axes if axis.key != TRACKER]
 
 
@@ -121,7 +121,7 @@ def column(axis: Axis, values: Sequence[Any]) -> pa.Array:
 
 
 def write_tracks(runs: Sequence[StudyRun], axes: Sequence[Axis], file: Path) -> None:
-    """The tracks of all runs in one file, one after the other, with what is varied and the seed before them."""
+    """The tracks of all runs in one file, one after the other, with the varied keys and the seed before them."""
     types = {axis.key: column(axis, axis.values).type for axis in columns(axes)}
     writer = None
     try:

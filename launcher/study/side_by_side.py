@@ -17,7 +17,7 @@ LONGEST: Final = 40
 
 
 def show(compared: Compared, console: Console | None = None) -> None:
-    """Print the table, and what a reader must know before comparing."""
+    """Print the table, and remarks that matter for the comparison."""
     to = console or Console(markup=False, emoji=False, highlight=False)
     to.print(side_by_side(compared))
     for remark in remarks(compared):

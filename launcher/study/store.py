@@ -1,6 +1,6 @@
-"""Runs of a study on disk: what is there is not run again, whatever ended the study.
+"""Runs of a study on disk: finished runs are not repeated, however the study ended.
 
-A run is a file of its own, in a folder that is named after a digest of all that decides its figures: the resolved
+A run is a file of its own, in a folder that is named after a digest of all that determines its figures: the resolved
 scenario with the files that it names, the code that runs it, and numpy, whose random streams it draws from.
 """
 
@@ -28,12 +28,12 @@ from trackfield.world.sensors import SENSORS
 
 RESULTS: Final = "results"
 _PACKAGES: Final = ("trackfield", "launcher.plan", "launcher.record")
-"""That decide a run's figures, besides those of the roles; the other rooms only show them."""
+"""The packages that determine a run's figures, besides those of the roles; all others only show them."""
 
 
 @cache
 def code_digest(*others: Path) -> str:
-    """Of every source file that has a say in a run's figures, of ``others``, and of numpy's version."""
+    """The digest of every source file that affects a run's figures, of ``others``, and of numpy's version."""
     roles = {entry.module.partition(".")[0] for entry in entry_points(group="trackfield.roles")}
     digest = blake2b(version("numpy").encode(), digest_size=8)
     for name in sorted({*_PACKAGES, *roles}):
@@ -47,16 +47,16 @@ def code_digest(*others: Path) -> str:
 
 
 def scenario_digest(scenario: Scenario, code: str = "") -> str:
-    """Of all that a scenario says but for its seed: its keys, what is in its files, a user's own classes; and ``code``.
+    """The digest of a scenario without its seed: keys, contents of files, users' own classes; and of ``code``.
 
-    Where a file lies does not matter.
+    The paths of files do not matter.
     """
     said = _with_contents({key: value for key, value in scenario.plain().items() if key != "seed"})
     return blake2b((json.dumps(said, sort_keys=True) + _own_code(scenario) + code).encode(), digest_size=6).hexdigest()
 
 
 def _with_contents(value: Any) -> Any:
-    """The same, with what is in each file instead of its name."""
+    """The same, with the contents of each file instead of its name."""
     if isinstance(value, Mapping):
         return {key: _contents(item) if key == "file" else _with_contents(item) for key, item in value.items()}
     return [_with_contents(item) for item in value] if isinstance(value, list) else value
@@ -70,7 +70,7 @@ def _contents(file: object) -> str:
 
 
 def _own_code(scenario: Scenario) -> str:
-    """The source of trackers and sensors that are a user's own."""
+    """The source of users' own trackers and sensors."""
     makers: list[object] = [TRACKERS[name] for name in tracker_places(scenario.fusion)]
     if isinstance(scenario.sensor, OwnSensor):
         makers.append(SENSORS[scenario.sensor.kind])
@@ -78,7 +78,7 @@ def _own_code(scenario: Scenario) -> str:
 
 
 def _source(maker: Any) -> str:
-    """Of the file that defines it; where there is none, nothing that was stored before is the same."""
+    """The text of the file that defines it; if there is none, a random one, so that no stored run matches."""
     try:
         return Path(str(inspect.getsourcefile(maker))).read_text(encoding="utf-8")
     except (OSError, TypeError):
@@ -86,7 +86,7 @@ def _source(maker: Any) -> str:
 
 
 class Store:
-    """The runs of some named scenarios below ``folder``; those of each in a folder of its own, which ``keys`` name."""
+    """The runs of named scenarios below ``folder``; ``keys`` has the folder of each."""
 
     def __init__(self, folder: Path, keys: Mapping[str, str], suffix: str) -> None:
         self.folder, self.suffix = folder, suffix
@@ -98,13 +98,13 @@ class Store:
         return self._folders[name] / f"{seed:05}{self.suffix}"
 
     def missing(self, seeds: Sequence[int]) -> list[tuple[str, int]]:
-        """The runs that are not there, seed by seed: an early end leaves all scenarios about as far."""
+        """The missing runs, seed by seed, so that an early end leaves about as many of each scenario."""
         return [(name, seed) for seed in seeds for name in self._folders if not self.file(name, seed).exists()]
 
 
 @contextmanager
 def whole(file: Path) -> Iterator[Path]:
-    """A file to write to, which becomes ``file`` at the end: that is there whole or not at all."""
+    """A file to write to, which becomes ``file`` at the end, so that ``file`` is whole or missing."""
     file.parent.mkdir(parents=True, exist_ok=True)
     part = file.with_suffix(f".{os.getpid()}.part")
     yield part
@@ -112,12 +112,12 @@ def whole(file: Path) -> Iterator[Path]:
 
 
 def study_folder(folder: Path) -> None:
-    """Make a folder for a study: new, empty, or one of an earlier study. Raises ``ScenarioError`` if it is none."""
+    """Make a folder for a study: new, empty, or one of an earlier study. Raises ``ScenarioError`` for any other."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()) and not (folder / RESULTS).is_dir():
             expected = "an empty or new one, or that of an earlier study"
-            raise ScenarioError("the folder has something in it", file=str(folder), key="--out", expected=expected)
+            raise ScenarioError("the folder is not empty", file=str(folder), key="--out", expected=expected)
         (folder / RESULTS).mkdir(exist_ok=True)
     except OSError as error:
         what = f"cannot write there ({error.strerror})"

@@ -1,4 +1,4 @@
-"""Studies: a scenario, what is varied of it, and many runs of each combination in virtual time."""
+"""Studies: a scenario, varied keys, and many runs of each combination in virtual time."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Study:
-    """Runs of one scenario: combination by combination of what is varied, each in the order of the seeds.
+    """Runs of one scenario: combination by combination of the varied keys, each in the order of the seeds.
 
-    ``folder`` is where it is kept, if anywhere.
+    ``folder`` is where the study is kept, if anywhere.
     """
 
     design: Design = field(repr=False)
@@ -42,22 +42,22 @@ class Study:
 
     @property
     def scenario(self) -> Scenario:
-        """What is run, before anything of it is varied."""
+        """The scenario before any key is varied."""
         return self.design.scenario
 
     @property
     def axes(self) -> tuple[Axis, ...]:
-        """What is varied: ``key`` and ``values`` of each."""
+        """The varied keys: ``key`` and ``values`` of each."""
         return self.design.axes
 
     @cached_property
     def table(self) -> pa.Table:
-        """A row for each run and tracker; the columns are what is varied, and keys of metrics.json."""
+        """A row for each run and tracker; the columns are the varied keys, and keys of metrics.json."""
         return study_table(self.results, self.axes)
 
     @cached_property
     def summary(self) -> Summary:
-        """Of each combination and tracker the means, with intervals; ``summary.table`` has them as a table."""
+        """The means of each combination and tracker, with intervals; ``summary.table`` has them as a table."""
         return summary_of(self.design, self.results)
 
     @property
@@ -80,7 +80,7 @@ class Study:
         return self.table.to_pandas()
 
     def plot(self, axis: str | None = None) -> Picture:
-        """What a varied key does (none named: the first) to error, latency, energy, lifetime and losses.
+        """The effect of a varied key (default: the first) on error, latency, energy, lifetime and losses.
 
         A matplotlib figure, which notebooks show. If nothing is varied, trackers are compared. Raises
         ``ScenarioError`` for a key that is not varied.
@@ -91,9 +91,9 @@ class Study:
         return axis_picture(self.summary, axis_of(self.summary, axis))
 
     def pareto(self, x: str = "", y: str = "") -> Picture:
-        """Two figures (keys of metrics.json) of each combination, and which are the best; unnamed: cost and error.
+        """Two figures (keys of metrics.json) of each combination, and the best of them; default: cost and error.
 
-        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for what is no figure of a study.
+        A matplotlib figure, which notebooks show. Raises ``ScenarioError`` for a key that is not a figure of a study.
         """
         from launcher.study.figures import pair
         from launcher.study.pictures.pareto import default_pair, front_of, pareto_picture
@@ -115,9 +115,9 @@ def study(
     n_jobs: int = -1,
     out: Path | None = None,
 ) -> Study:
-    """Run every combination of what is varied with each of these seeds; ``out`` is the folder of the study.
+    """Run every combination of the varied keys with each of these seeds; ``out`` is the folder of the study.
 
-    Raises ``ScenarioError`` if a run cannot be made, there are no seeds, or ``out`` has something else in it.
+    Raises ``ScenarioError`` if a run cannot be made, there are no seeds, or ``out`` has other contents.
     """
     whole = design(scenario, seeds, vary)
     if out is None:
@@ -137,7 +137,7 @@ def _unkept(whole: Design, n_jobs: int) -> Study:
 
 
 def fill(folder: StudyFolder, n_jobs: int = -1, *, lines: bool = False) -> None:
-    """Do the runs that are missing in the folder; those that are done stay there, whatever ends it."""
+    """Do the runs that are missing in the folder; finished ones are kept, however this ends."""
     jobs = folder.missing()
     given = _given(folder.design, jobs)
     for number, run in unordered(_run, given, n_jobs, _title(folder.design), lines=lines):
@@ -145,7 +145,7 @@ def fill(folder: StudyFolder, n_jobs: int = -1, *, lines: bool = False) -> None:
 
 
 def finish(folder: StudyFolder, pareto: tuple[str, str] | None = None) -> Study:
-    """The study, whose runs are all there: with tables, pictures and a page in its folder."""
+    """The study, once all runs are there; writes tables, pictures and a page into its folder."""
     from launcher.study.page import write_page
 
     runs = tuple(folder.load(place, seed) for place, seed in folder.design.jobs)

@@ -1,4 +1,4 @@
-"""What a study says: for each combination and tracker the mean of every figure over its seeds, with an interval."""
+"""The summary of a study: the mean of every figure over the seeds, with intervals, by combination and tracker."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ VERDICTS: Final = (TRACKED, WITH_GAPS, LOST)
 class Row:
     """A combination and a tracker: how many of the ``runs`` got each verdict, and the means of the figures by key.
 
-    A run that does not have a figure (no track at all, no battery) or a verdict does not count for it; ``None`` if no
-    run has it.
+    A run without a figure (no track at all, no battery) or a verdict does not count for it; ``None`` if no run has it.
     """
 
     values: Mapping[str, Any]
@@ -33,7 +32,7 @@ class Row:
     figures: Mapping[str, Estimate | None]
 
     def share(self, verdict: str) -> Estimate | None:
-        """Of the runs that got this verdict, among those that got any."""
+        """The share of runs with this verdict, among those that have one."""
         judged = sum(self.verdicts.values())
         return share_of(self.verdicts[verdict], judged) if judged else None
 
@@ -54,7 +53,7 @@ class Summary:
 
     @property
     def own_axes(self) -> list[Axis]:
-        """The axes but that of the tracker, which every row names anyway."""
+        """The axes without that of the tracker, which every row names anyway."""
         return columns(self.axes)
 
     @cached_property
@@ -98,7 +97,7 @@ def summary_of(design: Design, runs: Sequence[StudyRun]) -> Summary:
 
 
 def _rows(values: Mapping[str, Any], runs: Sequence[StudyRun]) -> Iterator[Row]:
-    """Of the runs with these values, one for each tracker."""
+    """The rows of the runs with these values, one for each tracker."""
     found: dict[str, list[dict[str, Any]]] = {}
     for run in runs:
         if run.values == values:

@@ -29,13 +29,13 @@ COLUMNS: Final = {
     "lifetime_s.first_death": "battery empty",
     "frames.lost": "frames lost",
 }
-"""Figures that a table has, where any row does."""
+"""Figures in the table, if any row has them."""
 _WITH_INTERVAL: Final = ("tracked", "RMSE")
-"""Columns whose intervals a terminal has room for."""
+"""Columns that have intervals in a terminal."""
 _FIRST_TO_GO: Final = (
     *("median", "blackout", "with gaps", "latency, 95 %", "frames lost", "lost", "battery empty", "energy"),
 )
-"""Columns that a narrow terminal goes without."""
+"""Columns that are left out in a narrow terminal, in this order."""
 _ANY: Final = 10_000
 """Columns of text, more than any table has."""
 
@@ -61,7 +61,7 @@ class Grid:
 
 
 def grid(summary: Summary) -> Grid:
-    """What people compare, with intervals; a tracker that is alone has no column if anything is varied."""
+    """The table with intervals; a single tracker has no column if any key is varied."""
     shown = [key for key in COLUMNS if summary.told(key)]
     axes, scales = summary.own_axes, {key: _scale(summary, key) for key in shown}
     tracker = not axes or len(summary.trackers) > 1
@@ -110,12 +110,12 @@ def _cell(row: Row, key: str, by: float) -> Cell:
 
 
 def _digits(value: float) -> int:
-    """Decimals with which a figure has three digits or so."""
+    """The decimals with which a figure has about three digits."""
     return int(np.clip(2 - np.floor(np.log10(value)), 0, 4)) if value > 0 else 0
 
 
 def caption(summary: Summary) -> str:
-    """How the intervals came about, or why there are none."""
+    """How the intervals are computed, or why there are none."""
     runs = len(summary.seeds)
     if not summary.estimated:
         return f"Means over {runs} run{'s' * (runs != 1)}: too few for intervals, which need {FEWEST}."

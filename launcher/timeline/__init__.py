@@ -1,1 +1,1 @@
-"""The picture of a run in Rerun: as a file, live, or as a PNG. Nobody else knows Rerun."""
+"""The timeline of a run in Rerun: as a file, live, or as a PNG. No other package imports Rerun."""

@@ -1,4 +1,4 @@
-"""Curves over time: where they break, and how high a plot is for its legend to hide none of them."""
+"""Curves over time: where they break, and the axis that keeps them clear of the legend."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ GAP: Final = 1.5
 """A curve breaks where it has no value for this many of its intervals."""
 BINS: Final = 100
 PLOT: Final = (320.0, 140.0)
-"""Width and height of a plot, where the window is not small."""
+"""Width and height of a plot in a window of normal size."""
 HIGHEST: Final = 0.65
 """The share of a plot that a legend may take."""
 _ENTRY: Final = (45.0, 5.5, 14.0, 22.0)
-"""Of a legend: width, and more for each letter; height, and more for each entry."""
+"""The size of a legend: width, plus width per letter; height, plus height per entry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Curves:
         self._highest: dict[str, npt.NDArray[np.float64]] = {}
 
     def value(self, parts: tuple[str, ...], t_ns: int, values: tuple[float, ...], every_ns: int) -> None:
-        """The values of a plot (or of one curve in it, whose name follows that of the plot), due ``every_ns``."""
+        """Add values of a plot (or of one curve in it, whose name follows that of the plot), expected ``every_ns``."""
         path, limit_ns = entity("plots", *parts), round(GAP * every_ns)
         since_ns, before = self._last.get(path, (t_ns, values))
         if t_ns - since_ns > limit_ns:

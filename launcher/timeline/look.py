@@ -21,7 +21,7 @@ Colour = int
 """0xRRGGBBAA."""
 
 REST: Final = "asleep"
-"""The state that nodes are in while nothing happens."""
+"""The state of nodes while nothing happens."""
 DEAD: Final = "dead"
 STATE_COLOURS: Final[dict[str, Colour]] = {
     REST: 0x6F7686FF,
@@ -46,7 +46,7 @@ SERIES: Final[dict[str, tuple[list[str], list[Colour]]]] = {
     "error/bound": (["bound"], [0x969BA5FF]),
     "latency": (["median", "95 %"], [0x8C7BF0FF, 0x5B4FB0FF]),
     "lost": (["lost", "late"], [LOST, LATE]),
-    "bytes": (["sent to hearers", "delivered"], [0x9A8F6AFF, 0xE6C65CFF]),
+    "bytes": (["sent to receivers", "delivered"], [0x9A8F6AFF, 0xE6C65CFF]),
     "clock": (["rms", "largest"], [0x2BD4BDFF, 0x1F7F78FF]),
     "queue": (["longest"], [0xE68A5CFF]),
 }
@@ -57,20 +57,20 @@ _SHARES: Final[tuple[Colour, ...]] = (0xF2524BFF, 0xF5D041FF, 0x3DBE6CFF)
 
 GROUND: Final = (14, 15, 20)
 _GRAPH_SPACING: Final = (52.0, 42.0)
-"""In a network, east and north: a little more than the box that is drawn around a name."""
+"""The spacing of a network, east and north: a little more than the box that is drawn around a name."""
 LOW: Final = 0.2
-"""What a battery has left when it is shown."""
+"""A battery is shown once it has no more than this share left."""
 LANES: Final = 7
-"""Lanes that fit below the field,"""
+"""Lanes that fit below the field."""
 ALL_LANES: Final = 200
-"""and in the tab with all of them; a field of more sensors is drawn without their names."""
+"""The most lanes in the tab with all of them; a larger field is drawn without names of sensors."""
 WHOLE_NETWORK: Final = 2000
-"""Of a network of more places only those are drawn that have to do with something, and not where they stand:
-neighbours would be too close to be told apart."""
+"""Of a network of more places, only the active ones are drawn, without their positions: neighbours would be too close
+to each other."""
 
 
 def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
-    """The colour of a tracker's track, ellipse and error; one that the run did not announce comes last."""
+    """The colour of a tracker's track, ellipse and error; an unknown tracker gets the next free colour."""
     return int(tracker_colours([*info.trackers, tracker])[tracker][1:], 16) << 8 | 0xFF
 
 
@@ -95,7 +95,7 @@ def dot(info: FieldInfo) -> float:
 
 @lru_cache(maxsize=4096)
 def path(*parts: str) -> str:
-    """An entity path of these parts, whatever characters they hold."""
+    """An entity path of these parts, with special characters escaped."""
     return "/" + "/".join(rr.escape_entity_path_part(part) for part in parts)
 
 
@@ -120,9 +120,9 @@ def point_style(colour: Colour | None, radius: float, order: float) -> rr.Points
 
 
 def lanes(info: FieldInfo) -> list[Place]:
-    """All places, the ones whose states are worth a look first.
+    """All places, those with the most interesting states first.
 
-    That is whatever is no sensor, then the sensors in the order of how long a target is nearest to them.
+    These are places without a sensor, then the sensors in the order of how long a target is nearest to them.
     """
     sensors = info.tagged(SENSES)
     others = [place for place in info.places if SENSES not in place.tags]
@@ -136,10 +136,10 @@ def lanes(info: FieldInfo) -> list[Place]:
 
 
 def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
-    """Where each place is drawn in the network, sensors first: as in the field, but y down and scaled.
+    """The position of each place in the network, sensors first: as in the field, but y down and scaled.
 
     The graph view draws a box of some 45 x 20 units around a name, so neighbours are a little further apart,
-    and whatever is no sensor is drawn half a row further south, beside the sensors that it may stand amid.
+    and places without a sensor are drawn half a row further south, so that they do not cover sensors.
     """
     places = sorted(info.places, key=lambda place: SENSES not in place.tags)
     at = np.array([(place.x, -place.y) for place in places]) / spacing(info) * _GRAPH_SPACING
@@ -148,7 +148,7 @@ def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
 
 
 def field_points(info: FieldInfo) -> list[tuple[float, float]]:
-    """All that stands or goes in a field."""
+    """All points of a field: places, paths of targets, and routes."""
     points = [(place.x, place.y) for place in info.places]
     points += [(x, y) for truth in info.truths for _, x, y in truth.points]
     return points + [(x, y) for _, legs in info.paths for _, x, y in legs]

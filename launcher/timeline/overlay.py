@@ -1,4 +1,4 @@
-"""Tracks and errors of several runs over each other, in one recording on one timeline."""
+"""Tracks and errors of several runs in one recording, on one timeline."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Array = npt.NDArray[np.float64]
 PLOT: Final = (760.0, 390.0)
 """Width and height of a plot on a screen of 1600 x 900."""
 NEAR: Final = 0.9
-"""The close-up holds this share of the errors."""
+"""The share of the errors that fit into the close-up."""
 
 
 @dataclass(frozen=True)
 class Overlaid:
-    """What one tracker said in one run, an entry per step: ``t_s`` (T,) in s since the first step.
+    """The estimates of one tracker in one run, an entry per step: ``t_s`` (T,) in s since the first step.
 
     ``mean`` (T, 2) in m, ``covariance`` (T, 4, 4), ``error_m`` (T,); NaN where there was no track. ``colour`` is
     "#rrggbb", ``width`` that of its lines on screen.
@@ -65,7 +65,7 @@ class Way:
 
 
 def write_overlay(file: Path, name: str, sensors: Points, ways: Sequence[Way], tracks: Sequence[Overlaid]) -> None:
-    """Write a recording, in place of a file that is there; ``sensors`` (n, 2) stand in the field."""
+    """Write a recording, over an existing file; ``sensors`` (n, 2) are their positions, m."""
     rec = rr.RecordingStream("trackfield", recording_id=name)
     rr.set_log_tick_enabled(False, recording=rec)
     rr.set_log_time_enabled(False, recording=rec)
@@ -79,7 +79,7 @@ def write_overlay(file: Path, name: str, sensors: Points, ways: Sequence[Way], t
     rec.flush(timeout_sec=5)
     rec.disconnect()
     del rec
-    rerun_bindings.flush_and_cleanup_orphaned_recordings()  # else its threads stay as long as the program
+    rerun_bindings.flush_and_cleanup_orphaned_recordings()  # otherwise its threads stay until the program ends
 
 
 # --- what is drawn ----------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Field and network as they are at each instant: what rests is drawn once, what does not is drawn at each change."""
+"""Field and network at each instant: what is at rest is drawn once, all else at each change."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from launcher.timeline.scene import Add, Shown, crosses, extent, spacing
 PACE_NS: Final = 400_000
 """A layer of n points is drawn at most once in n times this: files grow with what happens, not with the field."""
 CENTRE_CROSS: Final = 2.0
-"""The cross on a dead centre is so many times as large as that on a sensor, as its dot is."""
+"""Size of the cross on a dead centre over that on a dead sensor, as for their dots."""
 
 
 class Picture:
-    """Draws what ``shown`` says, as rows that it hands to ``add``.
+    """Draws what is in ``shown``, as rows that it hands to ``add``.
 
     Kinds of things shown, with their keys and values: ``state`` process -> name, while it is at work; ``battery``
     process -> share, while low; ``lost`` process -> True; ``edge`` (from, to) -> True; ``ray`` process ->
     bearing in rad; ``fix`` tracker -> (x, y) m; ``size`` (target, tracker, source) -> m that a close-up is to reach;
-    ``mark`` (process, text) -> colour. ``words`` holds what the lane of
-    marks has said, and the colour of each word.
+    ``mark`` (process, text) -> colour. ``words`` holds the texts of the lane of
+    marks so far, and the colour of each.
     """
 
     def __init__(self, info: FieldInfo, add: Add) -> None:
@@ -67,14 +67,14 @@ class Picture:
             self._draw(t_ns)
 
     def close(self, end_ns: float) -> None:
-        """Draws all that is left, but nothing after the end."""
+        """Draws all that remains, but nothing after the end."""
         self._pace_ns = 0
         self._next_ns = dict.fromkeys(self._layers, 0)
         self._draw(self.shown.last_ns)
         self.settle(end_ns)
 
     def _note(self, changed: dict[str, set[Any]]) -> None:
-        """Which layers no longer show what is."""
+        """Note which layers are out of date."""
         states = self.shown.now["state"]
         for name in changed.get("state", set()) & self._still:
             if (states.get(name) == look.DEAD) != (name in self._dead):
@@ -141,7 +141,7 @@ class Picture:
         return len(at)
 
     def _involved(self) -> list[str]:
-        """Whoever works, sends or hears, and whatever is no sensor."""
+        """The places that work, send or receive, and those without a sensor."""
         ends = {name for edge in self.shown.now["edge"] for name in edge}
         return sorted(self._others.union(ends, self._working, self.shown.now["lost"]))
 

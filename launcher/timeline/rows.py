@@ -1,4 +1,4 @@
-"""Rows of one kind as columns: what a Rerun entity is sent, many rows at a time."""
+"""Rows of one kind as the columns that Rerun takes for an entity, many rows at a time."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def scales(values: list[float]) -> Columns:
 
 
 def bars(values: list[tuple[float, str]]) -> Columns:
-    """Lengths of a scale bar in the lower left of a close-up, and what they stand for."""
+    """Lengths of a scale bar in the lower left of a close-up, and their labels."""
     strips = [[(-BAR_AT[0], BAR_AT[1]), (-BAR_AT[0] + length, BAR_AT[1])] for length, _ in values]
     return rr.LineStrips2D.columns(strips=strips, labels=[text for _, text in values])
 
@@ -93,7 +93,7 @@ def edges(values: list[npt.NDArray[np.str_]]) -> Columns:
 
 
 def times(values: list[tuple[MessageRow, int]]) -> Columns:
-    """When messages were sent, by the true time and by their senders' clocks, and received if they were.
+    """When messages were sent, by true time and by their senders' clocks, and when they were received, if at all.
 
     In s since the first step; each message comes with that of its run (ns).
     """
@@ -108,7 +108,7 @@ def times(values: list[tuple[MessageRow, int]]) -> Columns:
         known = [value for value in column if value is not None]
         if not known:
             continue  # Rerun knows no type for it
-        # The first argument is none of the columns: what is empty is left empty.
+        # The first argument is not a column: it says that empty cells stay empty.
         values_of = rr.AnyValues.columns(False, **{name: np.array(known)})
         columns += values_of.partition([value is not None for value in column])
     return rr.ComponentColumnList(columns)
@@ -121,7 +121,7 @@ def apart(t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 
 
 def instant(row: MessageRow) -> int:
-    """When a message is shown: when it arrived, or was sent if it did not."""
+    """The time at which a message is shown: when it arrived, or if it was lost, when it was sent."""
     return row.due_ns if row.delivered and row.due_ns is not None else row.sent_ns
 
 

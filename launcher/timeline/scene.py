@@ -1,4 +1,4 @@
-"""What is to be seen of a run at each instant: pictures on a raster, sums per second, shapes."""
+"""What is shown of a run at each instant: pictures on a raster of time, sums per second, shapes."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _Change = tuple[float, int, str, Any, Any, float]
 
 
 class Shown:
-    """What is to be seen at an instant, by kind and key; calls come in any order, changes on the raster.
+    """What is shown at an instant, by kind and key; calls come in any order, changes on the raster.
 
-    ``now`` holds what is seen after the last instant that ``until`` gave, which is ``last_ns``.
+    ``now`` holds what is shown after the last instant that ``until`` gave, which is ``last_ns``.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Shown:
         self._count = 0
 
     def show(self, kind: str, key: Any, value: Any, begin_ns: int, end_ns: float = math.inf) -> None:
-        """The value of this key is seen in [begin, end), or until another one begins; None: nothing is seen."""
+        """Show the value of this key in [begin, end), or until another one begins; None: show nothing."""
         if begin_ns < end_ns:
             self._count += 1
             heapq.heappush(self._changes, (begin_ns, self._count, kind, key, value, end_ns))
@@ -85,7 +85,7 @@ class _Second:
 
 
 class Seconds:
-    """Sums over each emulated second, for the plots; what comes too late counts in the first one still open."""
+    """Sums over each emulated second, for the plots; late values count in the first second that is still open."""
 
     def __init__(self) -> None:
         self._open: defaultdict[int, _Second] = defaultdict(_Second)
@@ -104,18 +104,18 @@ class Seconds:
             second.delays_ms.append((row.due_ns - row.sent_ns) / 1e6)
 
     def clock(self, t_ns: int, error_ms: float) -> None:
-        """By how much a clock is wrong."""
+        """Adds a clock error."""
         self._second(t_ns).errors_ms.append(error_ms)
 
     def queue(self, t_ns: int, waiting: int) -> None:
-        """How many frames wait at a radio."""
+        """Adds the number of frames that wait at a radio."""
         second = self._second(t_ns)
         second.waiting = max(second.waiting, waiting)
 
     def until(self, t_ns: float) -> Iterator[tuple[int, str, tuple[float, ...]]]:
         """(time, plot, values) of each second that ended by then; infinity: of all that are left.
 
-        The values are lost and late frames so far; bytes per second sent to all hearers and delivered; the longest
+        The values are lost and late frames so far; bytes per second sent to all receivers and delivered; the longest
         queue; the median and the 95 % point of the delays of delivered frames in ms; the root mean square and the
         largest size of the clocks' errors in ms.
         """
@@ -162,7 +162,7 @@ def extent(info: FieldInfo) -> float:
 
 
 def spacing(info: FieldInfo) -> float:
-    """How far a place typically is from the next one, metres; about 0 where all stand in one spot."""
+    """How far a place typically is from the next one, metres; about 0 if all are at one point."""
     at = np.array([(place.x, place.y) for place in info.places])
     if len(at) == 1:
         return 1e-3
@@ -181,7 +181,7 @@ def crosses(at: Points, size: float | Points) -> Points:
 
 
 def halves(info: FieldInfo) -> Points:
-    """A line from sender to hearer for each link used, (n, 2, 2); to the middle only where both ends send."""
+    """A line from sender to receiver for each link used, (n, 2, 2); to the middle only where both ends send."""
     at = {place.id: (place.x, place.y) for place in info.places}
     pairs = {(src, dst) for src, dst, _ in info.receptions}
     ends = np.reshape([(at[src], at[dst]) for src, dst, _ in info.receptions], (-1, 2, 2))

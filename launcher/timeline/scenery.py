@@ -1,4 +1,4 @@
-"""What stands still in a run's pictures: places, links and their reception, the style of what moves."""
+"""The static parts of a run's pictures: places, links and their reception, the style of what moves."""
 
 from __future__ import annotations
 
@@ -115,5 +115,5 @@ def _places(places: list[Place], radius: float, colour: int, order: float, *, na
 
 
 def _others(info: FieldInfo) -> list[Place]:
-    """Whatever has no sensor: centres, and what else there is."""
+    """Places without a sensor: centres and others."""
     return [place for place in info.places if SENSES not in place.tags]

@@ -1,6 +1,6 @@
 """Writes a run to a Rerun file, or to viewers as it goes on: the field, its tracks, the network, messages, plots.
 
-Rows are kept per entity and sent together (``send_columns``): one at a time, each costs seven times as long
+Rows are kept per entity and sent together (``send_columns``): sent one at a time, each takes seven times as long
 and 1.1 kB. What is shown for a while (a sensor's state, the bearings and frames of a step) is one array per
 picture on a raster of 50 ms, not an entity per node, and holds only what is not at rest.
 """
@@ -31,25 +31,25 @@ from trackfield.link.places import position
 from trackfield.role import NS, TrackPoint
 
 APPLICATION: Final = "trackfield"
-"""Whose recordings and layouts these are, for the viewer."""
+"""The application id of recordings and layouts, for the viewer."""
 LAG_NS: Final = NS
 """How far calls may be out of order: pictures and sums are settled only up to this long before the newest."""
 
 HOLD: Final = 16
-"""Rows are sent every so many flushes,"""
+"""Rows are sent every so many flushes."""
 BULK: Final = 256
-"""or as soon as an entity has so many of them."""
+"""Rows are also sent as soon as an entity has so many of them."""
 
 BATTERY_STEPS: Final = 20
-"""Levels of a battery that are told apart."""
+"""The number of levels of a battery that are distinguished."""
 MOVES_NS: Final = NS // 4
 """How often a process that moves is drawn."""
 LINES: Final = 100
-"""Live, as many messages are listed at a flush; nobody reads more."""
+"""The most messages that are listed at a flush of a live timeline."""
 LIVE_MEMORY: Final = "256MiB"
-"""What is kept for viewers that come late; the oldest goes first."""
+"""Memory for viewers that connect late; the oldest data is dropped first."""
 LINGER_S: Final = 1.0
-"""For viewers to fetch the last of it."""
+"""Time for viewers to fetch the last of it."""
 MARKS: Final = 100
 """A mark of an instant is as long as the run divided by this."""
 
@@ -62,7 +62,7 @@ class Timeline:
 
     Live, all is sent at every flush, and of many messages only some are listed. Times are emulated ns since the start
     of the run, and shown as counted from the first step; lengths are metres. Calls may come up to a second out of
-    order; whatever comes later than that is shown a moment late, never dropped. Not safe for several threads.
+    order; later ones are shown a moment late, never dropped. Not thread-safe.
     """
 
     def __init__(self, to: pathlib.Path | int, info: FieldInfo) -> None:
@@ -107,30 +107,30 @@ class Timeline:
             self._tracks.lives(t_ns, process)
 
     def death(self, t_ns: int, process: str, why: str) -> None:
-        """The life of a process ended, of an empty battery, say; its next state begins another."""
+        """The life of a process ended, for example by an empty battery; its next state begins another."""
         self.state(t_ns, process, look.DEAD)
         self._tracks.died(t_ns, process)
         self._mark(t_ns, process, why, "ERROR")
 
     def fault(self, t_ns: int, process: str, text: str) -> None:
-        """A planned fault began or ended; one that ``FieldInfo.marks`` holds in these words is known already."""
+        """A planned fault began or ended; one that ``FieldInfo.marks`` holds with this text is known already."""
         if (t_ns, process, text) not in self._known:
             self._newest = max(self._newest, t_ns)
             self._mark(t_ns, process, text, "WARN")
 
     def battery(self, t_ns: int, process: str, share: float) -> None:
-        """What is left in a battery, 0 to 1; it is drawn once that is little."""
+        """The share left in a battery, 0 to 1; it is drawn once it is low."""
         self._newest = max(self._newest, t_ns)
         level = round(share * BATTERY_STEPS) / BATTERY_STEPS
         self._picture.shown.show("battery", process, level if level <= look.LOW else None, t_ns)
 
     def clock_error(self, t_ns: int, process: str, error_ms: float) -> None:
-        """By how much the clock of a process is wrong; the plot is of those told of in a second."""
+        """The clock error of a process; the plot shows those of each second."""
         self._newest = max(self._newest, t_ns)
         self._seconds.clock(t_ns, error_ms)
 
     def queue(self, t_ns: int, process: str, waiting: int) -> None:
-        """How many frames wait at the radio of a process; the plot is of the longest told of in a second."""
+        """How many frames wait at the radio of a process; the plot shows the longest queue of each second."""
         self._newest = max(self._newest, t_ns)
         self._seconds.queue(t_ns, waiting)
 
@@ -144,13 +144,16 @@ class Timeline:
         self._newest = max(self._newest, t_ns)
         self._note(t_ns, process, text, level)
 
-    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
-        """A tracker published a point; ``truth`` is where the target was at its instant (metres)."""
+    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
+        """A tracker published a point; ``truth`` is where the target was at its instant (metres).
+
+        ``late_ns`` is how long after the deadline of its step that was.
+        """
         self._newest = max(self._newest, point.at_ns)
-        self._tracks.estimate(point, truth)
+        self._tracks.estimate(point, truth, late_ns)
 
     def bound(self, t_ns: int, sd_m: float) -> None:
-        """How small the trackers' error could be at an instant (m, root mean square)."""
+        """The least error of any tracker at an instant (m, root mean square)."""
         self._curves.value(("error", "bound"), t_ns, (sd_m,), self._info.step_ns)
 
     def flush(self) -> None:
@@ -160,7 +163,7 @@ class Timeline:
         self._send(everything=self._live or self._flushes % HOLD == 0)
 
     def close(self) -> None:
-        """Sends all that is left and ends the file; without it the file has no footer."""
+        """Sends all that remains and ends the file; without it the file has no footer."""
         self._settle(self._newest)
         self._picture.close(self._newest + max(self._info.step_ns, self._mark_ns))
         for second in self._seconds.until(math.inf):
@@ -177,7 +180,7 @@ class Timeline:
             time.sleep(LINGER_S)
         self._rec.disconnect()
         del self._rec
-        rerun_bindings.flush_and_cleanup_orphaned_recordings()  # else its threads stay as long as the program
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()  # otherwise its threads stay until the program ends
 
     # --- what happens -------------------------------------------------------------------------------------
 
@@ -186,7 +189,7 @@ class Timeline:
         return self._info.origin_ns + round(t_s * NS)
 
     def _lay_out(self, blueprint: rrb.Blueprint, instead: bool = False) -> None:
-        """Sends a blueprint, ``instead`` of the one before; Rerun's own way to do so leaves two threads behind."""
+        """Sends a blueprint, ``instead`` of the one before; Rerun's own function for it leaves two threads behind."""
         made = rerun_bindings.new_blueprint(APPLICATION, make_default=False, make_thread_default=False)
         stream = rr.RecordingStream._from_native(made)
         stream.set_time("blueprint", sequence=0)
@@ -202,7 +205,7 @@ class Timeline:
         self._add("/notes", rows.texts, t_ns, (f"{process}: {text}", level, look.LEVELS[level]))
 
     def _lane(self, t_ns: int, process: str, name: str, lane: str) -> None:
-        """A row of the lanes; one that no view shows begins when its sensor first does something."""
+        """Adds to a lane of states; a lane that no view shows begins when its sensor first leaves its rest."""
         path = entity("state", process, *([lane] if lane else []))
         if process in self._unwatched and path not in self._begun:
             if name == look.REST:
@@ -238,7 +241,7 @@ class Timeline:
         self._curves.value((name,), t_ns, values, max(NS, self._info.step_ns))
 
     def _foreseen(self, until_ns: int) -> None:
-        """What was known beforehand, shown only as far as the run came."""
+        """Draws what is known in advance, only as far as the run has come."""
         until_s, marks = (until_ns - self._info.origin_ns) / NS, self._info.marks
         self._truths.until(until_s)
         while self._marks < len(marks) and marks[self._marks][0] <= until_s:
@@ -290,5 +293,5 @@ class Timeline:
 
 
 def _server(port: int) -> rr.GrpcServerSink:
-    """On this machine only; viewers that come late get what there was first."""
+    """On this machine only; viewers that connect late get earlier data, too."""
     return rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=LIVE_MEMORY)

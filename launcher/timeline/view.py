@@ -1,4 +1,4 @@
-"""Shows the timeline of a run: in the viewer, in a browser, or as a picture made without a screen."""
+"""Shows the timeline of a run: in the viewer, in a browser, or as a picture that needs no screen."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ START_S: Final = 30.0
 LOAD_S: Final = 60.0
 PAINT_S: Final = 30.0
 NO_DRIVER: Final = (
-    "the viewer found no Vulkan driver; a picture needs no screen, but Vulkan, which Mesa offers in software "
+    "the viewer found no Vulkan driver; a picture needs no screen, but it needs Vulkan, which Mesa offers in software "
     "(Debian, Ubuntu: apt install mesa-vulkan-drivers)"
 )
 OTHER_WAYS: Final = "--web shows it in a browser, --png FILE writes a picture of it"
@@ -45,7 +45,7 @@ def open_viewer(run: Path, web: bool = False) -> None:
     """Opens the timeline of a run folder, and returns when the viewer is closed or interrupted.
 
     With ``web`` the viewer is served to browsers on this machine only; its address goes to stderr.
-    Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not come up.
+    Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not start.
     """
     file, port = str(timeline_of(run)), free_port()
     page = free_port()
@@ -68,7 +68,7 @@ def open_viewer(run: Path, web: bool = False) -> None:
 
 
 def _has_screen() -> bool:
-    """Whether a window can be opened; only Linux says so beforehand."""
+    """Whether a window can be opened; only on Linux is this known in advance."""
     return sys.platform != "linux" or any(os.environ.get(name) for name in SCREENS)
 
 
@@ -83,14 +83,14 @@ def web_server(page: int, port: int) -> list[str]:
 
 
 def free_port() -> int:
-    """A port of this machine at which nobody listens."""
+    """A free port of this machine."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return int(free.getsockname()[1])
 
 
 def environment() -> dict[str, str]:
-    """What Rerun's program is to see; CI keeps its analytics off."""
+    """The environment of Rerun's program; ``CI`` turns its analytics off."""
     return {"RUST_LOG": "warn", **os.environ, "CI": "1"}
 
 
@@ -134,17 +134,17 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
 
 
 def timeline_of(run: Path) -> Path:
-    """The recording of a run folder, or the one that is named itself, as ``compare --rrd`` writes it."""
+    """The recording of a run folder, or the recording itself if a file is given, as ``compare --rrd`` writes it."""
     file = run if run.suffix == ".rrd" and run.is_file() else run / "run.rrd"
     if not file.is_file():
-        raise ScenarioError("no timeline here", file=str(run), expected="the folder of a run, with run.rrd in it")
+        raise ScenarioError("has no timeline", file=str(run), expected="the folder of a run, with run.rrd in it")
     try:
         with file.open("rb") as begun:
             magic = begun.read(len(MAGIC))
     except OSError as error:
         raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
     if magic != MAGIC:
-        raise ScenarioError("is no timeline", file=str(file), expected="the file that a run left")
+        raise ScenarioError("is not a timeline", file=str(file), expected="the run.rrd of a run")
     return file.resolve()
 
 
@@ -155,7 +155,7 @@ def _source(port: int) -> str:
 def program() -> Path:
     """Rerun's program. Raises ``RunFailed`` if it is not installed."""
     package = importlib.util.find_spec("rerun_cli")
-    # The program itself, not the script of that name: its parent reaps it, and sees its exit code.
+    # The program itself, not the script of that name, so that its exit code is seen here.
     found = package and package.origin and Path(package.origin).with_name("rerun")
     if not found or not found.is_file():
         raise RunFailed(
@@ -188,7 +188,7 @@ def _viewer(command: list[str], log: IO[bytes] | None = None) -> Iterator[subpro
 
 
 def _end_with_parent() -> None:
-    """Let Linux end this process when its parent dies, of a signal, say."""
+    """Let Linux end this process when its parent dies, for example by a signal."""
     if sys.platform == "linux":
         _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
@@ -229,7 +229,7 @@ def _load(client: ViewerClient, timeline: Path) -> Recording:
 
 
 def _painted(client: ViewerClient) -> bytes:
-    """A screenshot once two in a row are the same: the viewer fetches what it shows piece by piece."""
+    """A screenshot, once two in a row are the same: the viewer loads what it shows piece by piece."""
     deadline = time.monotonic() + PAINT_S
     before, shot = b"", client.take_screenshot()
     while shot != before and time.monotonic() < deadline:

@@ -96,7 +96,7 @@ def _field(info: FieldInfo) -> rrb.Spatial2DView:
 
 
 def _closeup(info: FieldInfo, target: str) -> rrb.Spatial2DView:
-    """The field again, seen from a frame that goes along with a target."""
+    """The field again, from a frame that moves with a target."""
     contents = ["/field/**", "- /field/legend/**", look.closeup_path(target) + "/**"]
     bounds = rrb.VisualBounds2D(x_range=(-WIDE, WIDE), y_range=(-1.0, 1.0))
     return space(look.closeup_path(target, "zoom"), contents, f"Close-up of {target}", bounds, _trails(info))
@@ -117,7 +117,7 @@ def space(
 
 
 def _trails(info: FieldInfo) -> Overrides:
-    """What is shown as far as it came, not as it is now."""
+    """The entities that are shown with their history, not only as they are now."""
     trails = [look.truth_path(truth.target, part) for truth in info.truths for part in ("path", "interpolated")]
     sources = [place.id for place in info.tagged(TRACKS)]
     for name in info.trackers:
@@ -134,7 +134,7 @@ def so_far() -> rrb.VisibleTimeRanges:
 
 def _network(info: FieldInfo) -> rrb.GraphView:
     if len(info.places) > look.WHOLE_NETWORK:
-        return rrb.GraphView(origin="/network", name="Network (those involved)")
+        return rrb.GraphView(origin="/network", name="Network (active places)")
     return rrb.GraphView(
         origin="/network",
         name="Network",

@@ -71,8 +71,8 @@ class Link(Protocol):
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
         """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run.
 
-        ``kind`` matters if kinds are acknowledged differently; None is a kind without its own setting. Places are
-        those at ``at_ns``. The medium is ``FIELD``.
+        ``kind`` matters if kinds are acknowledged differently; None is a kind without its own setting. Places,
+        and lines of a trace, are those at ``at_ns``. The medium is ``FIELD``.
         """
         ...
 

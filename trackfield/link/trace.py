@@ -56,9 +56,8 @@ class Trace:
         return lines[last - 1][1] if last else Fate("radio")
 
     def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
-        """The share of the link's lines that say received."""
-        lines = self._lines.get((src, dst), [])
-        return sum(fate.cause is None for _, fate in lines) / len(lines) if lines else 0.0
+        """1 if frames sent at ``at_ns`` are received, else 0."""
+        return float(self.fate(src, dst, "", at_ns, 0, size).cause is None)
 
     def _add(self, row: dict[str, str], places: Places, where: str) -> None:
         link = (row["src"], row["dst"])

@@ -1,4 +1,4 @@
-"""Who tracks, and how word gets there: from a surveyed field to processes, one architecture a file."""
+"""Architectures: which processes track, and how reports reach them; one file each."""
 
 from __future__ import annotations
 
@@ -15,5 +15,5 @@ ARCHITECTURES: Final[dict[str, type[Architecture]]] = {"centralised": Centralise
 
 
 def architecture_of(site: Site) -> Architecture:
-    """That of a surveyed field's scenario."""
+    """The architecture of a surveyed field's scenario."""
     return ARCHITECTURES[site.scenario.architecture.kind](site)

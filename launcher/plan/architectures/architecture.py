@@ -13,9 +13,9 @@ from trackfield.scenario import Site
 
 @dataclass(frozen=True)
 class Arranged:
-    """The processes of a field before anything befalls them, one life each; ``tracking``, ``flows`` as in a ``Plan``.
+    """The processes of a field without faults, one life each; ``tracking``, ``flows`` as in a ``Plan``.
 
-    A process's ``peers`` are its own affair: those it may hear.
+    The ``peers`` of a process are those that it may hear.
     """
 
     processes: tuple[ProcessSpec, ...]
@@ -29,13 +29,13 @@ class Architecture(Protocol):
     def __init__(self, site: Site) -> None: ...
 
     def places(self) -> tuple[Place, ...]:
-        """Who is there, where, and what for; none of it depends on trackers."""
+        """The places of the processes with their tags; they do not depend on the trackers."""
         ...
 
     def views(self) -> tuple[View, ...]:
-        """Whose tracks are scored together, the headline first."""
+        """Which tracks are scored together, the headline first."""
         ...
 
     def arrange(self, end_ns: int) -> Arranged:
-        """The processes, in a run that ends then. Raises ``ScenarioError`` for trackers and sensors that do not fit."""
+        """The processes of a run until ``end_ns``. Raises ``ScenarioError`` if trackers and sensors do not fit."""
         ...

@@ -38,18 +38,18 @@ class Centralised:
         return (centre, *(Place(id, NODE, x, y, node) for id, x, y in self.site.sensors))
 
     def views(self) -> tuple[View, ...]:
-        """See ``Architecture``: the centre is the base, and nobody else tracks."""
+        """See ``Architecture``: the centre is the base, and only the centre tracks."""
         return (View("base", (self.centre,)),)
 
     def arrange(self, end_ns: int) -> Arranged:
-        """See ``Architecture``. Nodes and centre send to each other, and nobody else."""
+        """See ``Architecture``. Messages go between nodes and centre only."""
         tracking = tracking_of(self.site, self.centre)
         nodes = tuple(self._nodes(end_ns))
         centre = self._centre(tracking, nodes)
         return Arranged((centre, *nodes), tracking, list(self._flows(tracking, end_ns)))
 
     def _nodes(self, end_ns: int) -> Iterator[ProcessSpec]:
-        """The sensor nodes; what is the same for all of them is there once."""
+        """The sensor nodes; values that are the same for all of them are shared."""
         site, scenario, role = self.site, self.scenario, factory(NODE)
         power = power_of(scenario, scenario.energy.battery_j, round(scenario.energy.sample_mj * FJ_PER_MJ))
         peers = {self.centre: site.route or site.centre}
@@ -87,7 +87,7 @@ class Centralised:
         )
 
     def _flows(self, tracking: Mapping[str, Any], end_ns: int) -> Iterator[Flow]:
-        """What they say to each other, reports first."""
+        """The messages between them, reports first."""
         there = tuple((id, self.centre) for id, *_ in self.site.sensors)
         back = tuple((b, a) for a, b in there)
         now_us = end_ns // 1000
@@ -100,19 +100,19 @@ class Centralised:
 
 
 def _report(tracking: Mapping[str, Any]) -> Doa | Measurement:
-    """One as long as they are where they are long; of a user's sensor, with as many numbers."""
+    """A report that is as long as any; for a user's own sensor, with as many numbers as it measures."""
     if "sensor" not in tracking:
         return Doa(step=65535, bearing_deg=359.99, level_db=70.0)
     return Measurement(65535, (2**15 - 1,) * len(make_sensor(**tracking["sensor"]).resolution))
 
 
 def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
-    """The level from which sensors report, if they measure one."""
+    """The level above which sensors report, if they measure levels."""
     return {"threshold_db": scenario.sensor.threshold_db} if isinstance(scenario.sensor, Acoustic) else {}
 
 
 def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
-    """Within which bounds the centre sets the sensors' threshold, beginning where, and whom it tells; None: never."""
+    """The bounds and the start of the threshold that the centre sets, and its reach; None: it sets none."""
     sensor = scenario.sensor
     if not isinstance(sensor, Acoustic) or not sensor.adaptive:
         return None

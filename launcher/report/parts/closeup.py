@@ -1,4 +1,4 @@
-"""The place of the largest error, close by: the track, the truth, and what the tracker believed of its error."""
+"""A close-up of the largest error: the track, the truth, and the tracker's own covariance."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from launcher.report.folder import Run
 from launcher.report.tracks import Array, Track
 
 SCALE: Final = 2.447746830680816
-"""Of a standard deviation, to the ellipse that holds 95 %: the root of the chi-square point of 2 degrees of freedom."""
+"""Standard deviations to the 95 % ellipse: the root of the chi-square point of 2 degrees of freedom."""
 AROUND: Final = 2
-"""Steps before and after that have their ellipses,"""
+"""Steps before and after that are shown with ellipses."""
 LED: Final = 10
-"""and that are shown."""
+"""Steps before and after that are shown."""
 MARGIN: Final = 1.6
-"""Of the picture around what it is to show."""
+"""The size of the picture, relative to what it shows."""
 LEAST_MARK: Final = 0.02
-"""Of the map's width: a smaller frame could not be seen,"""
+"""The smallest frame in the map, relative to its width: a smaller one could not be seen."""
 MOST_MARK: Final = 0.3
-"""and a larger one says nothing."""
+"""The largest frame: a larger one is not drawn."""
 
 
 def ellipses(
     axes: Axes, track: Track, steps: Iterable[int], colour: str, *, largest_m: float, label: str | None = None
 ) -> None:
-    """The 95 % ellipses of a track's position at some of its steps, unless they are larger than so much."""
+    """The 95 % ellipses of a track's position at some of its steps, unless they are larger than ``largest_m``."""
     for step in steps:
         covariance = track.covariance[step, :2, :2]
         if not np.isfinite(covariance).all():
@@ -58,7 +58,7 @@ def largest(run: Run) -> tuple[Track, int] | None:
 
 
 def closeup(axes: Axes, chart: Axes, run: Run, ways: Mapping[str, Array]) -> None:
-    """What is around the largest error of the first tracker, and a frame around it in the large picture."""
+    """Draw the surroundings of the largest error of the first tracker, and a frame in the large picture."""
     found = largest(run)
     if found is None:
         return
@@ -90,7 +90,7 @@ def closeup(axes: Axes, chart: Axes, run: Run, ways: Mapping[str, Array]) -> Non
 
 
 def _half(track: Track, step: int) -> float:
-    """Half the width of the picture, m: it holds the error, the ellipse as far as it is of that size, and a step."""
+    """Half the width of the picture, m: it holds the error, an ellipse of up to that size, and a step."""
     error = float(track.error_m[step])
     sd = float(np.sqrt(max(np.nanmax(np.diag(track.covariance[step])[:2]), 0.0)))
     dt = float(np.median(np.diff(track.t_s))) if len(track.t_s) > 1 else 0.0
@@ -99,7 +99,7 @@ def _half(track: Track, step: int) -> float:
 
 
 def _frame(chart: Axes, middle: Array, half: float) -> None:
-    """Where that is in the large picture."""
+    """Mark the close-up in the large picture."""
     width = float(np.ptp(np.array(chart.get_xlim())))
     if half > MOST_MARK * width:
         return

@@ -1,4 +1,4 @@
-"""Whether covariances told the truth: errors in units of what a tracker believed its error to be."""
+"""Consistency: whether the errors of a tracker agree with its covariances (NEES)."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from launcher.report.folder import Run
 from trackfield.filters.metrics import nees_band
 
 DIMENSIONS: Final = 4
-"""Of the state (x, y, vx, vy)."""
+"""The dimensions of the state (x, y, vx, vy)."""
 BAND: Final = nees_band(DIMENSIONS, 1)
-"""Where the NEES of one step lies with 95 % if the covariance is right: chi-square of 4 degrees of freedom."""
+"""The NEES of one step lies in it with a probability of 95 % if the covariance is right: chi-square, 4 degrees."""
 NEES_SHOWN: Final = (1e-2, 1e4)
-"""A filter that diverged may have any."""
+"""The range of the axis; a filter that diverged may have any NEES."""
 
 
 def contents(run: Run) -> dict[str, Any]:
@@ -38,7 +38,7 @@ def consistency(run: Run) -> Table:
 
 
 def in_words(m: Mapping[str, Any]) -> str:
-    """Whether a tracker's covariances told the truth about its errors, by its figures in metrics.json."""
+    """Whether a tracker is consistent, overconfident or underconfident, by its figures in metrics.json."""
     mean, band = m["nees"], m.get("nees_band")
     if mean is None:
         return ""

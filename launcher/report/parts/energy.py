@@ -1,4 +1,4 @@
-"""What those on batteries spent, on what, and how long the batteries last."""
+"""The energy spent from batteries, on what, and how long the batteries last."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def total(run: Run) -> str:
-    """Who used how much, in a sentence; nothing if that was nothing."""
+    """The energy used, in a sentence; empty if none was."""
     used, most = (run.metrics["energy_j"][key] for key in ("total", "max_node"))
     if not used:
         return ""
@@ -35,7 +35,7 @@ def total(run: Run) -> str:
 
 
 def spent(run: Run) -> list[Bar]:
-    """What they spent, by cause."""
+    """The energy spent, by cause."""
     by = {cause: used for cause, used in run.metrics["energy_j"]["by"].items() if used}
     whole = sum(by.values())
     return [
@@ -48,14 +48,14 @@ def accountings(run: Run) -> Table:
     """The total, counted in other ways and on other devices."""
     by = run.metrics["energy_j"]["by_accounting"]
     rows = [[name.replace("_", " "), joules(used)] for name, used in by.items() if used is not None]
-    return Table(["accounting, or device", "energy"], rows)
+    return Table(["accounting or device", "energy"], rows)
 
 
 def lifetimes(run: Run) -> list[tuple[str, str]]:
     """How long batteries and coverage last, from the start of the run."""
     lifetime = run.metrics["lifetime_s"]
     names = {"first_death": "first battery empty", "half_dead": "half of them empty", "coverage_lost": "coverage lost"}
-    beyond = " (if it went on like this run)"
+    beyond = " (at the rate of this run)"
     return [
         (text, f"after {span(t_s)}{beyond if t_s > run.origin_s + run.end_s else ''}")
         for key, text in names.items()

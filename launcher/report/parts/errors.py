@@ -1,4 +1,4 @@
-"""How far off the trackers were: a line of a table for each, and their errors over time and in order of size."""
+"""The errors of the trackers: in a table, over time, and as a distribution."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from launcher.report.folder import Run
 from launcher.report.tracks import Array
 
 WIDE: Final = 30.0
-"""Errors whose largest is so many times their median are shown on a logarithmic scale."""
+"""Errors whose largest is more than so many times their median are shown on a logarithmic scale."""
 LEAST_SHOWN: Final = 1e-4
-"""Of a largest error, on such a scale: less says nothing more."""
+"""The lower end of such a scale, relative to the largest error."""
 
 
 def contents(run: Run) -> dict[str, Any]:
@@ -29,7 +29,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def trackers(run: Run) -> Table:
-    """How far off every tracker was; the bound only where there is one, gaps only where there are some."""
+    """The errors of every tracker; the bound only where there is one, gaps only where there are some."""
     lines = [_line(name, m) for name, m in run.metrics["trackers"].items()]
     left_out = {
         "bound [m]": run.bounded,
@@ -60,7 +60,7 @@ def _line(name: str, m: dict[str, Any]) -> dict[str, str]:
 
 
 def targets(run: Run) -> Table:
-    """Of several targets, how far off every tracker was while this one was the nearest."""
+    """With several targets, the error of every tracker while this one was the nearest."""
     rows = [
         [name, target, number(own["rmse"]), number(own["steps"])]
         for name, m in run.metrics["trackers"].items()
@@ -75,7 +75,7 @@ def targets(run: Run) -> Table:
 def error(run: Run) -> Figure | None:
     """The distance of each track from the truth over time, the bound, and how many reports each step had.
 
-    Of long runs their root mean squares over a window; what lies in a gap of the data is pale.
+    Of long runs their root mean squares over a window; values in a gap of the data are pale.
     """
     known = [track for track in run.tracks if np.isfinite(track.error_m).any()]
     if not known:
@@ -108,7 +108,7 @@ def error(run: Run) -> Figure | None:
 
 
 def _bound(run: Run) -> tuple[Array, Array]:
-    """Times and the bound at them, of whichever track has one; smoothed ones have none."""
+    """Times and the bound at them, from any track that has one; smoothed tracks have none."""
     times = np.unique(np.concatenate([track.t_s for track in run.tracks]))
     bound = np.full(len(times), np.nan)
     for track in run.tracks:
@@ -118,7 +118,7 @@ def _bound(run: Run) -> tuple[Array, Array]:
 
 
 def _reports(axes: Axes, run: Run, window: int) -> None:
-    """How many reports were fused in each step, by the tracker that took most; none where there was no track."""
+    """How many reports were fused in each step, by the tracker that used most; none where there was no track."""
     times = np.unique(np.concatenate([track.t_s for track in run.tracks]))
     most = np.zeros(len(times))
     for track in run.tracks:
@@ -135,7 +135,7 @@ def _reports(axes: Axes, run: Run, window: int) -> None:
 
 
 def distribution(run: Run) -> Figure | None:
-    """Of a long run, the share of its steps at which each tracker was no further off than so far."""
+    """For a long run, the share of its steps at which the error of each tracker was no larger than x."""
     known = [track for track in run.tracks if track.scored.any()]
     if not known or not run.long:
         return None

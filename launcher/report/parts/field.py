@@ -1,4 +1,4 @@
-"""The figure of the field: where the sensors stand, where the targets went, and where the trackers saw them."""
+"""The figure of the field: the sensors, the paths of the targets, and the estimates of the trackers."""
 
 from __future__ import annotations
 
@@ -20,47 +20,48 @@ from launcher.report.tracks import Array, Track
 from trackfield.world.path import Path
 
 MUCH_LARGER: Final = 2.0
-"""A field so much larger than what happened in it is shown in a small map of its own."""
+"""A field larger than the area of interest by this factor is shown in a small map of its own."""
 IN_KM: Final = 3000.0
-"""A picture so wide or high (m) has its axes in km."""
+"""A picture wider or higher than this (m) has its axes in km."""
 REPORTED: Final = "#3d9a62"
 SENSORS: Final[Mapping[str, Mapping[str, Any]]] = {
     "no report sent": {"color": "#c3cad4", "mew": 0.0},
     "report in time": {"color": REPORTED, "mew": 0.0},
+    "reports late, but fused": {"color": REPORTED, "markeredgecolor": style.OUTCOMES["late"], "mew": 1.2},
     "reports too late": {"color": style.OUTCOMES["late"], "mew": 0.0},
     "reports ignored": {"color": style.OUTCOMES["ignored"], "mew": 0.0},
     "reports lost": {"color": "white", "markeredgecolor": style.OUTCOMES["radio"], "mew": 1.0},
 }
-"""How a sensor looks, by the best that became of its reports."""
+"""The look of a sensor, by the best outcome of its reports."""
 WORDS: Final = {"fusion": "fusion centre"}
-"""For roles that track; others go by their own name."""
+"""The names of roles that track; others keep their own."""
 IN_A_STEP: Final = 4
-"""Points of a true path in a step,"""
+"""Points of a true path in a step."""
 IN_A_GAP: Final = 20
-"""and in a gap of its data."""
+"""Points of a true path in a gap of its data."""
 HALO: Final = withStroke(linewidth=2.0, foreground="white")
-"""Makes a name legible on whatever lies below it."""
+"""Makes a name legible on any background."""
 ROOM_IN: Final = (0.36, 0.16)
-"""What the name of a sensor takes of a picture, across and up, in inches."""
+"""The width and height of the name of a sensor in a picture, in inches."""
 MAP_IN: Final = 5.3
-"""Width of the map on the page, in inches,"""
+"""Width of the map on the page, in inches."""
 BESIDE_IN: Final = 2.2
-"""and of what stands beside it."""
+"""Width of what stands beside the map, in inches."""
 FLAT: Final = 0.55
-"""A map whose height is less than this part of its width has that below it."""
+"""A map whose height is less than this part of its width has it below instead."""
 ELLIPSES: Final = 12
-"""Along a track,"""
+"""The number of ellipses along a track."""
 LARGEST: Final = 0.3
-"""unless they are larger than this part of the map."""
+"""Larger ellipses, relative to the map, are not drawn."""
 
 
 def contents(run: Run) -> dict[str, Any]:
-    """See ``Part``: whether there is a track, and something to be seen close by."""
+    """See ``Part``: whether there is a track, and a close-up."""
     return {"near": largest(run) is not None, "tracked": any(track.known.any() for track in run.tracks)}
 
 
 def field(run: Run) -> Figure:
-    """The track over the field; what is near the paths, if the field is much larger; the largest error close by."""
+    """The tracks in the field, or around the paths if the field is much larger; a close-up of the largest error."""
     sensors = np.array(list(run.sensors.values()))
     points = IN_A_STEP * run.site.steps + 1
     ways = {target: along(path, path.start_s, path.end_s, points) for target, path in run.site.paths.items()}
@@ -96,7 +97,7 @@ def framed(points: Array) -> Array:
 
 
 def _sheet(box: Array, *, aside: bool) -> tuple[Figure, Axes, list[Axes]]:
-    """A map, and blank places for a legend, a map of the whole if it is ``aside``, and what is close by.
+    """A map, and blank axes for a legend, a map of the whole field if it is ``aside``, and a close-up.
 
     They are beside the map, or below one that is much wider than high.
     """
@@ -130,7 +131,7 @@ def scaled(axes: Axes, box: Array) -> None:
 
 
 def _legend(axes: Axes, chart: Axes) -> None:
-    """Of what is on the map."""
+    """The legend of the map."""
     drawn = axes.legend(
         *chart.get_legend_handles_labels(), loc="upper left", bbox_to_anchor=(-0.1, 1.0), borderaxespad=0
     )
@@ -160,14 +161,20 @@ def _at(run: Run, ids: Collection[str]) -> Array:
 
 
 def fates(run: Run) -> dict[str, set[str]]:
-    """The sensors by the best that became of their reports, as ``SENSORS`` names it."""
-    best = (("report in time", "delivered"), ("reports too late", "late"), ("reports ignored", "ignored"))
+    """The sensors by the best outcome of their reports, as ``SENSORS`` names it."""
+    best = {
+        "report in time": run.frames.senders("delivered"),
+        "reports late, but fused": run.frames.those(run.fused_late),
+        "reports too late": run.frames.senders("late"),
+        "reports ignored": run.frames.senders("ignored"),
+        "reports lost": run.frames.senders(),
+    }
     found: dict[str, set[str]] = {}
     told: set[str] = set()
-    for label, outcome in best:
-        found[label] = run.frames.senders(outcome) - told
-        told |= found[label]
-    return found | {"reports lost": run.frames.senders() - told}
+    for label, senders in best.items():
+        found[label] = senders - told
+        told |= senders
+    return found
 
 
 def _sensors(axes: Axes, run: Run, sensors: Array, box: Array) -> None:
@@ -186,7 +193,7 @@ def _sensors(axes: Axes, run: Run, sensors: Array, box: Array) -> None:
 
 
 def _names(axes: Axes, run: Run, box: Array) -> None:
-    """Of the sensors that reported, as many as there is room for."""
+    """The names of sensors that reported, as many as there is room for."""
     room = np.array(ROOM_IN) * float(np.ptp(box[:, 0])) / MAP_IN
     taken: list[Array] = []
     for id in sorted(run.frames.senders() & run.sensors.keys()):
@@ -200,7 +207,7 @@ def _names(axes: Axes, run: Run, box: Array) -> None:
 
 
 def dead_sensors(run: Run) -> set[str]:
-    """Those that were killed, died, or ran out of power, for good or for a while."""
+    """The processes that were killed, died, or ran out of energy, for good or for a while."""
     planned = {id for _, id, text in run.marks if text.startswith(("kill", "restart"))}
     empty = {one["id"] for one in run.metrics["lifetime_s"].get("empty") or []}
     return planned | empty | {one["id"].partition("~")[0] for one in run.metrics["processes"]["died"] or []}
@@ -221,7 +228,7 @@ def _hearing(axes: Axes, run: Run, way: Array, box: Array) -> None:
 
 
 def _truths(axes: Axes, run: Run, ways: Mapping[str, Array]) -> None:
-    """Where the targets were; several have their names where they began."""
+    """The paths of the targets; several have their names at their starts."""
     for number, (target, way) in enumerate(ways.items()):
         axes.plot(*way.T, color=style.TRUTH, lw=5.0, alpha=0.45, label=None if number else "true path", zorder=2)
         label = None if number else "start"
@@ -253,14 +260,14 @@ def _track(axes: Axes, run: Run, track: Track, box: Array) -> None:
 
 
 def _centres(axes: Axes, run: Run) -> None:
-    """Who tracks, by role, and the way of one that drives."""
+    """The places that track, by role, and the route of a centre that moves."""
     roles: dict[str, list[tuple[float, float]]] = {}
     for place in run.tagged(TRACKS):
         roles.setdefault(place.role, []).append((place.x, place.y))
     for role, points in roles.items():
         axes.plot(*np.array(points).T, "^", color=style.INK, ms=9, label=WORDS.get(role, role), zorder=1.9)
     if run.site.route:
-        axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.INK, lw=1.0, label="its way", zorder=2)
+        axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.INK, lw=1.0, label="its route", zorder=2)
 
 
 FIGURES: Final[style.Figures] = {"field": field}

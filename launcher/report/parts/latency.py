@@ -16,9 +16,6 @@ from launcher.report.folder import Run
 from launcher.report.tracks import Array
 from trackfield.role import NS
 
-_USES: Final = ("sensors", "step", "told_ns")
-"""Who was used when, in tracks.parquet."""
-
 
 def contents(run: Run) -> dict[str, Any]:
     """See ``Part``."""
@@ -26,7 +23,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def late(run: Run) -> str:
-    """How many reports came after their deadline, and by how much, in a sentence; nothing if none did."""
+    """How many reports came after their deadline, and by how much, in a sentence; empty if none did."""
     after = run.frames.late_s(run.site.step_ns, run.scenario.fusion.deadline_s)
     after, of = after[np.isfinite(after)], int(run.frames.reports.sum())
     if not len(after):
@@ -42,11 +39,11 @@ def table(run: Run) -> Table:
         [text, *(number(run.metrics["latency_ms"][key][q]) for q in ("p50", "p95", "p99", "max"))]
         for key, text in names.items()
     ]
-    return Table(["emulated, ms", "median", "95 %", "99 %", "longest"], rows)
+    return Table(["emulated time [ms]", "median", "95 %", "99 %", "longest"], rows)
 
 
 def latency(run: Run) -> Figure | None:
-    """The share of frames, reports and track points that took no longer than so long."""
+    """The share of frames, reports and track points that took no longer than x."""
     curves = {name: 1e3 * values for name, values in latencies(run).items() if len(values)}
     if not curves:
         return None
@@ -76,10 +73,7 @@ def latencies(run: Run) -> dict[str, Array]:
 
 def _to_fusion(run: Run) -> Array:
     """From sending a report to the first track that used it, s; NaN if none did."""
-    first: dict[tuple[str, int], int] = {}
-    for sensors, step, told_ns in zip(*(run.points[name].to_pylist() for name in _USES), strict=True):
-        for sensor in sensors:
-            first[sensor, step] = min(told_ns, first.get((sensor, step), told_ns))
+    first = run.first_fused_ns
     reports = run.frames.table.filter(run.frames.where("outcome", "delivered"))
     reports = reports.filter(reports["step"].is_valid())
     sent = zip(*(reports[name].to_pylist() for name in ("src", "step", "sent_ns")), strict=True)

@@ -1,4 +1,4 @@
-"""How the run went on its machine."""
+"""How well the machine kept up with the run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from launcher.report.style import Figures
 
 FIGURES: Final[Figures] = {}
 Line = tuple[str, str, bool]
-"""What, how much, and whether that is a reason to worry."""
+"""Name, value, and whether the value is bad."""
 
 
 def contents(run: Run) -> dict[str, Any]:
@@ -26,7 +26,7 @@ def lines(run: Run) -> list[Line]:
     found = [
         ("wall time", number(m["wall_s"], "s"), False),
         ("processor time", number(m["cpu_s"], "s"), False),
-        ("events too late to be put in order (host late)", number(late), bool(late)),
+        ("events too late to be handled in order (host late)", number(late), bool(late)),
         ("frames lost by the machine", number(lost), bool(lost)),
         ("frames the recorder missed", number(dropped), bool(dropped)),
     ]
@@ -39,14 +39,14 @@ def lines(run: Run) -> list[Line]:
 
 
 def _processes(m: Mapping[str, Any]) -> list[Line]:
-    """What only real processes have."""
+    """The lines that only a run over processes has."""
     host, slip = m["host_latency_ms"], m["timing"]["slip_ms"]
     return [
         ("processes", number(m["processes"]["started"]), False),
         ("all ready after", number(m["processes"]["ready_s"], "s"), False),
         ("memory of a node", number(m["processes"]["pss_mb_per_node"], "MB"), False),
         (
-            "time of a frame in this machine, median / 99 %",
+            "delivery time of a frame in this machine, median / 99 %",
             f"{number(host['p50'])} / {number(host['p99'], 'ms')}",
             False,
         ),

@@ -13,16 +13,16 @@ from launcher.report.folder import Run
 
 MOST_BARS: Final = 80
 FATES: Final = {
-    "delivered": "reached its hearer in time",
+    "delivered": "reached its receiver in time",
     "late": "came after the deadline of its step",
-    "ignored": "of no use to the hearer: repeated, unexpected, malformed",
+    "ignored": "not used by the receiver: repeated, unexpected or malformed",
     "radio": "lost on the link",
-    "partition": "sender and hearer were cut off from each other",
-    "in_flight": "still on its way at the end of the run",
-    "asleep": "the hearer's receiver was off",
-    "frozen": "the hearer was frozen by a planned fault",
-    "dead": "the hearer was dead",
-    "overflow": "never sent, the queue of the sender's radio was full",
+    "partition": "sender and receiver were cut off from each other",
+    "in_flight": "still under way at the end of the run",
+    "asleep": "the receiver's radio was off",
+    "frozen": "the receiver was frozen by a planned fault",
+    "dead": "the receiver was dead",
+    "overflow": "never sent: the queue of the sender's radio was full",
     "host_lost": "lost by the machine itself",
 }
 
@@ -33,7 +33,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def fates(run: Run) -> list[Bar]:
-    """What became of the frames, each cause that there was."""
+    """What became of the frames; causes without any are left out."""
     frames = run.metrics["frames"]
     arrived = frames["late"] + int(run.frames.where("outcome", "ignored").sum())
     counts = {
@@ -65,7 +65,7 @@ def kinds(run: Run) -> Table:
         expected, arrived, late = counted.get(kind, (0, 0, 0))
         share = f"{arrived:,} ({percent(arrived / expected)})" if expected else NOTHING
         rows.append([kind, number(m["sent"]), number(expected), share, number(late), number(m["payload_bytes_max"])])
-    return Table(["kind", "sent", "expected at hearers", "arrived", "of them late", "longest payload [bytes]"], rows)
+    return Table(["kind", "sent", "expected at receivers", "arrived", "of them late", "longest payload [bytes]"], rows)
 
 
 def losses(run: Run) -> Figure | None:

@@ -1,4 +1,4 @@
-"""What was run: the scenario in a line, what was changed in it, and what matters most of its keys."""
+"""What was run: the scenario in a line, what was changed in it, and its most important keys."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def changed(run: Run) -> list[str]:
-    """What this run has otherwise than the packaged scenario of its name, as ``key = value``; its seed is a fact."""
+    """What differs from the packaged scenario of the same name, as ``key = value``, without the seed."""
     try:
         packaged = flat(Scenario.load(run.scenario.name).plain())
     except ScenarioError:  # of another version of the program
@@ -52,7 +52,7 @@ def changed(run: Run) -> list[str]:
 
 
 def _same(run: Run, key: str, own: Any, packaged: Any) -> bool:
-    """Whether two values are one; files are by what is in them, as the run has a copy of its own."""
+    """Whether two values are the same; files are compared by content, as the run has its own copy."""
     if key.endswith(".file") and own and packaged:
         files = run.folder / Path(str(own)).name, Path(str(packaged))
         return all(file.is_file() for file in files) and files[0].read_bytes() == files[1].read_bytes()
@@ -71,7 +71,7 @@ def _short(value: Any) -> str:
 
 
 def facts(run: Run) -> list[tuple[str, str]]:
-    """(name, value) of what a reader has to know to understand the figures."""
+    """(name, value) of what a reader needs to understand the figures."""
     metrics, fusion = run.metrics, run.scenario.fusion
     setup = f", after {span(run.origin_s)} of setup" if run.origin_s else ""
     return [
@@ -82,7 +82,7 @@ def facts(run: Run) -> list[tuple[str, str]]:
         ("link", _link(run)),
         ("deadline", f"{span(fusion.deadline_s)} after each step"),
         ("track starts", "around the true state (prior)" if fusion.prior == "paper" else "from the first reports"),
-        ("run as", _driver(run)),
+        ("driver", _driver(run)),
         ("seed", str(metrics["seed"])),
         ("started", run.manifest["started"].replace("T", " ").replace("+00:00", " UTC")),
     ]
@@ -106,7 +106,7 @@ def _sensing(run: Run) -> str:
 
 
 def _target(path: Way) -> str:
-    """How far and how fast it went, as far as that is known."""
+    """How far and how fast the target went, as far as that is known."""
     moved = np.hypot(*np.diff([path.x, path.y], axis=1))
     there_s, way_m = path.end_s - path.start_s, float(moved.sum())
     far = f"{way_m / 1000:.1f} km" if way_m >= 3000 else f"{way_m:,.0f} m"

@@ -1,4 +1,4 @@
-"""What went wrong: planned faults, what nobody planned, and empty batteries."""
+"""What went wrong: planned faults, unplanned failures, and empty batteries."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def troubles(run: Run) -> Table:
-    """Planned faults and what nobody planned, in the order of time, alike ones in a line; then empty batteries."""
+    """Planned faults and unplanned failures, in the order of time, equal ones in one line; then empty batteries."""
     events = [(t_s, "planned", text, id) for t_s, id, text in run.marks]
     processes = run.metrics["processes"]
     events += [(one["t"], "not planned", f"died: {one['why']}", one["id"]) for one in processes["died"] or []]
     for one in processes["stopped"] or []:
-        how_long = "and never went on" if one["s"] is None else f"for {one['s']:.1f} s"
-        events.append((one["t"], "not planned", f"stood still {how_long}", one["id"]))
+        how_long = "and never resumed" if one["s"] is None else f"for {one['s']:.1f} s"
+        events.append((one["t"], "not planned", f"was stopped from outside {how_long}", one["id"]))
     together: dict[tuple[float | None, str, str], list[str]] = {}
     for t_s, sort, text, id in sorted(events, key=lambda event: (event[0] or 0.0, *event[1:])):
         together.setdefault((t_s, sort, text), []).append(id)
@@ -38,7 +38,7 @@ def troubles(run: Run) -> Table:
 
 
 def _batteries(run: Run) -> list[list[str]]:
-    """Those that were empty before the end, in one line, as they may be all."""
+    """Batteries that were empty before the end, in one line, as there may be many."""
     empty = sorted((one["t"], one["id"]) for one in run.metrics["lifetime_s"].get("empty") or [])
     if not empty:
         return []

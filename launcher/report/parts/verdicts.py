@@ -1,4 +1,4 @@
-"""What became of each tracker, in a sentence or two."""
+"""The verdict on each tracker, with a few sentences."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LOOKS: Final = {TRACKED: "good", WITH_GAPS: "fair", LOST: "bad"}
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of one tracker: its ``state`` in metrics.json, how that looks, and sentences."""
+    """The verdict on one tracker: its ``state`` as in metrics.json, how that looks, and sentences."""
 
     tracker: str
     colour: str
@@ -48,7 +48,8 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
         _error(own, m) if m["steps"] else "",
         _within(run, m) if m["steps"] else "",
         *(outages.in_words(run, track) for track in own if there),
-        "" if there else outages.never(run),
+        *(outages.told_late(run, track) for track in own),
+        "" if there else outages.never(run, _lag(run, name)),
         _rule(run) if m["lost"] and there else "",
         _in_gaps(m),
         NEAREST if m["association"] and there else "",
@@ -58,8 +59,13 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     return Verdict(name, style.colour(run, name), told(m), look, " ".join(filter(None, sentences)))
 
 
+def _lag(run: Run, name: str) -> int:
+    """By how many steps a tracker comes later that said nothing: those with names of their own are smoothed."""
+    return 0 if name in run.scenario.fusion.trackers else run.scenario.fusion.smooth_lag
+
+
 def _error(own: list[Track], m: dict[str, Any]) -> str:
-    """How far off it was, over which steps, and against which bound."""
+    """Its errors, over which steps, and against which bound."""
     expected = m["steps_expected"]
     steps = f"all {expected:,} steps" if m["steps"] >= expected else f"{m['steps']:,} of {expected:,} steps"
     blind = sum(int((track.coasting & track.scored).sum()) for track in own)
@@ -74,7 +80,7 @@ def _error(own: list[Track], m: dict[str, Any]) -> str:
 
 
 def _within(run: Run, m: dict[str, Any]) -> str:
-    """At how many steps it was near enough, unless that were all."""
+    """The share of steps at which it was near enough, unless that is all."""
     share = m["share_within"]
     if share is None or share >= 1.0:
         return ""
@@ -84,7 +90,7 @@ def _within(run: Run, m: dict[str, Any]) -> str:
 def _rule(run: Run) -> str:
     """Why a track counts as lost, by the rule of the scenario."""
     rule = run.scenario.score.lost
-    beyond = f"more than {run.scenario.lost_beyond_m:g} m off, or not there,"
+    beyond = f"more than {run.scenario.lost_beyond_m:g} m off, or without a track,"
     if (rule.steps, rule.within) == (1, 1):
         when = "at the last step"
     else:
@@ -94,7 +100,7 @@ def _rule(run: Run) -> str:
 
 
 def _in_gaps(m: dict[str, Any]) -> str:
-    """How far off it was from a line that stands in for the truth."""
+    """Its error from the straight line that stands in for the truth."""
     gap = m["gap"]
     if not gap["steps"]:
         return ""
@@ -105,7 +111,7 @@ def _in_gaps(m: dict[str, Any]) -> str:
 
 
 def gaps(run: Run) -> str:
-    """How much of the truth is interpolated, in a sentence; nothing if none is."""
+    """How much of the truth is interpolated, in a sentence; empty if none is."""
     times, guessed, count = run.course.at_ns, len(run.course.interpolated), len(run.gaps)
     if not guessed:
         return ""

@@ -1,4 +1,4 @@
-"""The papers that are done again, a folder for each: cases, bands, claims, figures."""
+"""The papers that are reproduced, a folder for each: cases, bands, claims, figures."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from launcher.study.comparison.rows import setting
 from launcher.study.comparison.runs import Compared
 
 _PAIRS: Final = {"nees_band": ("low", "high")}
-"""Figures of two numbers, and what their columns end in."""
+"""Figures of two numbers, and the ends of their columns' names."""
 
 
 def as_json(compared: Compared, exact: Exactness | None) -> str:
@@ -56,5 +56,5 @@ def _cells(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _cell(value: Any) -> Any:
-    """As CSV has it: what is true or a list as in JSON."""
+    """A cell of the CSV: truth values and lists as in JSON."""
     return setting(value) if isinstance(value, bool | list) else value

@@ -11,7 +11,7 @@ from launcher.study.comparison.runs import Compared
 
 @dataclass(frozen=True)
 class Exactness:
-    """What tells the other runs from the first one, to within a tolerance in m and m/s."""
+    """The differences of the other runs from the first one, to within a tolerance in m and m/s."""
 
     tolerance: float
     differences: tuple[str, ...]

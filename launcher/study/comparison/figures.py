@@ -1,4 +1,4 @@
-"""The figures of a comparison: errors over each other, their distribution, frames by fate, energy."""
+"""The figures of a comparison: errors over time and their distribution, frames by outcome, energy."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _over_time(line: Line, window_s: float) -> Array:
 
 
 def distribution(found: Sequence[Line]) -> Figure | None:
-    """The share of the expected steps at which each track was no further off than so much."""
+    """The share of the expected steps at which the error of each track was no larger than x."""
     plots = panels([line for line in found if line.track.scored.any()])
     if not plots:
         return None
@@ -72,7 +72,7 @@ def distribution(found: Sequence[Line]) -> Figure | None:
 
 
 def _distribution(line: Line) -> tuple[Array, Array]:
-    """Errors in order, and the share of steps up to each; a step without a track counts as one that never is near."""
+    """Errors in order, and the share of steps up to each; a step without a track counts as an error of infinity."""
     track = line.track
     reached = np.sort(track.error_m[track.scored])
     judged = max(int((track.expected & ~track.interpolated).sum()), len(reached))
@@ -131,12 +131,12 @@ def fates(runs: Sequence[Run], names: Sequence[str]) -> Figure | None:
     figure = _bars(
         names, [{words[n]: one[n] for n in shown} for one in shares], {words[n]: c for n, c in shown.items()}, ends
     )
-    figure.axes[0].set(xlabel="share of the frames expected at their hearers [%]", xlim=(0.0, 100.0))
+    figure.axes[0].set(xlabel="share of the frames expected at their receivers [%]", xlim=(0.0, 100.0))
     return figure
 
 
 def spent(runs: Sequence[Run], names: Sequence[str]) -> Figure | None:
-    """What those on batteries spent in each run, and on what."""
+    """The energy spent from batteries in each run, and on what."""
     totals = [run.metrics["energy_j"]["total"] or 0.0 for run in runs]
     if not any(totals):
         return None
@@ -155,7 +155,7 @@ def _fate(name: str) -> str:
 def _bars(
     names: Sequence[str], parts: Sequence[Mapping[str, float]], looks: Mapping[str, str], ends: Sequence[str]
 ) -> Figure:
-    """A bar for each run, made of its parts in a row, with the text of ``ends`` behind it."""
+    """A bar for each run, of parts; its total stands at its end."""
     figure = Figure(figsize=(style.WIDTH, 0.95 + 0.34 * len(names)), layout="constrained")
     axes = figure.subplots()
     left = np.zeros(len(names))

@@ -1,4 +1,4 @@
-"""The tracks of several runs as lines over each other: one colour per tracker, runs told apart by dash and tint."""
+"""The tracks of several runs as lines: one colour per tracker; runs differ in dash and tint."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from launcher.report.tracks import Track
 
 Places = npt.NDArray[np.intp]
 MOST_RUNS: Final = 6
-"""Runs that can be told apart in a figure."""
+"""The most runs that can be told apart in a figure."""
 MOST_LINES: Final = 6
-"""Lines that can be told apart in a plot; of more each tracker has a plot of its own."""
+"""The most lines that can be told apart in a plot; with more, each tracker has its own plot."""
 _DASHED: Final = (0, (4.0, 1.6))
 _DOTTED: Final = (0, (1.0, 1.4))
 _LOOKS: Final[tuple[tuple[float, float, Any, float], ...]] = (
@@ -50,7 +50,7 @@ class Line:
         """How matplotlib draws it, on white or on a ``dark`` ground; only one of the first ``MOST_RUNS`` runs."""
         on_white, on_black, dash, width = _LOOKS[self.place]
         shade = on_black if dark else on_white
-        thin = float(np.clip(1.0 - len(self.track.t_s) / 2400, 0.4, 1.0))  # so that it does not become a surface
+        thin = float(np.clip(1.0 - len(self.track.t_s) / 2400, 0.4, 1.0))  # many points need a thin line
         return {"color": tint(colours[self.track.tracker], shade), "ls": dash, "lw": width * thin}
 
 
@@ -66,7 +66,7 @@ def drawable(found: Sequence[Line]) -> list[Line]:
 
 
 def colours(found: Sequence[Line]) -> dict[str, str]:
-    """Of each tracker."""
+    """The colour of each tracker."""
     return tracker_colours(list(dict.fromkeys(line.track.tracker for line in found)))
 
 
@@ -86,7 +86,7 @@ def tint(colour: str, shade: float) -> str:
 
 
 def common(a: Track, b: Track) -> tuple[Places, Places]:
-    """Where in each of two tracks the instants are that both have, (n,) and (n,)."""
+    """The places of the common instants in each of two tracks, (n,) and (n,)."""
     one, other = (np.round(track.t_s * 1e6).astype(np.int64) for track in (a, b))
     _, first, second = np.intersect1d(one, other, return_indices=True)
     return first, second

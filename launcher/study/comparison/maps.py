@@ -1,4 +1,4 @@
-"""Tracks of several runs over each other on the map of the field, and close up where they are furthest apart."""
+"""The tracks of several runs on the map of the field, and a close-up of where they are furthest apart."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ class Apart:
 
     @property
     def distance_m(self) -> float:
-        """How far that is."""
+        """The distance between the two points, m."""
         return float(np.hypot(*(self.points[1] - self.points[0])))
 
     @property
     def text(self) -> str:
-        """Who they are, and how far apart."""
+        """A sentence that says which they are, and how far apart."""
         ends = f"{self.one.track.tracker} in {self.one.name} and {self.other.name}"
         if self.one.track.tracker != self.other.track.tracker:
             ends = f"{self.one.label} and {self.other.label}"

@@ -14,7 +14,7 @@ from trackfield.errors import ScenarioError
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where to write the page, the table and the recording; None: not at all."""
+    """The files of the page, the table and the recording; None: not written."""
 
     html: Path | None = None
     csv: Path | None = None
@@ -26,14 +26,14 @@ class Outputs:
         for key, file in self._named():
             whole = file.resolve()
             if (other := seen.setdefault(whole, key)) != key:
-                raise ScenarioError(f"{other} names this file, too", file=str(file), key=key, expected="another file")
+                raise ScenarioError(f"{other} names the same file", file=str(file), key=key, expected="another file")
             if whole.exists() and any(whole.is_relative_to(folder.resolve()) for folder in compared.folders):
-                expected = "a file that is not there yet, or one outside the runs"
+                expected = "a new file, or one outside the run folders"
                 raise ScenarioError("is a file of a run", file=str(file), key=key, expected=expected)
             check_writable(file, key)
 
     def write(self, compared: Compared, exact: Exactness | None) -> Iterator[str]:
-        """Write them, in place of files that are there; what was written, in words."""
+        """Write them, over existing files; yields what was written, in words."""
         if self.html is not None:
             from launcher.study.comparison.page import as_page
 

@@ -1,4 +1,4 @@
-"""The page of a comparison: one file with the look of a run's report, which needs nothing else to be opened."""
+"""The page of a comparison: one file in the style of a run's report, which opens without any other file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from launcher.study.comparison.runs import Compared
 
 
 def as_page(compared: Compared, exact: Exactness | None = None) -> str:
-    """The text of the page. Raises ``ScenarioError`` for a folder whose report could not be made either."""
+    """The text of the page. Raises ``ScenarioError`` for a folder whose report could not be written either."""
     from launcher.report.templates import templates
 
     return templates(__package__).get_template("comparison.html.j2").render(_contents(compared, exact))
@@ -111,7 +111,7 @@ def _facts(compared: Compared, runs: Sequence[Run]) -> Table:
 
 
 def _verdicts(compared: Compared, runs: Sequence[Run]) -> dict[str, list[tuple[str, Any]]]:
-    """What became of each tracker, in each run that has it: (name of the run, verdict)."""
+    """(name of the run, verdict) of each tracker, for each run that has it."""
     from launcher.report.parts.verdicts import verdicts
 
     found: dict[str, list[tuple[str, Any]]] = {}
@@ -122,11 +122,11 @@ def _verdicts(compared: Compared, runs: Sequence[Run]) -> dict[str, list[tuple[s
 
 
 def _commands(compared: Compared) -> list[tuple[str, str]]:
-    """How to go on: (command, what it does)."""
+    """Commands for the next steps: (command, what it does)."""
     folders = " ".join(shlex.quote(str(folder)) for folder in compared.folders)
     return [
         (f"trackfield compare {folders}", "the table of this page"),
         (f"trackfield compare {folders} --rrd both.rrd", "tracks and errors on one timeline, for trackfield view"),
-        (f"trackfield compare {folders} --exact 0", "whether tracks and frames are the same"),
+        (f"trackfield compare {folders} --exact 0", "check that tracks and frames are the same"),
         *((f"trackfield report {shlex.quote(str(folder))}", "the report of this run") for folder in compared.folders),
     ]

@@ -1,4 +1,4 @@
-"""Errors of two runs step by step: how often, and in how many parts of the run, the one was lower."""
+"""The errors of two runs step by step: how often, and in how many parts of the run, one was lower."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from launcher.report.cells import NOTHING, Table, number, percent
 from launcher.study.comparison.lines import Line, common
 
 PARTS: Final = 10
-"""Of equal numbers of steps, long enough for most errors not to last from one into the next."""
+"""Parts of equal numbers of steps, long enough for most errors not to last from one part into the next."""
 
 
 def paired(found: Sequence[Line]) -> Table:
-    """Of each tracker that several runs of one target have: each further run against the first, over common steps."""
+    """Each further run against the first, over common steps, for each tracker that several runs have."""
     head = [
         "tracker",
         "run",

@@ -15,7 +15,7 @@ from launcher.timeline.overlay import Overlaid, Way, write_overlay
 
 
 def write_recording(compared: Compared, file: Path) -> None:
-    """Write it, in place of a file that is there; of the first ``MOST_RUNS`` runs, as more cannot be told apart."""
+    """Write it, over an existing file; of the first ``MOST_RUNS`` runs, as more cannot be told apart."""
     runs, names = [read_run(folder) for folder in compared.folders[:MOST_RUNS]], compared.names[:MOST_RUNS]
     found = lines(runs, names)
     sensors = {place for run in runs for place in run.sensors.values()}
@@ -41,7 +41,7 @@ def _overlaid(line: Line, found: Sequence[Line]) -> Overlaid:
 
 
 def _ways(compared: Compared, runs: Sequence[Run], place: int) -> list[Way]:
-    """Of the targets of a run, for all whose targets are the same."""
+    """The paths of the targets of a run, for all runs with the same targets."""
     run, ways = runs[place], []
     for target, path in run.site.paths.items():
         times = np.linspace(path.start_s, path.end_s, IN_A_STEP * run.site.steps + 1)

@@ -1,4 +1,4 @@
-"""What a reader must know before he compares figures of runs, in sentences."""
+"""What a reader must know before comparing figures of runs, in sentences."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from launcher.study.comparison.runs import Compared
 
 
 def remarks(compared: Compared) -> list[str]:
-    """What makes a comparison of these runs doubtful, and what is compared all the same."""
+    """What makes a comparison of these runs doubtful."""
     return [*_chance(compared), *_targets(compared), *_alarms(compared)]
 
 
 def _chance(compared: Compared) -> Iterator[str]:
-    """That one seed proves nothing; of the same scenario and seed there is no chance in what differs."""
+    """A single seed shows nothing certain; with the same scenario and seed, differences are not due to chance."""
     if not compared.settings:
         yield (
             "All runs have the same scenario and seed: what differs is the driver or the machine. "
-            "`trackfield compare RUN RUN --exact 0` says whether they are the same."
+            "`trackfield compare RUN RUN --exact 0` checks whether they are the same."
         )
         return
     seeds = list(dict.fromkeys(metrics["seed"] for metrics in compared.metrics))
@@ -33,7 +33,7 @@ def _chance(compared: Compared) -> Iterator[str]:
 
 
 def _study(compared: Compared) -> str:
-    """The command that tells an effect from chance, ready to be run if a single key was varied."""
+    """The command that separates an effect from chance, ready to run if a single key was varied."""
     varied = {key: values for key, values in compared.settings.items() if key != "seed"}
     scenario = f"{shlex.quote(str(compared.folders[0]))}/scenario.toml"
     if not varied:
@@ -58,7 +58,7 @@ def _targets(compared: Compared) -> Iterator[str]:
     if not compared.same_length:
         lengths = ", ".join(f"{name} {s:g} s" for name, s in zip(compared.names, compared.lengths_s, strict=True))
         yield (
-            f"The runs are not equally long ({lengths}): each figure is over the steps of its own run, and sums over a "
+            f"The runs differ in length ({lengths}): each figure is over the steps of its own run, and sums over a "
             "run (bytes, energy) are not marked."
         )
 

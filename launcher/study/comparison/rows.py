@@ -1,4 +1,4 @@
-"""The figures that people compare, a row each with a cell for each run, in groups."""
+"""The figures of a comparison in groups: a row each, with a cell for each run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from launcher.study.comparison.runs import Compared
 Cell = float | int | str | None
 Better = Literal["lower", "higher"]
 OF_ALL: Final = ("sent", "expected", "delivered", "late")
-"""Counts of frames that everybody looks for."""
+"""Counts of frames that are always shown."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Row:
 
     @property
     def best(self) -> tuple[bool, ...]:
-        """(runs,) whether a cell is better than another and reads so; of equal ones each."""
+        """(runs,) whether a cell is the best, if not all read the same; equal ones are all marked."""
         judged = self.judged or (True,) * len(self.cells)
         fair = [
             (float(cell), text)
@@ -72,7 +72,7 @@ def setting(value: Any) -> str:
 
 
 def figures(compared: Compared) -> list[Group]:
-    """What came of the runs; what is nothing in all runs is left out, but for what everybody looks for."""
+    """The figures of the runs; rows that are empty in all runs are left out, except the basic ones."""
     sums: Better | None = "lower" if compared.same_length else None
     groups = [
         *(Group(name, tuple(_tracker(name, compared)), name) for name in compared.trackers),
@@ -85,7 +85,7 @@ def figures(compared: Compared) -> list[Group]:
 
 
 def _tracker(name: str, compared: Compared) -> Iterator[Row]:
-    """How far off one tracker was. Errors are judged where the target was tracked, and the same one in all runs."""
+    """The errors of one tracker, judged only where the verdict is tracked, and if all runs have the same target."""
     found = [metrics["trackers"].get(name) for metrics in compared.metrics]
     tracked = tuple(t is not None and t["verdict"] == TRACKED for t in found)
     lower: Better | None = "lower" if compared.same_target else None

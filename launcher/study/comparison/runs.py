@@ -1,4 +1,4 @@
-"""The runs of a comparison as their folders tell them: figures, settings, and where their targets were."""
+"""The runs of a comparison, read from their folders: figures, settings, and the paths of their targets."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, survey
 
 SAME_M: Final = 1e-6
-"""Two runs have the same target if it is no further apart at any step."""
+"""Two runs have the same target if its positions differ by no more at any step, m."""
 
 
 @dataclass(frozen=True)
@@ -85,11 +85,11 @@ class Compared:
 def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
     """Read what every comparison needs; ``key`` is how the user knows the argument.
 
-    Raises ``ScenarioError`` for less than two runs, for one that is named twice, for a folder that is none, and for
+    Raises ``ScenarioError`` for fewer than two runs, for one that is named twice, for a folder that is not one, and for
     figures that are missing.
     """
     if len(folders) < 2:
-        raise ScenarioError("there is nothing to compare it with", key=key, expected="two run folders or more")
+        raise ScenarioError(f"{len(folders)} given", key=key, expected="two run folders or more")
     seen: dict[Path, Path] = {}
     for folder in folders:
         if other := seen.get(folder.resolve()):

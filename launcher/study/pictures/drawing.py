@@ -17,9 +17,9 @@ PARETO: Final = "pareto"
 
 
 def draw(summary: Summary, folder: Path, pareto: tuple[str, str] | None = None) -> dict[str, Path]:
-    """Write ``plots/<key>.png`` for each axis and ``plots/pareto.png``, anew; the files by name.
+    """Write ``plots/<key>.png`` for each axis and ``plots/pareto.png``, in place of earlier ones; the files by name.
 
-    There is no front where the figures have nothing to say, and without axes the trackers are one.
+    There is no front if its figures do not differ; without axes, the trackers are the axis.
     """
     (folder / PLOTS).mkdir(exist_ok=True)
     for old in (folder / PLOTS).glob("*.png"):
@@ -37,7 +37,7 @@ def draw(summary: Summary, folder: Path, pareto: tuple[str, str] | None = None) 
 
 
 def pictured(summary: Summary) -> tuple[Axis, ...]:
-    """The axes that have a picture each: what is varied, or else the trackers."""
+    """The axes that have a picture each: the varied keys, or else the trackers."""
     return summary.axes or (Axis(TRACKER, summary.trackers),)
 
 

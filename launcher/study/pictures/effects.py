@@ -1,4 +1,4 @@
-"""What a varied key does to the figures that a designer asks for first, as a picture."""
+"""The effect of a varied key on the main figures, as a picture."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from launcher.study.pictures.look import COLOURS, MARKERS, Picture, colour_of, c
 from launcher.study.summary import Row, Summary
 
 MOST_LINES: Final = len(COLOURS)
-"""Of combinations of the other axes in one picture."""
+"""The most combinations of the other axes in one picture."""
 _PANELS: Final = (
     *(TRACKED, ERROR, "latency_ms.to_track.p95", "energy_j.total", "lifetime_s.first_death", "frames.lost"),
     *("longest_blackout_s", "median_error"),
 )
-"""The first of them of which there is something to show are shown, so many:"""
+"""The figures that may be shown; the first ones with values are."""
 MOST_PANELS: Final = 6
 
 
@@ -41,7 +41,7 @@ class Line:
 
 
 def lines(summary: Summary, axis: Axis) -> tuple[list[Line], dict[str, Any]]:
-    """One line for each combination of the other axes and tracker; what is held at its first value, if too many."""
+    """A line for each combination of other axes and tracker; if too many, some axes are held at their first value."""
     others = [other for other in summary.own_axes if other.key != axis.key]
     held: dict[str, Any] = {}
     while len(others) > 1 and np.prod([len(other.values) for other in others]) > MOST_LINES:
@@ -77,7 +77,7 @@ def _at(row: Row, axis: Axis) -> Any:
 
 
 def axis_picture(summary: Summary, axis: Axis) -> Picture:
-    """What an axis does to the share of tracked runs, error, latency, energy, lifetime and losses."""
+    """The effect of an axis on the share of tracked runs, error, latency, energy, lifetime and losses."""
     panels = [key for key in _PANELS if key == TRACKED or summary.told(key)][:MOST_PANELS]
     drawn, held = lines(summary, axis)
     with styled():

@@ -16,14 +16,14 @@ from launcher.report.style import STYLE
 from launcher.study.intervals import Estimate
 
 COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
-"""Of combinations: Okabe and Ito; trackers have colours of their own where they alone differ."""
+"""The colours of combinations (Okabe and Ito); where only trackers differ, they have their own."""
 MARKERS: Final = "osD^vP"
 WIDE: Final = 30.0
-"""Values whose largest is so many times the least are shown on a logarithmic scale."""
+"""Values whose largest is at least so many times the least are shown on a logarithmic scale."""
 
 
 def colour_of(place: int, of: int) -> Any:
-    """Of a combination at this place among so many."""
+    """The colour of the combination at this place of ``of``."""
     return COLOURS[place] if of <= len(COLOURS) else mpl.colormaps["viridis"](place / (of - 1))
 
 

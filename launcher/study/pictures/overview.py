@@ -14,11 +14,11 @@ from launcher.study.pictures.look import Picture, styled, wide
 from trackfield.role import NS
 
 POINTS = 400
-"""Of a true path."""
+"""Points of a true path."""
 
 
 def overview(folder: Path) -> Picture:
-    """Of a finished run. Raises ``ScenarioError`` for a folder that is none."""
+    """The picture of a finished run. Raises ``ScenarioError`` for any other folder."""
     run = read_run(folder)
     with styled():
         figure = Picture(figsize=(WIDTH, 3.9), layout="constrained")

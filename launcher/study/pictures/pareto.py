@@ -1,4 +1,4 @@
-"""A Pareto front: two figures of each combination, and those that no other is better than in both."""
+"""A Pareto front: two figures of each combination, and the combinations that no other beats in both."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, sty
 from launcher.study.summary import Row, Summary
 
 MOST_NAMES: Final = 14
-"""Of points beside which their combination stands; more, and only those of the front have it."""
+"""The most points that are all labelled; of more, only those of the front are."""
 GREY: Final = "#9aa4b2"
 
 
 @dataclass(frozen=True)
 class Front:
-    """Rows by two figures; ``best`` are the places of those that no other is better than in both, ``out`` of those
-    that cannot be among them, as half of their runs or more were lost."""
+    """Rows by two figures; ``best`` are the places of those that no other beats in both, ``out`` of those that cannot
+    be among them, as half of their runs or more were lost."""
 
     x: str
     y: str
@@ -41,7 +41,7 @@ class Front:
 
 
 def default_pair(summary: Summary) -> tuple[str, str]:
-    """The first measure of cost that any row has, and the position error."""
+    """The cost of a field, and its error."""
     return next((key for key in COST if summary.told(key)), COST[-1]), ERROR
 
 
@@ -99,7 +99,7 @@ def pareto_picture(front: Front) -> Picture:
 
 
 def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str, float]:
-    """((values, bars below and above them), unit, how many of the figure's own unit that is) of the rows."""
+    """((values, bars below and above them), unit, its size in the figure's own unit) of the rows."""
     estimates = [row.figures[key] for row in front.rows]
     scale, unit = scale_of(FIGURES[key].unit, [one.value for one in estimates if one])
     value, low, high = columns(estimates, scale)
@@ -107,7 +107,7 @@ def _ends(front: Front, key: str) -> tuple[tuple[Any, Any], str, float]:
 
 
 def _key(figure: Figure, axes: Axes, front: Front, trackers: Sequence[str]) -> None:
-    """What colours and marks mean."""
+    """The legend of colours and marks."""
     axes.plot([], [], "o-", color=COLOURS[0], label="Pareto front")
     axes.plot([], [], "o", color=GREY, label="dominated: another is better in both")
     if front.out:

@@ -1,1 +1,1 @@
-"""What is drawn on top of each other, one layer per sensing kind or role."""
+"""The layers of the field's view: truth, tracks, bearings, close-ups."""

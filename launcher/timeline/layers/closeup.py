@@ -1,4 +1,4 @@
-"""The close-up of each target: a frame that goes along with it, as large as what trackers say of it asks for."""
+"""The close-up of each target: a frame that moves with it, large enough for the estimates of the trackers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from launcher.timeline import look, rows
 from launcher.timeline.scene import Add, spacing
 
 WIDE: Final = 1.9
-"""The close-up is so much wider than high."""
+"""Width of the close-up over its height."""
 _ELLIPSES: Final = 2.0
-"""It is so many times as high as the 95 % region of an estimate is long."""
+"""Height of the close-up over the length of the 95 % region of an estimate."""
 _LEAST_M: Final = 0.5
 ROW: Final = 6
 """Entries in a row of its legend."""
@@ -30,7 +30,7 @@ def size(points: np.ndarray[Any, np.dtype[np.float64]], truth: tuple[float, floa
 
 
 def zoomed(before: float, needed: float) -> float:
-    """From the middle of a close-up to its upper edge (m): powers of two, so that it stands still most of the time."""
+    """From the middle of a close-up to its upper edge (m): powers of two, so that it rarely changes."""
     needed = max(needed, _LEAST_M)
     return before if before / 4 < needed <= before else 2.0 ** math.ceil(math.log2(needed))
 
@@ -49,7 +49,7 @@ class Closeups:
             self._draw(target, half, 0)
 
     def until(self, t_ns: int, sizes: dict[tuple[str, ...], float]) -> int:
-        """``sizes`` of what is known of targets (the first of each key), by the tracker in the middle of them."""
+        """Adapt close-ups to ``sizes`` (the first of each key is the target): to the median of its trackers."""
         for target, before in self._halves.items():
             known = sorted(size for (of, *_), size in sizes.items() if of == target)
             if not known:
@@ -66,7 +66,7 @@ class Closeups:
 
 
 def scale_bar(half: float) -> tuple[float, str]:
-    """The length of a bar in a close-up whose upper edge is 1 from its middle, and what it stands for."""
+    """The length of a bar in a close-up whose upper edge is 1 from its middle, and its label."""
     power = 10.0 ** math.floor(math.log10(half))
     metres = max(step * power for step in (0.5, 1, 2, 5) if step * power <= half)
     return metres / half, f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"

@@ -1,4 +1,4 @@
-"""What trackers say: tracks, ellipses, particles, and the error of each over time."""
+"""The estimates of the trackers: tracks, ellipses, particles, and errors over time."""
 
 from __future__ import annotations
 
@@ -23,22 +23,24 @@ Static = Callable[..., None]
 
 @dataclass(slots=True)
 class _Track:
-    """What of a track the next point needs: its entity, and where it was."""
+    """The state of a track that the next point needs: its entity, last position and latest instant, ``newest_ns``."""
 
     path: str
     plot: tuple[str, ...]
     last: Points = field(default_factory=lambda: np.empty((0, 2)))
     last_ns: int = 0
+    newest_ns: int = 0
     source: str = ""
     particles: bool = False
     shown: bool = False
 
 
 class Tracks:
-    """Hands points to ``add``; the latest of each tracker is ``shown``, for rays to end there and the close-up to fit.
+    """Hands points to ``add``; the latest of each tracker is ``shown``, where rays end and which the close-up fits.
 
-    A track that gets no point for one and a half steps, or whose process is dead, leaves the picture until it has one
-    again; its line breaks after one and a half steps.
+    A track without a point for one and a half steps, or whose process is dead, is hidden until its next point; its line
+    breaks after one and a half steps. A point that comes so late, like that of a frozen process, is part of the line
+    only.
 
     A field in which several processes track has a track for each of them.
     """
@@ -48,16 +50,20 @@ class Tracks:
         self._curves, self._limit_ns = curves, round(GAP * info.step_ns)
         self._alone = len(info.tagged(TRACKS)) <= 1
         self._tracks: dict[tuple[str, ...], _Track] = {}
-        self._dead: dict[str, tuple[float, float]] = {}  # from when until when, of processes that died
+        self._dead: dict[str, tuple[float, float]] = {}  # (from ns, until ns) of processes that died
         self._lived: dict[str, int] = {}
 
-    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None) -> None:
-        """A point; of a smoothed track only the line is drawn, at the times that its points are about."""
+    def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
+        """Add a point, ``late_ns`` after its deadline; of a smoothed track only the line is drawn."""
         track, t_ns = self._track(point), point.at_ns
         here = np.reshape(point.mean[:2], (-1, 2))
         self._leave(track, t_ns)
         dead_ns, back_ns = self._dead.get(point.source, (math.inf, math.inf))
-        if not point.lag and not dead_ns <= t_ns < back_ns:
+        stale = late_ns > self._limit_ns and t_ns > track.newest_ns  # else it is told again, of late reports
+        if stale and track.shown:
+            self._hide(track, track.last_ns + self._limit_ns)
+        track.newest_ns = max(track.newest_ns, t_ns)
+        if not point.lag and not stale and not dead_ns <= t_ns < back_ns:
             self._place(track, t_ns, here, point, truth)
         if len(here) and len(track.last):
             self._add(track.path + "/track", rows.strips, t_ns, np.stack((track.last, here), axis=1))
@@ -66,7 +72,7 @@ class Tracks:
             self._curves.value(track.plot, t_ns, (math.dist(point.mean[:2], truth),), self._info.step_ns)
 
     def died(self, t_ns: int, process: str) -> None:
-        """The life of a process ended: what it says of times before the next is not current."""
+        """The life of a process ended: its points for times before its next life are not current."""
         lived_ns = self._lived.get(process, 0)
         self._dead[process] = (t_ns, lived_ns if lived_ns > t_ns else math.inf)
         for track in self._tracks.values():
@@ -74,19 +80,19 @@ class Tracks:
                 self._hide(track, t_ns)
 
     def lives(self, t_ns: int, process: str) -> None:
-        """A process is there, again or still."""
+        """A process is alive, again or still."""
         self._lived[process] = t_ns
         dead_ns, back_ns = self._dead.get(process, (math.inf, math.inf))
         if dead_ns < t_ns < back_ns:
             self._dead[process] = (dead_ns, t_ns)
 
     def until(self, t_ns: float) -> None:
-        """No point of before this time is to come."""
+        """No point for a time before this one will come."""
         for track in self._tracks.values():
             self._leave(track, t_ns)
 
     def _leave(self, track: _Track, t_ns: float) -> None:
-        """Takes a track out of the picture that had no point for too long by this time."""
+        """Hides a track that has had no point for too long at this time."""
         gone_ns = track.last_ns + self._limit_ns
         if t_ns <= gone_ns:
             return

@@ -15,7 +15,7 @@ from trackfield.role import NS
 
 
 class Truths:
-    """Hands the targets' ways to ``add`` as far as the run came."""
+    """Hands the targets' paths to ``add`` as far as the run has come."""
 
     def __init__(self, info: FieldInfo, add: Add) -> None:
         self._add, self._origin_ns = add, info.origin_ns

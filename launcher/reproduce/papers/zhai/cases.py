@@ -37,7 +37,7 @@ TENTH: Final[Mapping[str, Options]] = {"bootstrap-200": {"tracker": "bootstrap",
 """A bootstrap filter with as few particles as SP-CPF."""
 
 SINGLE: Final[Mapping[str, Options]] = {"spcpf-paper": {"tracker": "spcpf", "single": "paper"}}
-"""SP-CPF that weighs its particles by p(y | x) alone even when a single sensor reports, as the paper reads."""
+"""SP-CPF that weighs its particles by p(y | x) alone even when a single sensor reports, as the paper says."""
 
 
 def _plain(*names: str) -> dict[str, Options]:

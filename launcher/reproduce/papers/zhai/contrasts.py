@@ -88,6 +88,6 @@ def _each(errors: Array) -> Array:
 
 
 def _times(goes: Mapping[str, Sequence[float]]) -> Interval:
-    """The ratio of processor times, over the goes, in each of which both took their turn."""
+    """The ratio of processor times, over the repetitions, each of which has both."""
     logs = np.log(np.array(goes["spcpf"]) / np.array(goes["bootstrap"]))
     return positive(lambda weights: np.exp(weights @ logs / weights.sum(axis=-1)), len(logs))

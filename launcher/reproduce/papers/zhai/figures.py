@@ -1,5 +1,5 @@
-"""Figures 3 to 13 of Zhai et al. (2009), under its numbers, drawn from our runs; each tracker has its colour of
-everywhere, and a line and a mark of its own."""
+"""Figures 3 to 13 of Zhai et al. (2009), under its numbers, drawn from our runs; each tracker has its usual
+colour, and a line and a mark of its own."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def motion(run: Realisation, title: str) -> Figure:
 
 
 def rmses(records: Records, results: Results[Score], case: str, trackers: Sequence[str]) -> Figure:
-    """Figs. 5, 8 and 13: RMSE(t) over all runs; in scenario 1 with the means that Table I has of it."""
+    """Figs. 5, 8 and 13: RMSE(t) over all runs; in scenario 1 with the means in Table I."""
     figure = _figure(7.4, 3.3)
     panels = figure.subplots(1, 2, sharey=True)
     errors = errors_by_tracker(CASES[case], records[case])

@@ -32,7 +32,7 @@ TABLE_1: Final[Mapping[str, Mapping[str, float]]] = {
 """The paper's Table I: metres, square metres, seconds."""
 
 FEW_LOST: Final = 0.05
-"""Where none should be lost: no number of runs shows that, a hundred without a loss show this much."""
+"""The limit where no run should be lost: no number of runs shows a share of 0; a hundred without a loss show this."""
 BANDS: Final[Mapping[tuple[str, str], Mapping[str, Band]]] = {
     ("s1", "spcpf"): {"position": Band(0, 1.7), "lost": Band(0, FEW_LOST)},
     ("s2", "spcpf"): {"position": Band(0, 3.0), "lost": Band(0, FEW_LOST)},
@@ -44,7 +44,7 @@ BANDS: Final[Mapping[tuple[str, str], Mapping[str, Band]]] = {
     ("s2", "fix-imm-ukf"): {"position": Band(0, 2.0)},
     ("s3", "fix-imm-ukf"): {"position": Band(0, 1.95)},
 }
-"""For fields of ``Score``, by case and tracker: what an independent implementation reached, with some room."""
+"""For fields of ``Score``, by case and tracker: what an independent implementation reached, with a margin."""
 RADAR_SHARE: Final = 0.5
 """With bearings, a tracker's error should be at most this share of what predicting alone leaves."""
 
@@ -105,12 +105,12 @@ def _table_1(results: Results[Score]) -> Iterator[Row]:
 
 
 def _alone(value: float) -> Interval:
-    """Of one run, or of a machine: nothing that more runs would tell better."""
+    """A figure without an interval: of one run, or of a machine."""
     return Interval(value, None, None)
 
 
 def time_ratio(times: Mapping[str, float]) -> float:
-    """What SP-CPF costs, over what the bootstrap costs."""
+    """The processor time of SP-CPF over that of the bootstrap."""
     return times["spcpf"] / times["bootstrap"]
 
 
