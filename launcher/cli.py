@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 from functools import partial
 from typing import Annotated, NoReturn
 
 import typer
 
+from launcher import INTERRUPTED
 from launcher.commands import choices, compare, listing, new, replay, reproduce, router, run, study, validate, view
 from launcher.processes.garbage import look_seldom
 from trackfield.errors import ScenarioError, TrackfieldError
@@ -66,7 +66,7 @@ def main() -> NoReturn:
     except TrackfieldError as error:
         _end(str(error), 1)
     except KeyboardInterrupt:
-        raise SystemExit(128 + signal.SIGINT) from None
+        raise SystemExit(INTERRUPTED) from None
 
 
 def _end(message: str, code: int) -> NoReturn:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
@@ -159,7 +160,11 @@ def finished(
     scenario = load("spcpf", seed=1, settings=[f"target.steps={steps}", *settings])
     plan = planned(scenario)
     ledger, tracks = simulated(plan)
-    metrics = run_metrics(plan, ledger, tracks)
+    metrics = run_metrics(plan, ledger, tracks) | {
+        "driver": "virtual",
+        "wall_s": 1.0,
+        "recorder": {"messages": len(ledger.rows), "dropped": 0},
+    }
     change(metrics)
     write_json(metrics, folder(at, tracks, ledger.rows) / "metrics.json")
     keep(scenario, at)
@@ -377,3 +382,17 @@ def test_what_is_no_run_is_named(tmp_path: Path) -> None:
         with pytest.raises(ScenarioError) as failure:
             check_runs([a, broken])
         assert (failure.value.file, failure.value.what) == (str(broken), what)
+
+
+def test_a_run_of_an_older_version_is_named(tmp_path: Path) -> None:
+    a, figures, columns = finished(tmp_path / "a"), tmp_path / "figures", tmp_path / "columns"
+    finished(figures, change=lambda metrics: metrics["trackers"]["spcpf"].pop("verdict"))
+    tracks = finished(columns) / "tracks.parquet"
+    pq.write_table(pq.read_table(tracks).drop_columns("true_interpolated"), tracks)
+    for old, file, key, what in (
+        (figures, "metrics.json", "trackers.spcpf.verdict", "is missing"),
+        (columns, "tracks.parquet", "", "an older version made it"),
+    ):
+        with pytest.raises(ScenarioError) as failure:
+            read_runs([a, old])
+        assert (failure.value.file, failure.value.key, failure.value.what) == (str(old / file), key, what)

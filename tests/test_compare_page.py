@@ -7,6 +7,8 @@ import csv
 import io
 import json
 import re
+import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from playwright.sync_api import sync_playwright
 
 import trackfield as tf
 from launcher.colours import tracker_colours
+from launcher.report import style
 from launcher.report.folder import read_run
 from launcher.study.comparison import figures
 from launcher.study.comparison.lines import lines, panels, tint
@@ -31,14 +34,18 @@ from tests.rrd import entities, read, verify
 __all__ = ["trackfield"]
 
 OUTAGE = "faults=[{kind='restart', nodes=['fusion'], at_s=4, until_s=9}]"
+KILL = "faults=[{kind='kill', nodes=['fusion'], at_s=%g}]"
 
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Three runs: ``a``, ``out`` with an outage of its centre, and ``other`` on a shorter path of its own."""
+    """Runs: ``a``, ``out`` with an outage of its centre, ``killed`` and ``dead`` whose centre dies at 6 s and before
+    the first step, and ``other`` on a shorter path of its own."""
     home = tmp_path_factory.mktemp("runs")
     run(home / "a")
     run(home / "out", OUTAGE)
+    run(home / "killed", KILL % 6, "energy.sample_mj=50")
+    run(home / "dead", KILL % 0.5, "energy.sample_mj=50")
     run(home / "other", "target.path=s2", 'fusion.trackers=["ekf"]', steps=8)
     return home
 
@@ -102,6 +109,19 @@ def test_runs_of_other_targets_are_compared_in_what_can_be(trackfield: Call, tmp
     assert "ekf" in read.text
 
 
+@pytest.mark.parametrize("name", ["killed", "dead"])
+def test_a_run_whose_centre_died_is_as_long_and_has_the_same_target(
+    trackfield: Call, tmp_path: Path, home: Path, name: str
+) -> None:
+    read, _ = page(trackfield, tmp_path, home / "a", home / name)
+    assert "not equally long" not in read.text
+    assert "different paths" not in read.text
+    assert re.findall(r"virtual time ([\d.]+ s)", read.text) == ["12 s", "12 s"]
+    sums = re.search(r"<tr><th[^>]*>energy \[J\].*", (tmp_path / "page.html").read_text())
+    assert sums is not None
+    assert 'class="best"' in sums[0]
+
+
 @pytest.mark.parametrize(
     ("tolerance", "code", "said"), [("0", 1, "not equal to within 0:"), ("0", 0, "equal to within 0,")]
 )
@@ -120,7 +140,8 @@ def test_runs_in_which_nothing_was_tracked_have_a_page(trackfield: Call, tmp_pat
     for name, spacing in (("x", "1"), ("y", "0.9")):
         run(tmp_path / name, f"link.loss={spacing}", "link.model=fixed", "fusion.prior=none", steps=3)
     read, _ = page(trackfield, tmp_path, tmp_path / "x", tmp_path / "y")
-    assert "lost" in read.text
+    assert re.findall(r"\b([xy]) lost No track of the target at any of the 3 steps", read.text) == ["x", "y"] * 2
+    assert read.text.count("verdict lost lost") == 2
 
 
 # --- figures ----------------------------------------------------------------------------------------------------------
@@ -155,12 +176,26 @@ def test_a_line_breaks_in_an_outage_and_its_steps_count(home: Path) -> None:
             assert y.max() == pytest.approx(100 * 8 / 12)
 
 
+def test_errors_of_a_short_run_beside_a_long_one_are_over_the_same_window(
+    monkeypatch: pytest.MonkeyPatch, home: Path
+) -> None:
+    monkeypatch.setattr("launcher.report.folder.LONG", 10)  # of which ``a`` has more steps, ``other`` less
+    runs = [read_run(home / name) for name in ("a", "other")]
+    assert [run.long for run in runs] == [True, False]
+    figure = figures.errors(lines(runs, ["a", "other"]))
+    assert figure is not None
+    assert figure.axes[0].get_ylabel() == f"position error [m],\nrms over {runs[0].window} s"
+    (line,) = [one for one in figure.axes[0].get_lines() if one.get_label() == "ekf, other"]
+    expected = style.rolling_rms(runs[1].tracks[0].error_m, runs[0].window)
+    assert np.asarray(line.get_ydata(), float) == pytest.approx(expected)
+    assert expected != pytest.approx(runs[1].tracks[0].error_m)
+
+
 def test_many_lines_have_a_plot_for_each_tracker(home: Path) -> None:
     runs = [read_run(home / "a")] * 4
     plots = panels(lines(runs, ["r", "s", "t", "u"]))
     assert [{line.track.tracker for line in plot} for plot in plots] == [{"fix-imm-ukf"}, {"spcpf"}]
     assert len(panels(lines(runs[:3], ["r", "s", "t"]))) == 1
-    assert len({line.place for line in lines([runs[0]] * 9, list("abcdefghi"))}) == 6  # more cannot be told apart
 
 
 def test_the_close_up_is_where_two_runs_are_furthest_apart(home: Path) -> None:
@@ -183,6 +218,32 @@ def test_step_by_step_the_runs_are_paired(home: Path) -> None:
     assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("fix-imm-ukf", "out", "a", "8")
     assert float(row["difference [m]"]) == pytest.approx(float((out - a)[both].mean()), rel=5e-3)
     assert row["parts lower"] == "–"  # too few steps
+
+
+def test_the_study_that_a_comparison_recommends_can_be_run(trackfield: Call, tmp_path: Path) -> None:
+    for name, sync in (("on", "true"), ("off", "false")):
+        run(tmp_path / name, f"clock.sync={sync}", "clock.offset_ms=5", steps=3)
+    said = " ".join(trackfield("compare", "on", "off").out.split())
+    (command,) = re.findall(r"`trackfield (study [^`]+)`", said)
+    assert "--seeds 20 --vary clock.sync=true,false" in command
+    study = trackfield(*shlex.split(command.replace("--seeds 20", "--seeds 2")))
+    assert (study.code, "study: runs/" in study.err) == (0, True)
+
+
+def test_of_many_runs_figures_and_the_recording_have_the_first_and_tables_all(
+    trackfield: Call, tmp_path: Path, home: Path
+) -> None:
+    names = list("stuvwxyz")
+    for name in names:
+        shutil.copytree(home / "a", name)
+    said = trackfield("compare", *names, "--html", "page.html", "--rrd", "all.rrd")
+    assert said.code == 0
+    read = Reader((tmp_path / "page.html").read_text())
+    assert "Figures of tracks and errors show the first runs only, without y, z; tables and bars show all." in read.text
+    assert re.findall(r"spcpf (\w) s 12 0", read.text) == names[1:]  # step by step: each run against the first
+    assert "recording: all.rrd\nnote: the recording has the first 6 runs, without y, z\n" in said.err
+    shown = {entity.rpartition("/")[2] for entity in entities(tmp_path / "all.rrd") if "/error/spcpf/" in entity}
+    assert shown == set(names[:6])
 
 
 # --- data -------------------------------------------------------------------------------------------------------------

@@ -13,6 +13,27 @@ from trackfield.scenario.keys import sections_of_file
 
 __all__ = ["trackfield"]
 
+TWO = """
+name = "two"
+[[targets]]
+id = "one"
+path = "waypoints"
+waypoints = [[0, 0, 0], [9, 90, 0]]
+[[targets]]
+id = "other"
+path = "waypoints"
+waypoints = [[0, 0, 50], [9, 90, 50]]
+[[faults]]
+kind = "kill"
+share = 0.1
+at_s = 3
+[[faults]]
+kind = "partition"
+share = 0.1
+at_s = 3
+until_s = 5
+"""
+
 
 @pytest.mark.parametrize("name", names())
 def test_it_is_the_scenario_that_it_starts_from(trackfield: Call, tmp_path: Path, name: str) -> None:
@@ -54,6 +75,16 @@ def test_a_key_set_by_hand_is_taken(trackfield: Call, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_text(re.sub(r"# range_m = \.\.\. ", "range_m = 300.0", file.read_text()))
     assert Scenario.load(file).link.range_m == 300.0
+
+
+def test_each_of_many_targets_and_faults_has_the_keys_of_its_own_kind(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "two.toml").write_text(TWO)
+    assert trackfield("new", "mine.toml", "--from", "two.toml").code == 0
+    text = (tmp_path / "mine.toml").read_text()
+    parts = re.findall(r"^\[\[(targets|faults)\]\]\n((?:[^\n]+\n)+)", text, re.M)
+    found = [(section, set(re.findall(r"^(?:# )?([a-z_]+) = ", part, re.M))) for section, part in parts]
+    kinds = [("targets", "waypoints"), ("targets", "waypoints"), ("faults", "kill"), ("faults", "partition")]
+    assert found == [(section, set(sections_of_file()[section].kinds[kind])) for section, kind in kinds]
 
 
 def test_nothing_is_overwritten(trackfield: Call, tmp_path: Path) -> None:

@@ -25,7 +25,9 @@ def compare(
     ] = None,
     html: Annotated[File, typer.Option(metavar="FILE", help="Write a page with figures and tables.")] = None,
     csv: Annotated[File, typer.Option(metavar="FILE", help="Write the figures of each run and tracker.")] = None,
-    rrd: Annotated[File, typer.Option(metavar="FILE", help="Write all tracks and errors as one recording.")] = None,
+    rrd: Annotated[
+        File, typer.Option(metavar="FILE", help="Write tracks and errors as one recording, of the first six runs.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, to stdout.")] = False,
 ) -> None:
     """Show runs side by side, or check that they are the same.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Collection, Iterator
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -102,26 +103,29 @@ def _explained(scenario: Scenario, source: str) -> str:
         "# All keys and their ranges:        docs/scenarios.md",
         "",
     ]
-    section, keys = "", list[str]()
+    section, given = "", dict[str, str]()
     for line in scenario.to_toml().splitlines():
         if header := re.fullmatch(r"\[\[?([\w.-]+)\]\]?", line):
-            lines += [*_left_out(scenario, section, keys), ""]
-            section, keys = header[1], []
+            lines += [*_left_out(section, given), ""]
+            section, given = header[1], {}
         if setting := re.match(r"([\w-]+) = ", line):
-            keys.append(setting[1])
+            given[setting[1]] = line
         if line:
             lines.append(line)
-    return "\n".join([*lines, *_left_out(scenario, section, keys)]) + f"\n{MORE}"
+    return "\n".join([*lines, *_left_out(section, given)]) + f"\n{MORE}"
 
 
-def _left_out(scenario: Scenario, section: str, given: Collection[str]) -> Iterator[str]:
-    """Comments for the keys of a section that are not ``given``, and where others of its kinds are listed."""
+def _left_out(section: str, given: Mapping[str, str]) -> Iterator[str]:
+    """Comments for the keys of a section that are not ``given``, and where others of its kinds are listed.
+
+    ``given`` are its lines by their keys; that of the section's kind says which keys it may have.
+    """
     from trackfield.scenario.keys import sections_of_file
 
     if section not in sections_of_file():
         return
     kinds = sections_of_file()[section]
-    kind = getattr(getattr(scenario, section), kinds.tag, None) if kinds.tag and not kinds.many else None
+    kind = tomllib.loads(given[kinds.tag])[kinds.tag] if kinds.tag in given else None
     for key in kinds.keys(kind).values():
         if key.name not in given:
             yield f"{f'# {key.name} = ...':{COMMENT_AT}}# {key.meaning} ({key.expected})"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import typer
 
+from launcher import INTERRUPTED
 from launcher.commands.request import Request, command
 
 if TYPE_CHECKING:
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from launcher.records import Plan
     from launcher.run import Outcome
-
-INTERRUPTED: Final = 128 + signal.SIGINT
 
 
 @command

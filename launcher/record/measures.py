@@ -7,6 +7,7 @@ from typing import Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from launcher.nested import flat
 from launcher.record.verdict import Verdict
 from trackfield.errors import ScenarioError
 
@@ -263,11 +264,11 @@ class RunFigures(_Figures):
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """A row for each tracker: its figures and those of the run that ``OF_RUN`` names, by their keys."""
-        flat = dict(_flat(self.model_dump(exclude={"trackers"})))
-        run = {key: flat[key] for key in OF_RUN}
+        whole = flat(self.model_dump(exclude={"trackers"}))
+        run = {key: whole[key] for key in OF_RUN}
         for name, tracker in self.trackers.items():
             figures = tracker.model_dump(exclude=set(TrackerFigures.model_fields) - set(ScoreFigures.model_fields))
-            yield {"seed": self.seed, "tracker": name, **dict(_flat(figures)), **run}
+            yield {"seed": self.seed, "tracker": name, **flat(figures), **run}
 
 
 OF_RUN: Final[tuple[str, ...]] = (
@@ -290,11 +291,3 @@ OF_RUN: Final[tuple[str, ...]] = (
     "lifetime_s.extrapolated",
 )
 """Figures of the whole run that stand in the table of a study, the same for all its trackers."""
-
-
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{before}{name}.")
-        else:
-            yield before + name, value

@@ -233,7 +233,7 @@ def read_run(folder: Path) -> Run:
     scenario = Scenario.load(folder / "scenario.toml")
     site = survey(scenario)
     architecture = architecture_of(site)
-    course = Course.of(site.paths, _last_step(site, metrics), site.step_ns, site.origin_ns)
+    course = course_of(site, metrics)
     told = tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course)
     return Run(
         folder,
@@ -248,6 +248,11 @@ def read_run(folder: Path) -> Run:
         told,
         Frames(frames, site.origin_ns),
     )
+
+
+def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:
+    """Of which instants a track is expected in a run of this site that has these metrics, whoever told of them."""
+    return Course.of(site.paths, _last_step(site, metrics), site.step_ns, site.origin_ns)
 
 
 def _last_step(site: Site, metrics: Mapping[str, Any]) -> int:

@@ -12,6 +12,7 @@ from typing import Any, Final
 import typer
 from rich.text import Text
 
+from launcher import INTERRUPTED
 from launcher.record.journal import write_json
 from launcher.reproduce.files import write_run, write_tables
 from launcher.reproduce.paper import Paper
@@ -25,7 +26,6 @@ from launcher.study.store import study_folder
 from trackfield.errors import ScenarioError
 
 FIGURES: Final = "figures"
-INTERRUPTED: Final = 130
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from launcher import INTERRUPTED
 from launcher.show import console, note
 from launcher.study.axes import Design, design, label, overlap, parse_vary
 from launcher.study.figures import pair
@@ -23,7 +24,6 @@ from launcher.study.table import rich_table
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
-INTERRUPTED: Final = 130
 MOST_WARNED: Final = 3
 _WIDTH: Final = 200
 """Width of the table, in characters, where there is no terminal."""

@@ -21,7 +21,7 @@ FILES: Final[Mapping[str, Callable[[Path], object]]] = {
     "scenario.toml": lambda file: tomllib.loads(file.read_text(encoding="utf-8")),
 }
 """The files of a run folder that a comparison needs, each with a reader that fails if it is damaged."""
-_NEW: Final = {"tracks.parquet": {"source", "at_ns", "sensors"}, "messages.parquet": {"payload"}}
+_NEW: Final = {"tracks.parquet": {"source", "at_ns", "sensors", "true_interpolated"}, "messages.parquet": {"payload"}}
 """Columns that an older version did not write."""
 
 

@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
+from launcher.nested import flat
 from launcher.plan.prepare import checked, planned
 from launcher.record.folder import keep, manifest, prepare_folder
 from launcher.record.journal import write_json
@@ -93,10 +94,10 @@ class StudyFolder:
     def _changed_keys(self) -> str:
         """The keys of the scenario that have changed, with their values before and now."""
         try:
-            old = dict(_flat(Scenario.load(self.path / SCENARIO).plain()))
+            old = flat(Scenario.load(self.path / SCENARIO).plain())
         except ScenarioError:
             return "its old file can no longer be read"
-        new = dict(_flat(self.design.scenario.plain()))
+        new = flat(self.design.scenario.plain())
         keys = [key for key in dict.fromkeys((*old, *new)) if old.get(key) != new.get(key) and key != "seed"]
         keys = [key for key in keys if not key.endswith("file")] or keys
         told = [f"{key} was {label(old.get(key, 'unset'))} and is {label(new.get(key, 'unset'))}" for key in keys]
@@ -134,14 +135,6 @@ def _write_csv(table: pa.Table, file: Path) -> None:
             said = [None if value is None else label(value) for value in table[name].to_pylist()]
             table = table.set_column(place, name, pa.array(said, pa.string()))
     pa_csv.write_csv(table, file)
-
-
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{before}{name}.")
-        else:
-            yield before + name, value
 
 
 def _varied(vary: Mapping[str, Sequence[Any]]) -> str:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from launcher.nested import flat
 from launcher.record.words import span
 from launcher.report.folder import Run
 from launcher.report.style import Figures
@@ -40,22 +41,14 @@ def contents(run: Run) -> dict[str, Any]:
 def changed(run: Run) -> list[str]:
     """What differs from the packaged scenario of the same name, as ``key = value``, without the seed."""
     try:
-        packaged = dict(_flat(Scenario.load(run.scenario.name).plain()))
+        packaged = flat(Scenario.load(run.scenario.name).plain())
     except ScenarioError:  # of another version of the program
         return []
-    own = dict(_flat(run.scenario.plain()))
+    own = flat(run.scenario.plain())
     keys = [key for key in dict.fromkeys((*own, *packaged)) if not _same(run, key, own.get(key), packaged.get(key))]
     own |= {key: Path(str(value)).name for key, value in own.items() if key.endswith(".file")}
     said = [f"{key} = {_short(own[key])}" if key in own else f"{key} unset" for key in keys if key != "seed"]
     return said[:_MOST_CHANGES] + ([f"{len(said) - _MOST_CHANGES} more"] if len(said) > _MOST_CHANGES else [])
-
-
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    for key, value in values.items():
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
 
 
 def _same(run: Run, key: str, own: Any, packaged: Any) -> bool:

@@ -31,15 +31,12 @@ def as_json(compared: Compared, exact: Exactness | None) -> str:
 
 
 def as_csv(compared: Compared) -> str:
-    """A row for each run and tracker: the settings that differ, then its figures; empty where there is none.
-
-    Raises ``ScenarioError`` if a run lacks figures.
-    """
+    """A row for each run and tracker: the settings that differ, then its figures; empty where there is none."""
     rows = []
     for place, (name, folder) in enumerate(zip(compared.names, compared.folders, strict=True)):
         given = {key: _cell(values[place]) for key, values in compared.settings.items() if key != "seed"}
         for row in RunFigures.of(compared.metrics[place], str(folder / METRICS)).rows():
-            rows.append({"run": name, "path": str(folder), **given, **_flat(row)})
+            rows.append({"run": name, "path": str(folder), **given, **_cells(row)})
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]) if rows else ["run", "path"], lineterminator="\n")
     writer.writeheader()
@@ -47,7 +44,7 @@ def as_csv(compared: Compared) -> str:
     return text.getvalue()
 
 
-def _flat(row: dict[str, Any]) -> dict[str, Any]:
+def _cells(row: dict[str, Any]) -> dict[str, Any]:
     """The figures with a column for each number."""
     found: dict[str, Any] = {}
     for key, value in row.items():

@@ -25,7 +25,7 @@ _PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
 
 
 def errors(found: Sequence[Line]) -> Figure | None:
-    """The distance of each track from its truth over time, of long runs its rms over a window.
+    """The distance of each track from its truth over time; of all its rms over the same window if any run is long.
 
     A line breaks where there is no track, and in gaps of the truth.
     """
@@ -33,25 +33,26 @@ def errors(found: Sequence[Line]) -> Figure | None:
     if not plots:
         return None
     figure, rows = style.blank(0.7 + 2.6 * len(plots), len(plots))
-    window_s = max(line.run.window * line.run.step_s for line in found)
+    window_s = _window_s(found)
     for axes, plot in zip(rows, plots, strict=True):
         curves = [(line.track.t_s, _over_time(line, window_s)) for line in plot]
         _draw(axes, plot, curves)
         _scale(axes, np.concatenate([values for _, values in curves]))
-        axes.set_ylabel(f"position error [m],\nrms over {window_s:g} s" if _long(found) else "position error [m]")
+        axes.set_ylabel(f"position error [m],\nrms over {window_s:g} s" if window_s else "position error [m]")
     rows[-1].set(xlim=(0.0, max(line.run.end_s for line in found)), xlabel="emulated time [s]")
     return figure
+
+
+def _window_s(found: Sequence[Line]) -> float:
+    """Over how many seconds errors are averaged to be read: the window of the longest run; 0 if none is long."""
+    return max((line.run.window * line.run.step_s for line in found if line.run.long), default=0.0)
 
 
 def _over_time(line: Line, window_s: float) -> Array:
     """(T,) the error, or its rms over so many seconds; NaN where it does not count."""
     track = line.track
-    window = round(window_s / line.run.step_s) if line.run.long else 1
+    window = max(round(window_s / line.run.step_s), 1)
     return style.rolling_rms(np.where(track.scored, track.error_m, np.nan), window)
-
-
-def _long(found: Sequence[Line]) -> bool:
-    return any(line.run.long for line in found)
 
 
 def distribution(found: Sequence[Line]) -> Figure | None:

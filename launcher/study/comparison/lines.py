@@ -34,7 +34,7 @@ their dashes and width."""
 
 @dataclass(frozen=True)
 class Line:
-    """A track of one tracker in one of the runs; ``name`` is that of the run, ``place`` its number."""
+    """A track of one tracker in one of the runs; ``name`` is that of the run, ``place`` its number, from 0."""
 
     place: int
     name: str
@@ -47,7 +47,7 @@ class Line:
         return f"{self.track.tracker}, {self.name}"
 
     def look(self, colours: dict[str, str], *, dark: bool = False) -> dict[str, Any]:
-        """How matplotlib draws it, on white or on a ``dark`` ground."""
+        """How matplotlib draws it, on white or on a ``dark`` ground; only one of the first ``MOST_RUNS`` runs."""
         on_white, on_black, dash, width = _LOOKS[self.place]
         shade = on_black if dark else on_white
         thin = float(np.clip(1.0 - len(self.track.t_s) / 2400, 0.4, 1.0))  # many points need a thin line
@@ -55,9 +55,14 @@ class Line:
 
 
 def lines(runs: Sequence[Run], names: Sequence[str]) -> list[Line]:
-    """The lines of the first runs, as many as a figure can hold."""
-    first = list(zip(names, runs, strict=True))[:MOST_RUNS]
-    return [Line(place, name, run, track) for place, (name, run) in enumerate(first) for track in run.tracks]
+    """The tracks of all runs."""
+    both = enumerate(zip(names, runs, strict=True))
+    return [Line(place, name, run, track) for place, (name, run) in both for track in run.tracks]
+
+
+def drawable(found: Sequence[Line]) -> list[Line]:
+    """Those of the first runs, as many as can be told apart in a figure."""
+    return [line for line in found if line.place < MOST_RUNS]
 
 
 def colours(found: Sequence[Line]) -> dict[str, str]:

@@ -43,10 +43,13 @@ class Outputs:
 
             yield _written("table", self.csv, as_csv(compared).encode())
         if self.rrd is not None:
+            from launcher.study.comparison.lines import MOST_RUNS
             from launcher.study.comparison.recording import write_recording
 
             write_recording(compared, self.rrd)
             yield f"recording: {self.rrd}"
+            if left_out := compared.names[MOST_RUNS:]:
+                yield f"note: the recording has the first {MOST_RUNS} runs, without {', '.join(left_out)}"
 
     def _named(self) -> Iterator[tuple[str, Path]]:
         named = (("--html", self.html), ("--csv", self.csv), ("--rrd", self.rrd))

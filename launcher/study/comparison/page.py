@@ -34,7 +34,7 @@ def as_table(compared: Compared) -> str:
 
 
 def _contents(compared: Compared, exact: Exactness | None) -> dict[str, Any]:
-    from launcher.study.comparison.lines import MOST_RUNS, lines
+    from launcher.study.comparison.lines import MOST_RUNS, drawable, lines
     from launcher.study.comparison.paired import paired
 
     runs = [read_run(folder) for folder in compared.folders]
@@ -53,7 +53,7 @@ def _contents(compared: Compared, exact: Exactness | None) -> dict[str, Any]:
         "left_out": compared.names[MOST_RUNS:],
         "commands": _commands(compared),
         "version": runs[0].manifest["versions"]["trackfield"],
-        **_pictures(compared, runs, groups),
+        **_pictures(compared, runs, [drawable(group) for group in groups]),
     }
 
 

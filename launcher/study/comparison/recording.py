@@ -9,18 +9,18 @@ import numpy as np
 
 from launcher.report.folder import Run, read_run
 from launcher.report.parts.field import IN_A_STEP
-from launcher.study.comparison.lines import Line, colours, lines
+from launcher.study.comparison.lines import MOST_RUNS, Line, colours, lines
 from launcher.study.comparison.runs import Compared
 from launcher.timeline.overlay import Overlaid, Way, write_overlay
 
 
 def write_recording(compared: Compared, file: Path) -> None:
-    """Write it, over an existing file; of many runs only the first, as many as can be told apart."""
-    runs = [read_run(folder) for folder in compared.folders]
-    found = lines(runs, compared.names)
+    """Write it, over an existing file; of the first ``MOST_RUNS`` runs, as more cannot be told apart."""
+    runs, names = [read_run(folder) for folder in compared.folders[:MOST_RUNS]], compared.names[:MOST_RUNS]
+    found = lines(runs, names)
     sensors = {place for run in runs for place in run.sensors.values()}
-    ways = [way for group in compared.groups for way in _ways(compared, runs, group[0])]
-    name = " and ".join(compared.names)
+    ways = [way for group in compared.groups if group[0] < MOST_RUNS for way in _ways(compared, runs, group[0])]
+    name = " and ".join(names)
     write_overlay(
         file, name, np.array(sorted(sensors)).reshape(-1, 2), ways, [_overlaid(line, found) for line in found]
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from launcher.record.words import alarms
+from launcher.study.comparison.rows import setting
 from launcher.study.comparison.runs import Compared
 
 
@@ -38,7 +39,7 @@ def _study(compared: Compared) -> str:
     if not varied:
         return f"trackfield study {scenario} --seeds 20"
     key, values = next(iter(varied.items()))
-    known = [value for value in dict.fromkeys(map(str, values)) if len(varied) == 1 and _short(values)]
+    known = [value for value in dict.fromkeys(map(setting, values)) if len(varied) == 1 and _short(values)]
     vary = f"{key}={','.join(known)}" if known else "KEY=A,B"
     return f"trackfield study {scenario} --seeds 20 --vary {shlex.quote(vary)}"
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-import pyarrow.parquet as pq
-
+from launcher.nested import flat
+from launcher.record.journal import METRICS
+from launcher.record.measures import RunFigures
+from launcher.report.folder import course_of
 from launcher.study.compare import check_runs
 from trackfield.errors import ScenarioError
+from trackfield.role import NS
+from trackfield.scenario import Scenario, survey
 
 SAME_M: Final = 1e-6
 """Two runs have the same target if its positions differ by no more at any step, m."""
@@ -34,9 +38,9 @@ class Compared:
     @cached_property
     def settings(self) -> dict[str, tuple[Any, ...]]:
         """The value in each run of every key of the scenarios that differs; None where a scenario has no such key."""
-        flat = [dict(_flat(scenario)) for scenario in self.scenarios]
-        keys = dict.fromkeys(key for one in flat for key in one)
-        values = {key: tuple(one.get(key) for one in flat) for key in keys}
+        scenarios = [flat(scenario) for scenario in self.scenarios]
+        keys = dict.fromkeys(key for one in scenarios for key in one)
+        values = {key: tuple(one.get(key) for one in scenarios) for key in keys}
         return {key: found for key, found in values.items() if any(value != found[0] for value in found)}
 
     @cached_property
@@ -64,7 +68,7 @@ class Compared:
 
     @cached_property
     def lengths_s(self) -> tuple[float, ...]:
-        """How long there was a target in each run, s."""
+        """From the first step of each run to its last at which a target was there, s; who tracked it does not count."""
         return tuple(max((t_s for t_s, _ in truth), default=0.0) for truth in self._truths)
 
     @property
@@ -74,14 +78,15 @@ class Compared:
 
     @cached_property
     def _truths(self) -> list[dict[tuple[float, str], tuple[float, float]]]:
-        """Of each run the place (m) of each target that is known, by (t in s, target)."""
-        return [_truth(folder) for folder in self.folders]
+        """Of each run the place (m) of each target at each step, by (t in s, target)."""
+        return [_truth(folder, metrics) for folder, metrics in zip(self.folders, self.metrics, strict=True)]
 
 
 def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
     """Read what every comparison needs; ``key`` is how the user knows the argument.
 
-    Raises ``ScenarioError`` for fewer than two runs, for one that is named twice, and for a folder that is not one.
+    Raises ``ScenarioError`` for fewer than two runs, for one that is named twice, for a folder that is not one, and for
+    figures that are missing.
     """
     if len(folders) < 2:
         raise ScenarioError(f"{len(folders)} given", key=key, expected="two run folders or more")
@@ -92,10 +97,13 @@ def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
             raise ScenarioError(what, key=key, expected="different runs")
         seen[folder.resolve()] = folder
     check_runs(folders)
+    metrics = tuple(json.loads((folder / METRICS).read_bytes()) for folder in folders)
+    for folder, figures in zip(folders, metrics, strict=True):
+        RunFigures.of(figures, str(folder / METRICS))
     return Compared(
         tuple(folders),
         names(folders),
-        tuple(json.loads((folder / "metrics.json").read_bytes()) for folder in folders),
+        metrics,
         tuple(tomllib.loads((folder / "scenario.toml").read_text(encoding="utf-8")) for folder in folders),
     )
 
@@ -110,20 +118,15 @@ def names(folders: Sequence[Path]) -> tuple[str, ...]:
     return tuple(map(str, folders))
 
 
-def _flat(values: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
-    """(key path, value) of each; a list is one value."""
-    for key, value in values.items():
-        if isinstance(value, dict):
-            yield from _flat(value, f"{before}{key}.")
-        else:
-            yield f"{before}{key}", value
-
-
-def _truth(folder: Path) -> dict[tuple[float, str], tuple[float, float]]:
-    columns = ("t_s", "true_target", "true_x", "true_y")
-    table = pq.read_table(folder / "tracks.parquet", columns=list(columns))
-    rows = zip(*(table[name].to_pylist() for name in columns), strict=True)
-    return {(round(t_s, 6), target): (x, y) for t_s, target, x, y in rows if x is not None}
+def _truth(folder: Path, metrics: Mapping[str, Any]) -> dict[tuple[float, str], tuple[float, float]]:
+    """From the scenario: tracks.parquet lacks the steps of which nobody told, such as those after the centre died."""
+    course = course_of(survey(Scenario.load(folder / "scenario.toml")), metrics)
+    return {
+        (round((at_ns - course.origin_ns) / NS, 6), target): (state[0], state[1])
+        for at_ns in course.at_ns
+        for target, path in course.paths.items()
+        if (state := path.at(at_ns / NS)) is not None
+    }
 
 
 def _same(a: Mapping[Any, tuple[float, float]], b: Mapping[Any, tuple[float, float]]) -> bool:
