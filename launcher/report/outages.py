@@ -85,8 +85,8 @@ def told_late(run: Run, track: Track) -> str:
         return ""
     causes = [one.text for one in downs(run) if ((one.from_s <= due_s) & (due_s < one.until_s))[slow].any()]
     steps = "1 step was" if slow.sum() == 1 else f"{slow.sum():,} steps were"
-    why = f": {'; '.join(causes)}" if causes else ""
-    return f"{steps} published more than a step late, by up to {span(late_s.max())}{why}."
+    cause = f": {'; '.join(causes)}" if causes else ""
+    return f"{steps} published more than a step late, by up to {span(late_s.max())}{cause}."
 
 
 def why(run: Run, outage: Outage, lag: int = 0) -> str:
