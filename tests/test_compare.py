@@ -391,7 +391,7 @@ def test_a_run_of_an_older_version_is_named(tmp_path: Path) -> None:
     pq.write_table(pq.read_table(tracks).drop_columns("true_interpolated"), tracks)
     for old, file, key, what in (
         (figures, "metrics.json", "trackers.spcpf.verdict", "is missing"),
-        (columns, "tracks.parquet", "", "an older version made it"),
+        (columns, "tracks.parquet", "", "was written by an older version"),
     ):
         with pytest.raises(ScenarioError) as failure:
             read_runs([a, old])
