@@ -254,6 +254,17 @@ def test_a_place_where_nobody_ever_heard_the_target_is_not_lost() -> None:
     assert lifetimes(2, 4, 6, 8, reach_m=1000.0)["coverage_lost"] == 8.0
 
 
+def test_a_node_that_was_killed_has_no_lifetime_to_extrapolate() -> None:
+    """It lived for a short and busy time; what is left of its battery nobody draws."""
+    killed = replace(FOUR[0], kill_ns=NS)
+    plan = plan_of(CENTRE, killed, *FOUR[1:], truth=((0.0, 0.0, 0.0), (3.0, 300.0, 0.0)), reach_m=120.0)
+    book = Ledger(plan.run, plan.processes)
+    for each, listened_ms in ((killed, 4000), *((one, 1000) for one in FOUR[1:])):
+        final(book, each.id, 0, 0, listened_ms, 0, 0)
+    found = lifetime_metrics(plan, batteries_of(plan, book))
+    assert found["first_death"] == found["coverage_lost"] == pytest.approx(250.0)  # n1 covers what n0 does no more
+
+
 def test_on_mains_nobody_dies_and_no_place_is_lost_that_one_of_them_covers() -> None:
     mains = replace(POWER, battery_fj=None)
     plan = plan_of(CENTRE, node("n0", 0.0, 0.0), node("n1", 10.0, 0.0, mains), truth=((0.0, 0.0, 0.0),))

@@ -26,13 +26,17 @@ _FJ: Final = 1e-15
 
 @dataclass(frozen=True)
 class Battery:
-    """A battery over all lives of its process: ``power`` its device, ``died_ns`` when it was empty."""
+    """A battery over all lives of its process: ``power`` its device, ``died_ns`` when it was empty.
+
+    ``killed`` says that a planned fault killed the process for good: it draws no more.
+    """
 
     spec: ProcessSpec
     power: Power
     activity: Activity
     metered_ns: int
     died_ns: int | None
+    killed: bool = False
 
     @property
     def spent_j(self) -> dict[str, float]:
@@ -41,11 +45,11 @@ class Battery:
 
     @property
     def lifetime_s(self) -> float | None:
-        """When the battery is empty if all goes on as it went; None on mains."""
+        """When the battery is empty if all goes on as it went; None on mains, and of a process that was killed."""
         if self.died_ns is not None:
             return self.died_ns / NS
         spent = sum(self.spent_j.values())
-        if self.power.battery_fj is None or not spent:
+        if self.power.battery_fj is None or not spent or self.killed:
             return None
         return self.power.battery_fj * _FJ / spent * self.metered_ns / NS
 
@@ -68,6 +72,7 @@ def batteries_of(plan: Plan, ledger: Ledger) -> list[Battery]:
                 Activity.total(Activity(*r["activity"]) for r in records if "activity" in r),
                 sum(r.get("metered_ns", 0) for r in records),
                 min(died, default=None),
+                specs[-1].kill_ns is not None,
             )
         )
     return found
@@ -94,6 +99,8 @@ def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, An
 def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]:
     """``lifetime_s`` of metrics.json: of the batteries alone, at the rate of this run where they outlast it.
 
+    Nodes that were killed are left out.
+
     Coverage is lost when all sensors within reach of some point of a target's path in this run are empty, if there were
     any. Lifetimes last from the start of the run; times of ``empty`` count from the
     first step, as those of faults do.
@@ -102,7 +109,8 @@ def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]
     if not ends:
         return dict.fromkeys(("first_death", "half_dead", "coverage_lost", "extrapolated", "empty"))
     order = sorted(ends.values())
-    figures = [order[0], order[ceil(len(order) / 2) - 1], _coverage_lost(plan, ends)]
+    killed = {one.spec.id for one in batteries if one.killed and one.died_ns is None}
+    figures = [order[0], order[ceil(len(order) / 2) - 1], _coverage_lost(plan, ends, killed)]
     names = ("first_death", "half_dead", "coverage_lost")
     empty = [(one.spec.id, one.died_ns) for one in batteries if one.died_ns is not None]
     return {
@@ -112,10 +120,12 @@ def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]
     }
 
 
-def _coverage_lost(plan: Plan, ends: Mapping[str, float]) -> float | None:
+def _coverage_lost(plan: Plan, ends: Mapping[str, float], killed: Collection[str]) -> float | None:
     from scipy.spatial import cKDTree
 
-    sensors = plan.info.tagged(SENSES)
+    sensors = [place for place in plan.info.tagged(SENSES) if place.id not in killed]
+    if not sensors:
+        return None
     lasts = [ends.get(place.id, inf) for place in sensors]
     tree = cKDTree([(place.x, place.y) for place in sensors])
     points = [point[1:] for truth in plan.info.truths for point in truth.points]

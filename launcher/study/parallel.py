@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -51,13 +52,23 @@ def unordered(
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Processes that are started inside ignore Ctrl-C; this process handles it afterwards."""
+    """Processes that are started inside ignore Ctrl-C; this process handles it afterwards.
+
+    It has threads that do not block the signal, and Python would handle what they receive.
+    """
     resource_tracker.ensure_running()  # its first start would unblock the signal
+    came: list[int] = []
+    handled = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if handled else None
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if handled:
+            signal.signal(signal.SIGINT, handler)
+    if came:
+        signal.raise_signal(signal.SIGINT)
 
 
 def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:
