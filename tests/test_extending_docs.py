@@ -36,7 +36,7 @@ tf.register_sensor("sonar", Sonar)
 settings = {"sensor.kind": "sonar", "fusion.trackers": ["kalman", "ekf"], "field.nodes": 16, "target.steps": 4}
 scenario = tf.Scenario.load("spcpf", settings)
 driver, speed, out = sys.argv[1:]
-tf.run(scenario, driver=driver, speed=float(speed), out=out)
+tf.run(scenario, driver=driver, speed=float(speed) if driver == "processes" else None, out=out)
 """
 
 

@@ -86,9 +86,11 @@ class Timeline:
         self._rec = rr.RecordingStream(APPLICATION, recording_id=info.run)
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
-        sink = rr.FileSink(to) if isinstance(to, pathlib.Path) else _server(to)
-        self._rec.set_sinks(sink)
-        self._lay_out(views.layout(info, live=self._live))
+        if isinstance(to, pathlib.Path):
+            self._rec.set_sinks(rr.FileSink(to))
+            self._lay_out(views.layout(info))
+        else:  # the layout has to come first: a viewer that has begun to show data keeps a layout of its own
+            self._rec.set_sinks(_server(to), default_blueprint=views.layout(info, live=True))
         self._rec.send_recording_name(info.run)
         for static in scenery.parts(info):
             self._static(*static)
