@@ -399,10 +399,15 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfi
     assert (tmp_path / said[1] / "study.html").exists()
 
 
+def interrupt(*_: object) -> None:
+    """Do what Ctrl-C does in Python; where a test runner ignores the signal itself, that would do nothing."""
+    raise KeyboardInterrupt
+
+
 def test_ctrl_c_after_the_last_run_says_what_is_left(trackfield: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = ("study", *SHORT, "--set", "target.steps=3", "--seeds", 1)
     with monkeypatch.context() as once:
-        once.setattr("launcher.study.page.draw", lambda *_: signal.raise_signal(signal.SIGINT))
+        once.setattr("launcher.study.page.draw", interrupt)
         said = trackfield(*asked)
     assert said.code == 130
     done = "interrupted: all 2 runs are done and kept in s; the same command writes the page"
