@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any
 
 import typer
 
@@ -17,19 +17,17 @@ def _run_folder(text: str) -> Path:
     return run_folder(text)
 
 
-RUN_HELP: Final = "The folder of a finished run; latest: the newest below runs/, latest~1: the one before it."
-one_run: Final = typer.Argument(
-    metavar="RUN", parser=_run_folder, autocompletion=choices.completed(choices.runs), help=RUN_HELP
-)
-two_runs: Final = typer.Argument(
-    metavar="RUN RUN...",
-    parser=_run_folder,
-    autocompletion=choices.completed(choices.runs),
-    help="Two or more folders of finished runs; latest: the newest below runs/, latest~1: the one before it.",
-)
+def _folders(metavar: str, what: str) -> Any:
+    return typer.Argument(
+        metavar=metavar,
+        parser=_run_folder,
+        autocompletion=choices.completed(choices.runs),
+        help=f"{what}; latest: the newest below runs/, latest~1: the one before it.",
+    )
 
-Run = Annotated[Path, one_run]
-Runs = Annotated[list[Path], two_runs]
+
+Run = Annotated[Path, _folders("RUN", "The folder of a finished run")]
+Runs = Annotated[list[Path], _folders("RUN RUN...", "Two or more folders of finished runs")]
 Name = Annotated[
     str,
     typer.Argument(

@@ -1,4 +1,4 @@
-"""The request for a run: the arguments and options that ``run`` and ``validate`` share."""
+"""Requests for runs: the arguments and options of ``run``, ``validate`` and ``study``, as fields of dataclasses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
@@ -18,16 +18,14 @@ if TYPE_CHECKING:
     from trackfield.scenario import Scenario
 
 
+Asked = TypeVar("Asked", bound="Changed")
+
+
 @dataclass(frozen=True)
-class Request:
-    """A scenario, what is changed in it, and how it is to be run; each field is an option of the command line."""
+class Changed:
+    """A scenario, and what is changed in it; each field is an option of the command line."""
 
     scenario: Name
-    seed: Annotated[int | None, typer.Option(help="The seed of every random draw; unset: the scenario's own.")] = None
-    speed: Annotated[
-        float | None, typer.Option(help="Emulated seconds per second of real time, for a run over processes.")
-    ] = None
-    virtual: Annotated[bool, typer.Option("--virtual", help="Run in virtual time, in a single process.")] = False
     overrides: Set = None
     target: Target = None
     start: Start = None
@@ -36,6 +34,31 @@ class Request:
     nodes: Nodes = None
     link: LinkModel = None
     tracker: Trackers = None
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The changes, as ``launcher.plan.prepare.changes`` takes them."""
+        return {
+            "settings": self.overrides or (),
+            "target": self.target,
+            "start": self.start,
+            "end": self.end,
+            "sensors": self.sensors,
+            "nodes": self.nodes,
+            "link": self.link,
+            "trackers": self.tracker or (),
+        }
+
+
+@dataclass(frozen=True)
+class Request(Changed):
+    """A changed scenario, and how it is to be run: the options of ``run`` and ``validate``."""
+
+    seed: Annotated[int | None, typer.Option(help="The seed of every random draw; unset: the scenario's own.")] = None
+    speed: Annotated[
+        float | None, typer.Option(help="Emulated seconds per second of real time, for a run over processes.")
+    ] = None
+    virtual: Annotated[bool, typer.Option("--virtual", help="Run in virtual time, in a single process.")] = False
     out: Annotated[Path | None, typer.Option(help="The run folder; new or empty.")] = None
     live: Annotated[bool, typer.Option("--live", help="Show the run in the browser while it goes on.")] = False
     as_json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON, and nothing else, to stdout.")] = (
@@ -72,28 +95,25 @@ class Request:
                 *([partial(check_endpoint, self.connect, "--connect")] if self.connect else []),
                 *([partial(check_folder, self.out)] if self.out else []),
             ],
-            settings=self.overrides or (),
             seed=self.seed,
-            target=self.target,
-            start=self.start,
-            end=self.end,
-            sensors=self.sensors,
-            nodes=self.nodes,
-            link=self.link,
-            trackers=self.tracker or (),
+            **self.options,
         )
         if self.live:
             check_viewer()
         return prepared
 
 
-def command(body: Callable[[Request], None]) -> Callable[..., None]:
-    """A command of the command line that takes all options of a ``Request``."""
+def command(kind: type[Asked]) -> Callable[[Callable[[Asked], None]], Callable[..., None]]:
+    """Make a function of a ``kind`` of request a command of the command line that takes all its options."""
 
-    def call(**options: object) -> None:
-        body(Request(**options))  # type: ignore[arg-type]
+    def of(body: Callable[[Asked], None]) -> Callable[..., None]:
+        def call(**options: object) -> None:
+            body(kind(**options))  # type: ignore[arg-type]
 
-    call.__name__, call.__doc__ = body.__name__, body.__doc__
-    call.__annotations__ = get_type_hints(Request, include_extras=True)
-    call.__signature__ = inspect.signature(Request, eval_str=True)  # type: ignore[attr-defined]
-    return call
+        call.__name__, call.__doc__ = body.__name__, body.__doc__
+        hints = call.__annotations__ = get_type_hints(kind, include_extras=True)
+        taken = inspect.signature(kind).parameters.values()
+        call.__signature__ = inspect.Signature([one.replace(annotation=hints[one.name]) for one in taken])  # type: ignore[attr-defined]
+        return call
+
+    return of

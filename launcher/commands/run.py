@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from launcher.run import Outcome
 
 
-@command
+@command(Request)
 def run(request: Request) -> None:
     """Run a scenario and leave a run folder with its timeline, tables, metrics and report."""
     from launcher.record.folder import keep, prepare_folder, whole_or_none

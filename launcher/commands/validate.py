@@ -8,7 +8,7 @@ from launcher.commands.request import Request, command
 from trackfield.errors import ScenarioError
 
 
-@command
+@command(Request)
 def validate(request: Request) -> None:
     """Check a scenario, with the options of run: list all that is wrong with it, or what to expect of the run."""
     from launcher.plan.foresight import foresee
