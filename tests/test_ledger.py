@@ -232,7 +232,7 @@ def test_of_estimates_told_twice_the_last_stays() -> None:
         ("deaf", NEIGHBOURHOOD, ["a", "b", "c"]),
         ("a", "deaf", ["deaf"]),
         ("a", "nobody", []),
-        ("stranger", "b", ["b"]),
+        ("stranger", "b", []),
         ("stranger", NEIGHBOURHOOD, []),
     ],
 )

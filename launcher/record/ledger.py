@@ -116,9 +116,9 @@ class Ledger:
         self.run = replace(self.run, end_ns=min(end_ns, self.run.end_ns))
 
     def final(self, process: str, record: Mapping[str, Any]) -> None:
-        """The final record of a process; there is one of each life."""
-        if self.finals.setdefault(process, dict(record)) != record:
-            self._interfered[TELEMETRY] += 1
+        """The final record of a process; another one of the same life is not from it."""
+        self._interfered[TELEMETRY] += self.finals.get(process, record) != record
+        self.finals[process] = dict(record)
 
     def check(self, frame: Frame) -> None:
         """Raise ``WireError`` unless a process of the run may have sent this frame to those that it is for."""

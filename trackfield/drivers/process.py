@@ -214,7 +214,6 @@ class Process:
         return {
             **self.core.record(self._end_ns),
             **self._counts,
-            "malformed": self._strange.total,
             "forged": self._forged.total,
             "sent": self._seq,
             "told": self._told,
