@@ -37,7 +37,6 @@ from trackfield.wire.messages import Doa
 MS = 1_000_000
 END = 100 * MS
 IDS = ("a", "b", "c")
-
 HEARERS = {NEIGHBOURHOOD: IDS, "a": ("a",), "b": ("b",), "c": ("c",)}
 
 
@@ -60,7 +59,7 @@ def stories(draw: st.DrawFn) -> Story:
     sends = draw(st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(list(HEARERS)), ms), max_size=12))
     copies: Counter[Any] = Counter()
     frames = []
-    for src, to, t in ((src, to, t) for src, to, t in sends if to != src):
+    for src, to, t in sends:
         frames.append(Frame(src, 0, "doa", t * MS, copies[src, to, t], to, "field", b"?"))
         copies[src, to, t] += 1
     switches = {id: sorted(draw(st.lists(st.tuples(ms, st.booleans()), max_size=4))) for id in IDS}
@@ -74,14 +73,9 @@ def run_of(story: Story) -> RunSpec:
     return RunSpec("r", 1, END, story.link)
 
 
-def near(id: str) -> dict[str, tuple[float, float]]:
-    """The places of all others."""
-    return {other: (0.0, 0.0) for other in IDS if other != id}
-
-
 def book_of(story: Story) -> Ledger:
     """A ledger that saw all of it but its close."""
-    book = Ledger(run_of(story), [ProcessSpec(id, "toy", "none", cells=("c0",), peers=near(id)) for id in IDS])
+    book = Ledger(run_of(story), [ProcessSpec(id, "toy", "none", cells=("c0",)) for id in IDS])
     for id, switches in story.switches.items():
         for t, on in switches:
             book.told(id, Told((t * MS, 2, t * MS, "t"), Radio(on)))
@@ -181,7 +175,7 @@ def test_undoing_and_telling_anew_is_as_if_only_that_had_been_told(
     before = [t for t in sorted(first) if t[0] < since]
     after = [t for t in sorted(anew) if t[0] >= since]
     for story in ([*sorted(first), None, *after], [*before, *after]):
-        book = Ledger(RunSpec("r", 1, END, {"model": "ideal"}), [ProcessSpec("b", "toy", "none", peers=near("b"))])
+        book = Ledger(RunSpec("r", 1, END, {"model": "ideal"}), [ProcessSpec("b", "toy", "none")])
         for telling in story:
             book.told("b", Undone((since * MS,)) if telling is None else output(*telling))
         for t in range(100):
@@ -237,7 +231,7 @@ def test_what_hearers_counted_is_what_the_ledger_says(link: dict[str, Any]) -> N
     """Switches fall on the very instants at which frames are due; ideal 1, 6, 11 ms ..., fixed 10, 15, 20 ms ..."""
     here = "tests.test_ledger_properties"
     sleepers = [
-        ProcessSpec(f"s{n}", "sleepy", f"{here}:Sleepy", {"every_ms": ms}, cells=("c0",), peers={"chatty": (0.0, 0.0)})
+        ProcessSpec(f"s{n}", "sleepy", f"{here}:Sleepy", {"every_ms": ms}, cells=("c0",))
         for n, ms in enumerate((1, 5, 7, 20))
     ]
     processes = [ProcessSpec("chatty", "chatty", f"{here}:Chatty"), *sleepers]

@@ -138,7 +138,7 @@ class Ledger:
     def refuse(self, key: str, reason: str) -> None:
         """A sample on this key was refused. Frames are, by ``refused``; some of them, and all else, interfere."""
         if not key.startswith("data/"):
-            self._interfered[TELEMETRY] += key.startswith("telemetry/")
+            self._interfered[TELEMETRY] += not key.startswith("control/")  # the launcher counts orders
             return
         self.refused[reason] += 1
         self._interfered[FRAMES] += reason in FORGED

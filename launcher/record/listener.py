@@ -102,6 +102,8 @@ class Listener:
         elif key == keys.LIFE:
             self.ledger.life(life_of(payload, self._factories))
             self._retry()
+        else:
+            raise WireError("key", "nothing of a run")
 
     def _refuse(self, key: str, payload: bytes, attachment: bytes | None, error: WireError) -> None:
         """Count a sample that is refused; one of an unknown life may have come before the order that announces it."""
@@ -140,7 +142,7 @@ class Listener:
         return Envelope(0) if self.plan.run.speed == 1 else no_stamp()
 
     def _telemetry(self, key: str, data: bytes, now_ns: int | None) -> None:
-        _, process, what = parse_telemetry(key)
+        process, what = parse_telemetry(key)
         if process == RECORDER:
             return
         self.ledger.check_life(process)
