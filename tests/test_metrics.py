@@ -193,9 +193,10 @@ def test_a_whole_tiny_run() -> None:
     assert (metrics["scenario"], metrics["seed"]) == ("tiny-scenario", 7)
     assert metrics["processes"]["started"] == 3
     assert metrics["frames"] == {
-        "sent": 4, "expected": 4 + 3, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 4,
+        "sent": 4, "expected": 4 + 3, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 0,
         "lost": {"radio": 0, "partition": 0, "in_flight": 1, "asleep": 0, "frozen": 0, "dead": 0, "overflow": 0},
         "host_lost": 3,  # n1 sent five, of which the recorder saw two
+        "refused": {},
         "by_kind": {"doa": {"sent": 4, "payload_bytes_max": len(payload)}},
     }  # fmt: skip
     assert metrics["bytes"]["payload"] == 4 * len(payload)

@@ -131,9 +131,10 @@ class Ledger:
 
     def check_life(self, name: str) -> None:
         """Raise ``WireError`` unless there is such a life: ``process`` if there is no such process, or ``life``."""
+        if id_of(name) not in self._processes:
+            raise WireError("process", "not of this run")
         if name not in self.diaries:
-            known = id_of(name) in self._processes
-            raise WireError("life" if known else "process", "not of this run")
+            raise WireError("life", "not of this run")
 
     def refuse(self, key: str, reason: str) -> None:
         """A sample on this key was refused. Frames are, by ``refused``; some of them, and all else, interfere."""
