@@ -102,7 +102,7 @@ def commands(run: Run) -> list[tuple[str, str]]:
     virtual = " --virtual" if run.metrics["driver"] == "virtual" else ""
     speed = run.metrics["timing"]["speed"]
     pace = "" if speed in (None, 1) else f" --speed {speed:g}"
-    given = run.manifest["command"][1:]
+    given = run.manifest.command[1:]
     replayed = run.metrics["driver"] == "replay"
     again = [
         (f"trackfield run {name}/scenario.toml{virtual}{pace} --out again", "the same run from its folder"),

@@ -7,7 +7,6 @@ are sent.
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,19 +14,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import pyarrow.parquet as pq
-
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
 from launcher.record.folder import keep, prepare_folder, whole_or_none, write_manifest
-from launcher.record.journal import METRICS, Journal
+from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
-from launcher.record.measures import RunFigures
 from launcher.record.metrics import Metrics
+from launcher.record.reading import MESSAGES, SCENARIO, TRACKS, check_run, read_figures, read_table
 from launcher.records import MessageRow, Plan
 from launcher.run import Outcome, close_folder
-from launcher.study.compare import check_runs
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
 from trackfield.role import NS, Publish, State
@@ -51,20 +47,19 @@ def replay(
     not that of a finished run by this version, for an unknown tracker, and if ``out`` is not empty.
     """
     begun, cpu_s = time.monotonic(), time.process_time()
-    check_runs([run])
-    metrics: Metrics = json.loads((run / METRICS).read_text())
-    RunFigures.of(metrics, str(run / METRICS))
+    check_run(run)
+    metrics: Metrics = read_figures(run).plain()
     settings = ["fusion.max_age_s=0"] if drop_late else []
-    scenario = load(str(run / "scenario.toml"), settings=settings, trackers=trackers)
-    rows = [MessageRow(**row) for row in pq.read_table(run / "messages.parquet").to_pylist()]
-    fusions = read_fusions(run / "tracks.parquet")
+    scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
+    rows = [MessageRow(**row) for row in read_table(run, MESSAGES).to_pylist()]
+    fusions = read_fusions(run)
     plan = planned(scenario)
     folder = prepare_folder(out, scenario.name, scenario.seed)
     with whole_or_none(folder):
         keep(scenario, folder)
         write_manifest(folder, plan, command, None)
         anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
-        shutil.copyfile(run / "messages.parquet", folder / "messages.parquet")
+        shutil.copyfile(run / MESSAGES, folder / MESSAGES)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
@@ -102,11 +97,11 @@ class Fusion:
         return life_name(self.source, self.incarnation)
 
 
-def read_fusions(tracks: Path) -> list[Fusion]:
+def read_fusions(run: Path) -> list[Fusion]:
     """The fusions of a run, process by process and in the order of time."""
     columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
     first: dict[tuple[str, int], dict[str, Any]] = {}
-    for row in pq.read_table(tracks, columns=list(columns)).to_pylist():
+    for row in read_table(run, TRACKS, columns).to_pylist():
         if not row.pop("lag") and row["step"] is not None:
             before = first.setdefault((row["source"], row["step"]), row)
             before["told_ns"] = min(before["told_ns"], row["told_ns"])
