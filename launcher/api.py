@@ -17,7 +17,7 @@ from launcher.plan.prepare import checked, planned, warned
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
-from launcher.record.reading import MESSAGES, TRACKS, check_run, read_figures, read_table
+from launcher.record.reading.files import MESSAGES, TRACKS, check_run, read_figures, read_table
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.comparison.runs import Compared, read_runs

@@ -239,12 +239,17 @@ def first_problem(error: ValidationError) -> tuple[str, str]:
     """The key of the first value that is wrong, and what is wrong with it; both fit into a line."""
     first = error.errors(include_url=False, include_context=False)[0]
     key = ".".join(map(str, first["loc"]))
-    what = "is missing" if first["type"] == "missing" else f"is {_short.repr(first['input'])}"
-    return (key if key.isprintable() and len(key) <= 80 else _short.repr(key)), what
+    what = "is missing" if first["type"] == "missing" else f"is {short(first['input'])}"
+    return (key if key.isprintable() and len(key) <= 80 else short(key)), what
 
 
-_short: Final = Repr()
-_short.maxlevel, _short.maxstring, _short.maxother = 2, 60, 60
+def short(value: object) -> str:
+    """A value from a file as it fits into a message: not longer than a line, without control characters."""
+    return _SHORT.repr(value)
+
+
+_SHORT: Final = Repr()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
 
 
 class RunFigures(_Figures):

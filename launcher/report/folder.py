@@ -17,9 +17,10 @@ import pyarrow.compute as pc
 from launcher.plan.architectures import architecture_of
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import end_of, planned_faults
-from launcher.record import reading
 from launcher.record.journal import METRICS
-from launcher.record.reading import Manifest, refuse
+from launcher.record.measures import short
+from launcher.record.reading import files as reading
+from launcher.record.reading.files import Manifest
 from launcher.records import ARRIVED, SENSES, Place, last_due
 from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
@@ -246,24 +247,11 @@ def read_run(folder: Path) -> Run:
         tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course),
         Frames(frames, site.origin_ns),
     )
-    _check_same(run)
+    reading.check_ids(folder, run.places, points, frames)
+    if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):
+        what = f"are {short(metrics['scenario'])} and {metrics['seed']}"
+        reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)
     return run
-
-
-def _check_same(run: Run) -> None:
-    """Raise ``ScenarioError`` if the tables or the figures are not those of a run of the scenario in the folder."""
-    places, sensors = {place.id for place in run.places}, set(run.sensors)
-    of_this = f"those of the run of its {reading.SCENARIO}"
-    tables = {reading.TRACKS: run.points, reading.MESSAGES: run.frames.table}
-    ids = ((reading.TRACKS, "source", places), (reading.TRACKS, "sensors", sensors), (reading.MESSAGES, "dst", places))
-    for name, column, known in ids:
-        values = tables[name][column]
-        values = pc.list_flatten(values) if pa.types.is_list(values.type) else values
-        if strange := set(pc.unique(values).to_pylist()) - known:
-            refuse(run.folder / name, column, f"names {min(strange)!r:.40}, which is not there", of_this)
-    said = run.metrics["scenario"], run.metrics["seed"]
-    if said != (run.scenario.name, run.scenario.seed):
-        refuse(run.folder / METRICS, "scenario, seed", f"are {said[0]!r:.60} and {said[1]}", of_this)
 
 
 def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:

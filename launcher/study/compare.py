@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from launcher.record.reading import MESSAGES, TRACKS, read_table
+from launcher.record.reading.files import MESSAGES, TRACKS, read_table
 
 
 def differences(a: Path, b: Path, tolerance: float) -> list[str]:

@@ -21,13 +21,23 @@ from launcher.record.folder import keep, prepare_folder, whole_or_none, write_ma
 from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics
-from launcher.record.reading import MESSAGES, SCENARIO, TRACKS, check_run, read_figures, read_table
+from launcher.record.reading.files import (
+    MESSAGES,
+    SCENARIO,
+    TRACKS,
+    check_ids,
+    check_run,
+    read_figures,
+    read_table,
+    refuse,
+)
+from launcher.records import TRACKS as TRACKING
 from launcher.records import MessageRow, Plan
 from launcher.run import Outcome, close_folder
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
 from trackfield.role import NS, Publish, State
-from trackfield.wire.codec import decode
+from trackfield.wire.codec import WireError, decode
 
 FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")
 """Parts of metrics.json that depend on the trackers; all others stay as they were."""
@@ -51,9 +61,12 @@ def replay(
     metrics: Metrics = read_figures(run).plain()
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
-    rows = [MessageRow(**row) for row in read_table(run, MESSAGES).to_pylist()]
-    fusions = read_fusions(run)
+    messages = read_table(run, MESSAGES)
     plan = planned(scenario)
+    check_ids(run, plan.info.places, read_table(run, TRACKS, ("source", "sensors")), messages)
+    rows = [MessageRow(**row) for row in messages.to_pylist()]
+    fusions = read_fusions(run)
+    _check_usable(run, plan, fusions, rows)
     folder = prepare_folder(out, scenario.name, scenario.seed)
     with whole_or_none(folder):
         keep(scenario, folder)
@@ -79,6 +92,33 @@ def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
             f"{late} events were handled out of order in the run (timing.host_late); the replay has all in order"
         )
     return said
+
+
+def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> None:
+    """Raise ``ScenarioError`` for a step that the run cannot have had, and for a report that no tracker can use."""
+    last, reports = plan.step_of(plan.run.end_ns), _reports(rows)
+    bank = Bank(**plan.bank_of(plan.info.tagged(TRACKING)[0].id))
+    for one in fusions:
+        if not 1 <= one.step <= last:
+            refuse(run / TRACKS, "step", f"is {one.step}", f"from 1 to {last}")
+        for sensor in one.sensors:
+            if row := reports.get((sensor, one.step)):
+                try:
+                    usable = bank.takes(decode(row.payload))
+                except WireError:
+                    usable = False
+                if not usable:
+                    what = f"is no {bank.kind} message where {sensor} reported on step {one.step}"
+                    refuse(run / MESSAGES, "payload", what, "the messages of the run")
+
+
+def _reports(rows: Iterable[MessageRow]) -> dict[tuple[str, int], MessageRow]:
+    """The frame that counts of each report, by its sensor and step.
+
+    Tracks name the reports used, even if an unplanned death left outcomes open; delivered frames count before others.
+    """
+    kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
+    return {(row.src, row.step): row for row in kept if row.step is not None}
 
 
 @dataclass(frozen=True)
@@ -158,9 +198,7 @@ def fused(
     plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]
 ) -> Iterator[tuple[Fusion, int, State | Publish]]:
     """(fusion, time in ns, effect) of what all tracking processes publish, with the reports in these messages."""
-    # Tracks name the reports used, even if an unplanned death left outcomes open; delivered frames count before others.
-    kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
-    reports = {(row.src, row.step): row for row in kept if row.step is not None}
+    reports = _reports(rows)
     starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
     sources: dict[str, _Source] = {}
     for one in fusions:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from launcher.nested import flat
-from launcher.record.reading import check_run, read_figures, read_scenario, read_settings
+from launcher.record.reading.files import check_run, read_figures, read_scenario, read_settings
 from launcher.report.folder import course_of
 from trackfield.errors import ScenarioError
 from trackfield.role import NS

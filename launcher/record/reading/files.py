@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -16,11 +16,12 @@ from typing import Any, Final, NoReturn
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
-from launcher.record.columns import COLUMNS, Column
 from launcher.record.journal import METRICS
-from launcher.record.measures import RunFigures, first_problem
+from launcher.record.measures import Count, Number, RunFigures, first_problem, short
+from launcher.record.reading.columns import COLUMNS, Column
+from launcher.records import SENSES, Place
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
@@ -32,18 +33,30 @@ LOG: Final = "record.log"
 """What a run has recorded so far; with it, tables can be made of a run that was killed."""
 LARGEST: Final = 256_000_000
 """The most bytes of a file that is read as one text."""
+OF_THIS: Final = f"those of the run of its {SCENARIO}"
 A_RUN: Final = "the folder of a finished run"
 ANEW: Final = f"a run by this version; trackfield run <its {SCENARIO}> repeats it"
 
 
+class Machine(BaseModel):
+    """The machine that a run was made on."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    system: str
+    cores: Count | None
+    memory_gb: Number
+
+
 class Manifest(BaseModel):
-    """What manifest.json says of a run that is shown: its ``command``, when it ``started``, and ``versions``."""
+    """What manifest.json says of a run that is shown: its command, when it ``started``, versions, machine."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
     command: tuple[str, ...]
     started: str
-    versions: Mapping[str, str] = Field(min_length=1)
+    versions: Mapping[str, str]
+    machine: Machine
 
     @field_validator("started")
     @classmethod
@@ -96,20 +109,40 @@ def read_scenario(folder: Path) -> tuple[str, Scenario]:
 
 def read_table(folder: Path, name: str, columns: Collection[str] = (), dictionaries: Collection[str] = ()) -> pa.Table:
     """A table of a run with these columns (none: all), those of ``dictionaries`` with each text once."""
-    known = COLUMNS[name]
-    chosen = list(columns or known)
     with _table(folder, name, dictionaries) as file:
-        _check_columns(folder / name, file.schema_arrow, known)
-        table = file.read(columns=chosen)
-        table.validate(full=True)
-    for column in chosen:
-        _check_values(folder / name, column, table[column], known[column])
+        return checked_table(file, folder / name, COLUMNS[name], columns)
+
+
+def checked_table(
+    file: pq.ParquetFile, path: Path, known: Mapping[str, Column], columns: Collection[str] = ()
+) -> pa.Table:
+    """The table in an open file, checked as one with these ``known`` columns; those of ``columns`` (none: all known).
+
+    Raises ``ScenarioError`` for other columns or values, what pyarrow raises for a file that is damaged.
+    """
+    _check_columns(path, file.schema_arrow, known)
+    table = file.read(columns=list(columns or known))
+    table.validate(full=True)
+    for column in table.column_names:
+        _check_values(path, column, table[column], known[column])
     return table
 
 
 def refuse(file: Path, key: str, what: str, expected: str = "the values of a run") -> NoReturn:
     """Say that a value in a file of a run is not one that the run can have had."""
     raise ScenarioError(what, file=str(file), key=key, expected=expected)
+
+
+def check_ids(folder: Path, places: Iterable[Place], points: pa.Table, messages: pa.Table) -> None:
+    """Raise ``ScenarioError`` if tracks or frames of a run name a process that its scenario does not have."""
+    ids, sensors = {place.id for place in places}, {place.id for place in places if SENSES in place.tags}
+    for name, column, values, known in (
+        (TRACKS, "source", points["source"], ids),
+        (TRACKS, "sensors", pc.list_flatten(points["sensors"]), sensors),
+        (MESSAGES, "dst", messages["dst"], ids),
+    ):
+        if strange := set(pc.unique(values).to_pylist()) - known:
+            refuse(folder / name, column, f"names {short(min(strange))}, which is not there", OF_THIS)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
@@ -196,7 +229,7 @@ def _check_values(file: Path, name: str, values: pa.ChunkedArray, column: Column
         if values.null_count:
             refuse(file, name, "lacks a value inside a row", "whole rows")
     if column.known and (strange := set(pc.unique(values).to_pylist()) - column.known - {None}):
-        refuse(file, name, f"is {min(strange)!r:.40}", f"one of {', '.join(sorted(column.known))}")
+        refuse(file, name, f"is {short(min(strange))}", f"one of {', '.join(sorted(column.known))}")
     if column.finite and not pc.all(pc.is_finite(values), min_count=0).as_py():
         refuse(file, name, "is not a number somewhere", "finite numbers")
     if column.least is not None and len(values) > values.null_count:
