@@ -251,6 +251,9 @@ def read_run(folder: Path) -> Run:
     if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):
         what = f"are {short(metrics['scenario'])} and {metrics['seed']}"
         reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)
+    if strange := {track.tracker for track in run.tracks} - set(run.trackers):
+        what = f"is {short(min(strange))}, which has no figures"
+        reading.refuse(folder / reading.TRACKS, "tracker", what, f"one of {', '.join(run.trackers)}")
     return run
 
 

@@ -29,6 +29,7 @@ from trackfield.scenario import Scenario
 
 _METRICS: Final = b"trackfield.metrics"
 """The metadata key under which a stored run has its figures, beside its tracks."""
+_DELETED: Final = "the file to be deleted, so that the study makes its run again"
 _TYPES: Final = {
     "seed": pa.int64(),
     "tracker": pa.string(),
@@ -89,14 +90,15 @@ def _stored(file: Path) -> Iterator[pq.ParquetFile]:
             raise damaged(file)
         with pq.ParquetFile(file, page_checksum_verification=True) as stored:
             yield stored
+    except ScenarioError as error:
+        raise ScenarioError(error.what, file=error.file, key=error.key, expected=_DELETED) from None
     except (OSError, ValueError, KeyError, TypeError, RecursionError, MemoryError, pa.ArrowException):
         raise damaged(file) from None
 
 
 def damaged(file: Path, what: str = "is damaged") -> ScenarioError:
     """The error that says so of a run in a study."""
-    expected = "the file to be deleted, so that the study makes its run again"
-    return ScenarioError(what, file=str(file), expected=expected)
+    return ScenarioError(what, file=str(file), expected=_DELETED)
 
 
 def study_run(scenario: Scenario) -> StudyRun:

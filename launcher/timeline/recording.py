@@ -54,8 +54,8 @@ def whole(run: Path) -> Iterator[Path]:
         repaired = Path(folder) / file.name
         _call("merge", "--continue-on-error", "-o", str(repaired), str(file))
         _check(repaired, file)
-        print(f"trackfield: {file} has no end, as its recorder still writes or was killed: this is what is there",
-              file=sys.stderr)  # fmt: skip
+        said = f"note: {file} has no end, as its recorder still writes or was killed: this is what is there"
+        print(said, file=sys.stderr)
         yield repaired
 
 

@@ -8,6 +8,7 @@ from typing import Final, get_args, get_type_hints
 
 import pyarrow as pa
 
+from launcher.record.measures import MOST
 from launcher.record.tables import STATE
 from launcher.records import ARRIVED
 from trackfield.role import TrackPoint
@@ -36,8 +37,8 @@ class Column:
     known: frozenset[str] = frozenset()
 
 
-def _float(*, nulls: bool = False, most: float | None = None) -> Column:
-    return Column(pa.float64(), nulls, None if most is None else -most, most or 0, finite=True)
+def _float(most: float, *, nulls: bool = False) -> Column:
+    return Column(pa.float64(), nulls, -most, most, finite=True)
 
 
 _TEXT: Final = Column(pa.string())
@@ -45,7 +46,7 @@ _TIME: Final = Column(pa.int64(), least=-MOST_NS, most=MOST_NS)
 _TIME_IF_ANY: Final = Column(pa.int64(), True, -MOST_NS, MOST_NS)
 _COUNT: Final = Column(pa.int32(), least=0, most=_MOST_INT)
 _STEP: Final = Column(pa.int32(), True, 0, _MOST_INT)
-_SECONDS: Final = _float(most=MOST_S)
+_SECONDS: Final = _float(MOST_S)
 
 COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
     "messages.parquet": {
@@ -55,7 +56,7 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         "outcome": Column(pa.string(), known=frozenset((*ARRIVED, *_LOSSES))),
         **dict.fromkeys(("bytes", "copy", "incarnation"), _COUNT),
         "text": _TEXT,
-        "bearing_deg": _float(nulls=True, most=360),
+        "bearing_deg": _float(360, nulls=True),
         "step": _STEP,
         "local_ns": _TIME_IF_ANY,
         "payload": Column(pa.binary()),
@@ -70,10 +71,10 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         # a filter that has diverged publishes what it has
         **dict.fromkeys(STATE, Column(pa.float64(), nulls=True)),
         "covariance": Column(pa.list_(pa.float64()), nulls=True, length=16),
-        **{f"true_{name}": _float(nulls=True) for name in STATE},
+        **{f"true_{name}": _float(MOST, nulls=True) for name in STATE},
         "true_target": Column(pa.string(), nulls=True),
         "true_interpolated": Column(pa.bool_()),
-        "bound_m": _float(nulls=True),
+        "bound_m": _float(MOST, nulls=True),
         "sensors": Column(pa.list_(pa.string())),
         **dict.fromkeys(("lag", "term"), _COUNT),
         **dict.fromkeys(("at_ns", "told_ns"), _TIME),

@@ -151,6 +151,7 @@ def check_ids(folder: Path, places: Iterable[Place], points: pa.Table, messages:
 def _json(folder: Path, name: str) -> dict[str, Any]:
     try:
         found = json.loads(_bytes(folder, name))
+        json.dumps(found, ensure_ascii=False).encode()  # JSON can hold halves of characters, which cannot be written
     except (ValueError, RecursionError):
         _damaged(folder, name)
     return found if isinstance(found, dict) else _damaged(folder, name)
@@ -171,7 +172,7 @@ def _table(folder: Path, name: str, dictionaries: Collection[str] = ()) -> Itera
             pq.ParquetFile(path, read_dictionary=list(dictionaries), page_checksum_verification=True) as file,
         ):
             yield file
-    except (OSError, ValueError, MemoryError, pa.ArrowException):
+    except (OSError, ValueError, KeyError, MemoryError, pa.ArrowException):
         _damaged(folder, name)
 
 
