@@ -270,7 +270,7 @@ def test_a_damaged_run_of_a_study_is_named_with_what_to_do(trackfield: Call, hom
         first.write_bytes(content)
         said = trackfield(*STUDY)
         assert said.code == 2
-        what = "the file to be deleted, so that the study makes its run again"
+        what = "the file to be deleted, so that the same command makes its run again"
         assert f"trackfield: {first.relative_to(tmp_path)}: is damaged; expected {what}" in said.err.replace(
             f"{tmp_path}/", ""
         )

@@ -122,8 +122,11 @@ def test_of_a_torn_file_that_is_shown_which_is_there(
 def test_a_file_in_which_nothing_happened_yet_is_refused_at_once(run: Path, tmp_path: Path, kept: int) -> None:
     """12 bytes are the head of a file; a file that ends between two parts was waited for until the time was over."""
     (tmp_path / "run.rrd").write_bytes((run / "run.rrd").read_bytes()[:kept])
+    (tmp_path / "record.log").touch()
     for act in (lambda: view.open_viewer(tmp_path), lambda: view.picture(tmp_path, tmp_path / "a.png")):
-        with pytest.raises(ScenarioError, match=r"run\.rrd: is damaged, .*trackfield recover") as failure:
+        with pytest.raises(
+            ScenarioError, match=r"run\.rrd: is damaged, .*; trackfield recover .* finishes it"
+        ) as failure:
             act()
         assert failure.value.file == str(tmp_path / "run.rrd")
     assert not (tmp_path / "a.png").exists()

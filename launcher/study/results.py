@@ -29,7 +29,7 @@ from trackfield.scenario import Scenario
 
 _METRICS: Final = b"trackfield.metrics"
 """The metadata key under which a stored run has its figures, beside its tracks."""
-_DELETED: Final = "the file to be deleted, so that the study makes its run again"
+_DELETED: Final = "the file to be deleted, so that the same command makes its run again"
 _TYPES: Final = {
     "seed": pa.int64(),
     "tracker": pa.string(),

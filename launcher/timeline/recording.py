@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from launcher.files import recovering
 from launcher.timeline.look import TIME
 from launcher.timeline.program import environment, program
 from trackfield.errors import ScenarioError
@@ -29,7 +30,8 @@ def timeline_of(run: Path) -> Path:
     try:
         file = run if run.suffix == ".rrd" and run.is_file() else run / "run.rrd"
         if not file.is_file():
-            raise ScenarioError("has no timeline", file=str(run), expected="the folder of a run, with run.rrd in it")
+            expected = "the folder of a run, with run.rrd in it"
+            raise ScenarioError("has no timeline", file=str(run), expected=expected + recovering(run))
         with file.open("rb") as begun:
             magic = begun.read(len(MAGIC))
     except OSError as error:
@@ -86,8 +88,4 @@ def _check(file: Path, named: Path) -> None:
         times = set()
     if TIME not in times:
         torn = "is damaged, or ends before anything happened"
-        raise ScenarioError(torn, file=str(named), expected=f"{A_TIMELINE}; {_recovering(named)}")
-
-
-def _recovering(file: Path) -> str:
-    return f"trackfield recover {file.parent} makes one of what was recorded"
+        raise ScenarioError(torn, file=str(named), expected=A_TIMELINE + recovering(named.parent))

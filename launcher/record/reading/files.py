@@ -18,6 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
+from launcher.files import recovering
 from launcher.record.journal import METRICS
 from launcher.record.measures import Count, Number, RunFigures, first_problem, short
 from launcher.record.reading.columns import COLUMNS, Column
@@ -29,8 +30,6 @@ MANIFEST: Final = "manifest.json"
 SCENARIO: Final = "scenario.toml"
 TRACKS: Final = "tracks.parquet"
 MESSAGES: Final = "messages.parquet"
-LOG: Final = "record.log"
-"""What a run has recorded so far; with it, tables can be made of a run that was killed."""
 LARGEST: Final = 256_000_000
 """The most bytes of a file that is read as one text."""
 OF_THIS: Final = f"those of the run of its {SCENARIO}"
@@ -194,10 +193,9 @@ def _readable(folder: Path, name: str) -> Iterator[Path]:
 def _missing(folder: Path, name: str, *, there: bool) -> NoReturn:
     if there:
         raise ScenarioError(f"its {name} is not a file", file=str(folder), expected=A_RUN)
-    if (folder / LOG).exists():
-        what = f"has no {name}: its run still goes on, or was killed"
-        raise ScenarioError(what, file=str(folder), expected=f"{A_RUN}; trackfield recover {folder} finishes it")
-    raise ScenarioError(f"has no {name}", file=str(folder), expected=A_RUN)
+    recover = recovering(folder)
+    why = ": its run still goes on, or was killed" if recover else ""
+    raise ScenarioError(f"has no {name}{why}", file=str(folder), expected=A_RUN + recover)
 
 
 def _damaged(folder: Path, name: str) -> NoReturn:
