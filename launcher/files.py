@@ -24,5 +24,5 @@ def check_writable(file: Path, key: str) -> None:
 
 
 def recovering(folder: Path) -> str:
-    """How a run in this folder that was killed is finished, to be added to what is expected; nothing if it cannot be."""
+    """What finishes a run in this folder that was killed, to be added to what is expected; nothing if nothing does."""
     return f"; trackfield recover {folder} finishes it" if (folder / LOG).exists() else ""

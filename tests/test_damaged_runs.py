@@ -23,7 +23,7 @@ from trackfield.errors import ScenarioError
 
 __all__ = ["trackfield"]
 
-TRIES = 120
+TRIES = 100
 
 
 @pytest.fixture(scope="module")

@@ -49,18 +49,6 @@ _STEP: Final = Column(pa.int32(), True, 0, _MOST_INT)
 _SECONDS: Final = _float(MOST_S)
 
 COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
-    "messages.parquet": {
-        **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),
-        "sent_ns": _TIME,
-        "due_ns": _TIME_IF_ANY,
-        "outcome": Column(pa.string(), known=frozenset((*ARRIVED, *_LOSSES))),
-        **dict.fromkeys(("bytes", "copy", "incarnation"), _COUNT),
-        "text": _TEXT,
-        "bearing_deg": _float(360, nulls=True),
-        "step": _STEP,
-        "local_ns": _TIME_IF_ANY,
-        "payload": Column(pa.binary()),
-    },
     "tracks.parquet": {
         "t_s": _SECONDS,
         "step": _STEP,
@@ -79,6 +67,18 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         **dict.fromkeys(("lag", "term"), _COUNT),
         **dict.fromkeys(("at_ns", "told_ns"), _TIME),
         "incarnation": _COUNT,
+    },
+    "messages.parquet": {
+        **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),
+        "sent_ns": _TIME,
+        "due_ns": _TIME_IF_ANY,
+        "outcome": Column(pa.string(), known=frozenset((*ARRIVED, *_LOSSES))),
+        **dict.fromkeys(("bytes", "copy", "incarnation"), _COUNT),
+        "text": _TEXT,
+        "bearing_deg": _float(360, nulls=True),
+        "step": _STEP,
+        "local_ns": _TIME_IF_ANY,
+        "payload": Column(pa.binary()),
     },
 }
 """The columns of each table of a run folder, by their names."""
