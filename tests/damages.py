@@ -242,7 +242,7 @@ def _odd_cell(draw: Random, kind: pa.DataType) -> Any:
         return draw.choice([None, float("nan"), float("inf"), -float("inf"), 1e308, -1e308, 1e-308, -1.0, 0.0, 1e12])
     if pa.types.is_integer(kind):
         most = 2 ** (kind.bit_width - 1)
-        return draw.choice([None, -1, 0, 1, 1000, most - 1, -most, most // 2, most // 1000])
+        return draw.choice([None, -1, 0, 1, 1000, most - 1, -most, most // 2, most // 1000, -most // 1000])
     if pa.types.is_boolean(kind):
         return draw.choice([None, True, False])
     if pa.types.is_binary(kind):

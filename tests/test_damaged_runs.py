@@ -155,6 +155,8 @@ def test_a_manifest_that_no_run_has_is_named(
         ("messages", "sent_ns", lambda v: [2**62, *v[1:]], "is 4.61169e.18; expected from -2.30584e.18 to 2.30584e.18"),
         ("messages", "outcome", lambda v: ["eaten", *v[1:]], "is 'eaten'; expected one of asleep, dead, .*"),
         ("messages", "dst", lambda v: ["zoo", *v[1:]], "names 'zoo', which is not there; expected those of .*"),
+        ("messages", "due_ns", lambda v: [*v[:-1], 10**16], r"is 10,000,000,000,000,000; expected 6,.*, the end of .*"),
+        ("tracks", "told_ns", lambda v: [*v[:-1], 10**16], r"is 10,000,000,000,000,000; expected 6,.*, the end of .*"),
         ("messages", "bytes", lambda v: [-1, *v[1:]], "is -1; expected from 0 to .*"),
         ("tracks", "source", lambda v: ["zoo", *v[1:]], "names 'zoo', which is not there; expected those of .*"),
         ("tracks", "sensors", lambda v: [["zoo"], *v[1:]], "names 'zoo', which is not there; expected those of .*"),
@@ -168,7 +170,9 @@ def test_a_value_in_a_table_that_no_run_has_is_named(
     trackfield: Call, bad: Path, table: str, column: str, change: Callable[[list[Any]], list[Any]], what: str
 ) -> None:
     with_column(bad / f"{table}.parquet", column, change)
-    used = (READING[0], READING[2]) if table == "messages" or column in ("source", "sensors") else READING[:1]
+    used = (
+        (READING[0], READING[2]) if table == "messages" or column in ("source", "sensors", "told_ns") else READING[:1]
+    )
     assert_said(trackfield, f"bad/{table}.parquet: {column}: {what}", *used)
 
 

@@ -25,7 +25,7 @@ from launcher.record.reading.files import (
     MESSAGES,
     SCENARIO,
     TRACKS,
-    check_ids,
+    check_belongs,
     check_run,
     read_figures,
     read_table,
@@ -63,7 +63,7 @@ def replay(
     scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
     messages = read_table(run, MESSAGES)
     plan = planned(scenario)
-    check_ids(run, plan.info.places, read_table(run, TRACKS, ("source", "sensors")), messages)
+    check_belongs(run, plan.info.places, plan.run.end_ns, read_table(run, TRACKS), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
     fusions = read_fusions(run)
     _check_usable(run, plan, fusions, rows)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -22,7 +22,7 @@ from launcher.files import recovering
 from launcher.record.journal import METRICS
 from launcher.record.measures import Count, Number, RunFigures, first_problem, short
 from launcher.record.reading.columns import COLUMNS, Column
-from launcher.records import SENSES, Place
+from launcher.records import ARRIVED, SENSES, Place
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 
@@ -132,8 +132,11 @@ def refuse(file: Path, key: str, what: str, expected: str = "the values of a run
     raise ScenarioError(what, file=str(file), key=key, expected=expected)
 
 
-def check_ids(folder: Path, places: Iterable[Place], points: pa.Table, messages: pa.Table) -> None:
-    """Raise ``ScenarioError`` if tracks or frames of a run name a process that its scenario does not have."""
+def check_belongs(folder: Path, places: Collection[Place], end_ns: int, points: pa.Table, messages: pa.Table) -> None:
+    """Raise ``ScenarioError`` if tracks or frames name a process that the scenario does not have, or come after its end.
+
+    ``end_ns`` is the planned end, since the start. Frames from elsewhere may claim to have been sent at any time.
+    """
     ids, sensors = {place.id for place in places}, {place.id for place in places if SENSES in place.tags}
     for name, column, values, known in (
         (TRACKS, "source", points["source"], ids),
@@ -142,6 +145,14 @@ def check_ids(folder: Path, places: Iterable[Place], points: pa.Table, messages:
     ):
         if strange := set(pc.unique(values).to_pylist()) - known:
             refuse(folder / name, column, f"names {short(min(strange))}, which is not there", OF_THIS)
+    arrived = messages.filter(pc.is_in(messages["outcome"], pa.array(ARRIVED)))
+    for name, column, values in (
+        (TRACKS, "at_ns", points["at_ns"]),
+        (TRACKS, "told_ns", points["told_ns"]),
+        (MESSAGES, "due_ns", arrived["due_ns"]),
+    ):
+        if (latest := pc.max(values).as_py() or 0) > end_ns:
+            refuse(folder / name, column, f"is {latest:,}", f"{end_ns:,}, the end of the run, at most")
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
