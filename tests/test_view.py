@@ -106,15 +106,17 @@ def test_without_a_vulkan_driver_the_package_is_named(
 
 
 @with_driver
+@pytest.mark.parametrize("kept", [0.5, 1.0])
 def test_of_a_torn_file_that_is_shown_which_is_there(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kept: float
 ) -> None:
     whole = (run / "run.rrd").read_bytes()
-    (tmp_path / "run.rrd").write_bytes(whole[: len(whole) // 2])
+    torn = whole[: int(kept * len(whole)) - 1]
+    (tmp_path / "run.rrd").write_bytes(torn)
     view.picture(tmp_path, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 100_000
     assert f"{tmp_path / 'run.rrd'} has no end" in capsys.readouterr().err
-    assert (tmp_path / "run.rrd").read_bytes() == whole[: len(whole) // 2]
+    assert (tmp_path / "run.rrd").read_bytes() == torn
     assert no_viewer_left()
 
 

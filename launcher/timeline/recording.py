@@ -18,8 +18,8 @@ from trackfield.errors import ScenarioError
 MAGIC: Final = b"RRF2"
 """How a Rerun file begins."""
 END: Final = b"RRF2FOOT"
-"""What stands at the end of a file that was closed, within ``END_BYTES``."""
-END_BYTES: Final = 32
+"""How the last ``END_BYTES`` of a file begin that was closed."""
+END_BYTES: Final = len(END) + 4
 CHECK_S: Final = 120.0
 """How long Rerun's program may take to read a file once."""
 A_TIMELINE: Final = "the run.rrd of a run"
@@ -65,7 +65,7 @@ def _verified(file: Path) -> bool:
     """Whether it has an end, and Rerun can read all of it."""
     with file.open("rb") as stream:
         stream.seek(max(file.stat().st_size - END_BYTES, 0))
-        ended = END in stream.read()
+        ended = stream.read().startswith(END)
     return ended and not _call("verify", str(file))
 
 

@@ -133,9 +133,9 @@ def refuse(file: Path, key: str, what: str, expected: str = "the values of a run
 
 
 def check_belongs(folder: Path, places: Collection[Place], end_ns: int, points: pa.Table, messages: pa.Table) -> None:
-    """Raise ``ScenarioError`` if tracks or frames name a process that the scenario does not have, or come after its end.
+    """Raise ``ScenarioError`` if tracks or frames name a process that the scenario lacks, or are of after the run.
 
-    ``end_ns`` is the planned end, since the start. Frames from elsewhere may claim to have been sent at any time.
+    ``end_ns`` is its planned end, since its start. Frames from elsewhere may claim to have been sent at any time.
     """
     ids, sensors = {place.id for place in places}, {place.id for place in places if SENSES in place.tags}
     for name, column, values, known in (
