@@ -1,10 +1,14 @@
-"""Files that users name for what a command writes."""
+"""Files that users name for what a command writes; what finishes a run that was killed."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from trackfield.errors import ScenarioError
+
+LOG: Final = "record.log"
+"""In the folder of a run, what it has recorded so far."""
 
 
 def check_writable(file: Path, key: str) -> None:
@@ -17,3 +21,8 @@ def check_writable(file: Path, key: str) -> None:
         raise ScenarioError(what, file=str(file), key=key, expected="a file in a writable folder") from None
     if is_new:
         file.unlink()
+
+
+def recovering(folder: Path) -> str:
+    """What finishes a run in this folder that was killed, to be added to what is expected; nothing if nothing does."""
+    return f"; trackfield recover {folder} finishes it" if (folder / LOG).exists() else ""

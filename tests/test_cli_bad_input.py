@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from launcher.timeline.view import MAGIC
+from launcher.timeline.recording import MAGIC
 from tests.command_line import Call, Said, trackfield
 
 __all__ = ["trackfield"]

@@ -14,6 +14,7 @@ from launcher.report.folder import Run, read_run
 from launcher.report.outages import few_reports
 from launcher.report.parts import PARTS
 from launcher.report.templates import inline, templates
+from trackfield.errors import ScenarioError
 
 PAGE: Final = "report.html"
 _SECTIONS: Final = {
@@ -43,11 +44,15 @@ _FILES: Final = {
 def write_report(folder: Path) -> Path:
     """Draw ``plots/*.png`` and write ``report.html`` into the folder of a finished run, again if they exist.
 
-    Returns the path of the page. Raises ``ScenarioError`` for a folder that is not that of a finished run, ``OSError``
-    if it cannot be written.
+    Returns the path of the page. Raises ``ScenarioError`` for a folder that is not that of a finished run, or cannot be
+    written.
     """
     run = read_run(folder)
-    return write_page(run, draw(run))
+    try:
+        return write_page(run, draw(run))
+    except OSError as error:
+        what, where = f"cannot write there ({error.strerror})", str(error.filename or folder)
+        raise ScenarioError(what, file=where, expected="a writable folder") from None
 
 
 def write_page(run: Run, pictures: Mapping[str, Path]) -> Path:
@@ -102,7 +107,7 @@ def commands(run: Run) -> list[tuple[str, str]]:
     virtual = " --virtual" if run.metrics["driver"] == "virtual" else ""
     speed = run.metrics["timing"]["speed"]
     pace = "" if speed in (None, 1) else f" --speed {speed:g}"
-    given = run.manifest["command"][1:]
+    given = run.manifest.command[1:]
     replayed = run.metrics["driver"] == "replay"
     again = [
         (f"trackfield run {name}/scenario.toml{virtual}{pace} --out again", "the same run from its folder"),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +16,7 @@ from launcher.record.bounds import run_bound
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
 from launcher.reproduce.case import Case
+from launcher.study.results import damaged
 from launcher.study.store import whole
 from trackfield.filters.types import Array
 
@@ -39,9 +42,12 @@ class Record:
 
     @classmethod
     def load(cls, file: Path) -> Record:
-        """What ``save`` wrote."""
-        with np.load(file) as stored:
-            return cls(stored["errors"], stored["reports"], stored["bound"], stored["network"])
+        """What ``save`` wrote. Raises ``ScenarioError`` if the file is damaged."""
+        try:
+            with np.load(file) as stored:
+                return cls(stored["errors"], stored["reports"], stored["bound"], stored["network"])
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+            raise damaged(file) from None
 
 
 Records = Mapping[str, Sequence[Record]]

@@ -115,13 +115,21 @@ def study_folder(folder: Path, kind: str = "study") -> None:
     Raises ``ScenarioError`` for any other folder, and changes nothing in it.
     """
     mark = folder / RESULTS / f".trackfield-{kind}"
-    try:
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()) and not mark.is_file():
             expected = f"an empty or new one, or that of an earlier {kind}"
             raise ScenarioError("the folder is not empty", file=str(folder), key="--out", expected=expected)
         mark.parent.mkdir(exist_ok=True)
         mark.touch()
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Raise ``ScenarioError`` for what cannot be written below the folder of a study."""
+    try:
+        yield
     except OSError as error:
         what = f"cannot write there ({error.strerror})"
-        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None
+        file = str(error.filename or folder)
+        raise ScenarioError(what, file=file, key="--out", expected="a writable folder") from None
