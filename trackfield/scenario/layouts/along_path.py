@@ -11,7 +11,7 @@ from pydantic import Field
 from trackfield.errors import ScenarioError
 from trackfield.scenario.layouts.layout import Ground, SpacedSection, check_number, numbered
 from trackfield.scenario.places import Place
-from trackfield.scenario.section import Positive
+from trackfield.scenario.quantities import Distance
 from trackfield.world.path import Path
 from trackfield.world.windows import Array, distances
 
@@ -22,7 +22,7 @@ class AlongPath(SpacedSection):
     layout: Literal["along-path"] = Field(
         default="along-path", description="a grid, but only where a target comes near"
     )
-    within_m: Positive = Field(default=150.0, description="a place has a sensor if a path comes within this distance")
+    within_m: Distance = Field(default=150.0, description="a place has a sensor if a path comes within this distance")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """The places within reach of a path, or the ``nodes`` places nearest to one.
