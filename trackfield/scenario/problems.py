@@ -57,13 +57,13 @@ def section_of(key: str) -> str:
 
 def without(data: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
     """A scenario without these keys; a list of sections, or a section of unknown kind, is removed as a whole."""
-    less = dict(data)
+    less = {name: dict(part) if isinstance(part, Mapping) else part for name, part in data.items()}
     for key in keys:
         name, _, rest = key.partition(".")
         part, section = less.get(name), sections_of_file().get(name)
         own = rest.partition(".")[0]
-        if isinstance(part, Mapping) and own in part and (section is None or own != section.tag):
-            less[name] = {other: value for other, value in part.items() if other != own}
+        if isinstance(part, dict) and own in part and (section is None or own != section.tag):
+            del part[own]
         else:
             less.pop(section_of(key), None)
     missing = {section_of(key) for key in keys} - less.keys()
