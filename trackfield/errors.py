@@ -58,6 +58,11 @@ def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
     return whole
 
 
+def told_of(case: str, error: ScenarioError) -> ScenarioError:
+    """The same errors, each of which says in which ``case`` it is one."""
+    return combined([ScenarioError(f"{case}: {part}") for part in error.parts])
+
+
 def together(calls: Iterable[Callable[[], T]]) -> list[T]:
     """The results of all calls. Raises one ``ScenarioError`` with the errors of all of them."""
     found, errors = [], []

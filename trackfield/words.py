@@ -5,7 +5,6 @@ Only the standard library: nodes use it.
 
 from __future__ import annotations
 
-import unicodedata
 from reprlib import Repr
 from typing import Final
 
@@ -52,4 +51,6 @@ def plain(text: str) -> str:
     short = shortened(text, LONGEST)
     if short.isascii() and short.isprintable():
         return short
+    import unicodedata  # only for odd texts: nodes do without
+
     return "".join(repr(c)[1:-1] if unicodedata.category(c) in _HIDDEN else c for c in short)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, floor
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,9 @@ from trackfield.scenario.places import Place
 from trackfield.scenario.quantities import Distance
 from trackfield.world.path import Path
 from trackfield.world.windows import Array, distances
+
+MOST_PLACES: Final = 2_000_000
+"""Places of the grid that are looked at, to find those near a path."""
 
 
 class AlongPath(SpacedSection):
@@ -42,6 +45,7 @@ class AlongPath(SpacedSection):
                 key="field.within_m",
                 expected=f"more than half the spacing of {self.spacing_m:g} m",
             )
+        check_number(len(points))
         return numbered(points[np.lexsort(points.T)]), None  # by y, then x
 
     def _near(self, paths: tuple[Path, ...], within: float) -> tuple[Array, Array]:
@@ -58,7 +62,7 @@ class AlongPath(SpacedSection):
         axes = [
             (floor((min(c) - within) / spacing) - 1, ceil((max(c) + within) / spacing) + 1) for c in (path.x, path.y)
         ]
-        check_number((axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]))
+        check_number((axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]), MOST_PLACES)
         columns, rows = (np.arange(*axis) for axis in axes)
         points: Array = (
             np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5

@@ -93,11 +93,11 @@ def offset(seed: int, id: str) -> Point:
     return 2.0 * x - 1.0, 2.0 * y - 1.0
 
 
-def check_number(places: int) -> None:
-    """Raise ``ScenarioError`` if there are more ``places`` than ``MOST_NODES``."""
-    if places > MOST_NODES:
+def check_number(places: int, most: int = MOST_NODES) -> None:
+    """Raise ``ScenarioError`` if there are more ``places`` than ``most``."""
+    if places > most:
         raise ScenarioError(
             f"the field has {places} places or more",
             key="field.spacing_m",
-            expected=f"a value that gives at most {MOST_NODES}",
+            expected=f"a value that gives at most {most}",
         )
