@@ -66,9 +66,7 @@ def test_freezes_that_meet_are_one_and_those_of_others_are_not() -> None:
 
 
 def test_a_freeze_ends_with_its_life_or_with_the_run() -> None:
-    plan = faults(
-        fault("freeze", 15, 25), fault("restart", 20, 22), fault("freeze", 22, 23), fault("freeze", 60, 1e9)
-    )
+    plan = faults(fault("freeze", 15, 25), fault("restart", 20, 22), fault("freeze", 22, 23), fault("freeze", 60, 1e9))
     assert plan.of("n060").lives == (
         Life(0, 20 * S, ((15 * S, 20 * S),)),
         Life(22 * S, None, ((22 * S, 23 * S), (60 * S, END))),
