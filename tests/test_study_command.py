@@ -466,7 +466,7 @@ def test_times_are_values(trackfield: Call) -> None:
     ("arguments", "said"),
     [
         (("--vary", "field.spacing_mm=1,2"), "field.spacing_mm: unknown; did you mean spacing_m?"),
-        (("--vary", "field.spacing_m=50,-1"), "field.spacing_m: is -1; expected a number above 0"),
+        (("--vary", "field.spacing_m=50,-1"), "field.spacing_m: is -1; expected a number from 0.001 to"),
         (("--vary", "field.spacing_m=50"), "field.spacing_m: has one value, 50; expected two values or more; --set"),
         (("--vary", "field.spacing_m=50,50.0"), "field.spacing_m: 50 is given twice; expected each value once"),
         (("--vary", "field.spacing_m"), "--vary: 'field.spacing_m' varies nothing; expected KEY=VALUE,VALUE"),

@@ -24,7 +24,7 @@ from launcher.record.views import headline
 from launcher.record.virtually import simulate
 from launcher.study.axes import TRACKER, Axis, label
 from launcher.study.store import whole
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, told_of
 from trackfield.scenario import Scenario
 
 _METRICS: Final = b"trackfield.metrics"
@@ -107,7 +107,7 @@ def study_run(scenario: Scenario) -> StudyRun:
     try:
         plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}")
     except ScenarioError as error:
-        raise ScenarioError(f"with seed {scenario.seed}: {error}") from None
+        raise told_of(f"with seed {scenario.seed}", error) from None
     ledger, rows = simulate(plan)
     bound = run_bound(plan, headline(plan, rows))
     metrics = run_metrics(plan, ledger, rows, bound)
