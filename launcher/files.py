@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from trackfield.errors import ScenarioError
@@ -17,3 +19,14 @@ def check_writable(file: Path, key: str) -> None:
         raise ScenarioError(what, file=str(file), key=key, expected="a file in a writable folder") from None
     if is_new:
         file.unlink()
+
+
+def check_text(arguments: Iterable[str], key: str = "") -> None:
+    """Raise ``ScenarioError`` for one that is not text, as a file's name need not be; ``key`` is the option's name."""
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            encoding = sys.getfilesystemencoding()
+            text = "UTF-8" if encoding == "utf-8" else f"text in the encoding of the locale ({encoding})"
+            raise ScenarioError(f"{argument!a} is not text", key=key, expected=text) from None

@@ -21,6 +21,7 @@ import psutil
 
 from launcher.processes.zygote import ANSWER, ORDER, Child
 from trackfield.errors import RunFailed
+from trackfield.streams import keep_open
 
 FILES_EACH: Final = 2
 """Open files that a child costs its launcher."""
@@ -55,6 +56,7 @@ class Children:
     """
 
     def __init__(self, expected: int, preload: Iterable[str] = ()) -> None:
+        keep_open()
         _allow_many_files(FILES_EACH * expected + FILES)
         self._zygote = _Zygote(["launcher.processes.bodies", *preload])
         self._pids: dict[str, int] = {}

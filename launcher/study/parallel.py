@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -12,6 +11,7 @@ from typing import Any, Final, TypeVar
 
 from launcher.plan.extensions import Registered, register, registered
 from launcher.show import PLAIN_EVERY_S
+from launcher.signals import handling
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -52,23 +52,21 @@ def unordered(
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Processes that are started inside ignore Ctrl-C; this process handles it afterwards.
+    """Processes that are started inside ignore the terminal, Ctrl-C and its end; this process handles it afterwards.
 
-    It has threads that do not block the signal, and Python would handle what they receive.
+    It has threads that do not block the signals, and Python would handle what they receive.
     """
-    resource_tracker.ensure_running()  # its first start would unblock the signal
     came: list[int] = []
-    handled = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if handled else None
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        if handled:
-            signal.signal(signal.SIGINT, handler)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    resource_tracker.ensure_running()  # its first start would unblock SIGINT
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    with handling(came.append):
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
     if came:
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(came[0])
 
 
 def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:

@@ -17,6 +17,7 @@ from trackfield.drivers.claim import claim, find_run
 from trackfield.drivers.join import JoinError
 from trackfield.drivers.process import Process
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
+from trackfield.streams import steady
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_name
 
@@ -26,6 +27,7 @@ RETRY_S: Final = 1.0
 
 def main(role: str, description: str | None) -> None:
     """Join a run as one of its processes and live its life; exit 2 for bad arguments, 1 if it cannot join."""
+    steady()
     arguments = _arguments(role, description)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
     os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
