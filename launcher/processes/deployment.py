@@ -16,7 +16,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from launcher.processes import patience
-from launcher.processes.children import KILL_TIMEOUT_S, Children
+from launcher.processes.children import KILL_TIMEOUT_S, WITH_ZYGOTE, ZYGOTE, Children
 from launcher.processes.registry import Registry
 from launcher.processes.watch import Stop, Watch
 from launcher.processes.zygote import Child
@@ -28,6 +28,7 @@ from trackfield.wire import keys
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
+STOOD_STILL: Final = f"stood still for {patience.NEEDED_STILL_S:.0f} s, stopped from outside, and was killed"
 REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
 LOG_TAIL: Final = 12
 
@@ -115,18 +116,34 @@ class Deployment:
         self._children.fork(life.name, body, settings, life.name, niceness)
 
     def _connect(self) -> None:
-        timeout_s = patience.READY_TIMEOUT_S if self._own_router else patience.CONNECT_TIMEOUT_S
-        try:
-            self.session = open_client(self.endpoint, self.plan.run.run, timeout_s)
-        except zenoh.ZError as error:
-            what = f"no Zenoh router answers at {self.endpoint} (or it refuses the credentials of this process)"
-            raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+        self.session = self._own_session() if self._own_router else self._session(patience.CONNECT_TIMEOUT_S)
         self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
         self._held = [
             subscribe(keys.telemetry_of_all("reached"), Callback(self._on_reached, indirect=False)),
             subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
         ]
+
+    def _own_session(self) -> zenoh.Session:
+        """A session by the run's own router, once that is ready."""
+        deadline = time.monotonic() + patience.READY_TIMEOUT_S
+        while True:
+            try:
+                return self._session(patience.NEEDED_STILL_S)
+            except RunFailed:
+                if self._children.stopped(ROUTER):
+                    self._watch.kill(ROUTER, STOOD_STILL)
+                    self._children.wait([ROUTER], KILL_TIMEOUT_S)
+                self._look_at_start()
+                if time.monotonic() > deadline:
+                    raise
+
+    def _session(self, timeout_s: float) -> zenoh.Session:
+        try:
+            return open_client(self.endpoint, self.plan.run.run, timeout_s)
+        except zenoh.ZError as error:
+            what = f"no Zenoh router answers at {self.endpoint} (or it refuses the credentials of this process)"
+            raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
@@ -148,12 +165,21 @@ class Deployment:
         while missing := wanted - self.registry.live:
             if tick(missing, len(wanted)):
                 return
-            for name, why in self._watch.look():
-                raise self._failure(f"{name} died at start ({why})", name)
+            self._look_at_start()
+            for name in sorted(missing & self._watch.still(patience.STILL_S)):
+                raise self._failure(f"{name} was stopped from outside at start, and not continued", name)
             if time.monotonic() > deadline:
                 what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
                 raise self._failure(what, min(missing))
             time.sleep(patience.POLL_S)
+
+    def _look_at_start(self) -> None:
+        """Replace a router that is gone. Raises ``RunFailed`` if it is another process."""
+        for name, why in self._watch.look():
+            if name != ROUTER or not self._start_again(ROUTER, None):
+                raise self._failure(f"{name} died at start ({why})", name)
+            self._watch.died(name, why, again=True)
+        self._rouse()
 
     def _ready_timeout_s(self) -> float:
         return patience.READY_TIMEOUT_S + patience.READY_PER_PROCESS_S * len(self._lives)
@@ -272,11 +298,16 @@ class Deployment:
         """Handle processes that died or stand still, and repeat orders."""
         for name, why in self._watch.look():
             self._bury(name, why)
-        if ROUTER in self._watch.still(patience.ROUTER_STILL_S):
-            self._watch.kill(
-                ROUTER, f"stood still for {patience.ROUTER_STILL_S:.0f} s, stopped from outside, and was killed"
-            )
+        self._rouse()
         self._repeat()
+
+    def _rouse(self) -> None:
+        """End a router that stands still, as another will take its place; continue what nothing can replace."""
+        still = self._watch.still(patience.NEEDED_STILL_S)
+        if ROUTER in still:
+            self._watch.kill(ROUTER, STOOD_STILL)
+        for name in still & {RECORDER, ZYGOTE}:
+            self._children.resume(name)
 
     def _bury(self, name: str, why: str) -> None:
         life = self._lives.get(name)
@@ -284,14 +315,20 @@ class Deployment:
             return  # as planned
         if self._stopping and name != ROUTER and why == GOOD_END:
             return
-        again = self._start_again(name, life)
+        if why == WITH_ZYGOTE:
+            return  # whose death is reported
+        try:
+            again = self._start_again(name, life)
+        except RunFailed as error:
+            again, why = False, f"{why}; {error}"
         if not again and self._restarts[keys.id_of(name)] == patience.MAX_RESTARTS:
             why += f"; {patience.MAX_RESTARTS} restarts are enough"
         self._watch.died(name, why, again=again)
 
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
         """Start another in the place of one that died, if that is wanted and has not happened too often."""
-        start_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
+        now_ns = 0 if self.registry.start_ns is None else max(self.now_ns, 0)
+        start_ns = now_ns + round(self._lead_ns * self.plan.run.speed)
         wanted = name == ROUTER if life is None else self.plan.restart and start_ns < self._end_ns
         if not wanted or self._restarts[keys.id_of(name)] >= patience.MAX_RESTARTS:
             return False
@@ -301,9 +338,9 @@ class Deployment:
             self._watch.born(ROUTER)
         else:
             following = self.registry.next_life(name, start_ns)
+            self._fork_role(following)
             self._lives[following.name] = following
             self._order(keys.LIFE, msgpack.packb(following.plain()))
-            self._fork_role(following)
         return True
 
     def _router_is_gone(self) -> bool:
