@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
+from launcher.processes.limits import check_machine
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.journal import METRICS
 from launcher.record.latest import run_folder
@@ -155,6 +156,7 @@ def run(
         plan = warned(planned(chosen, speed))
         if driver == "processes":
             check_importable(plan)
+            check_machine(plan, router=True, external=False)
         inside = isinstance(out, str) and out.endswith("/")
         folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)

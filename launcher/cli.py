@@ -85,8 +85,9 @@ def _called() -> int:
         return 2  # nothing was asked for, and typer has shown the help
     except TrackfieldError as error:
         return _told(str(error), 2 if isinstance(error, ScenarioError) else 1)
-    except OSError as error:  # the disk, the machine's limits
-        return _told(f"{error.filename or 'the machine'}: {error.strerror or error}", 1)
+    except (OSError, MemoryError, UnicodeEncodeError) as error:  # the disk, the machine's limits, a folder's name
+        where, what = getattr(error, "filename", None), getattr(error, "strerror", None)
+        return _told(f"{where or 'the machine'}: {what or error or 'out of memory'}", 1)
     except KeyboardInterrupt:
         return INTERRUPTED
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import platform
-import shutil
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -17,23 +16,23 @@ from zenoh.handlers import Callback
 
 from launcher.processes import patience
 from launcher.processes.children import KILL_TIMEOUT_S, WITH_ZYGOTE, ZYGOTE, Children
+from launcher.processes.endpoint import SocketFolder, session_by
+from launcher.processes.logs import Logged
 from launcher.processes.registry import Registry
-from launcher.processes.watch import Stop, Watch
+from launcher.processes.watch import STOOD_STILL, Stop, Watch
 from launcher.processes.zygote import Child
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.session import client_settings, open_client
+from trackfield.drivers.session import client_settings
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
-STOOD_STILL: Final = f"stood still for {patience.NEEDED_STILL_S:.0f} s, stopped from outside, and was killed"
 REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
-LOG_TAIL: Final = 12
 
 
-class Deployment:
+class Deployment(Logged):
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
     ``status`` is the latest status from the recorder. Raises ``RunFailed`` if a process does not start; later failures
@@ -48,9 +47,8 @@ class Deployment:
         self.registry = self._registry()
         self.status: dict[str, Any] = {}
         self.router_cpu_s = 0.0
-        self._own_router = not endpoint
-        self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
-        self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
+        self._sockets = None if endpoint else SocketFolder()
+        self.endpoint = self._sockets.endpoint if self._sockets else endpoint
         self._lead_ns = round((patience.LEAD_S + patience.LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._end_ns = plan.run.end_ns
         self._lives = {p.name: p for p in plan.processes}
@@ -62,10 +60,10 @@ class Deployment:
         self._stopping = False
 
     def __enter__(self) -> Self:
-        self._children = self._make_children()
-        self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
-        self.deaths = self._watch.deaths
         try:
+            self._children = self._make_children()
+            self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
+            self.deaths = self._watch.deaths
             self._fork_and_connect()
         except BaseException:
             self.__exit__()
@@ -73,10 +71,12 @@ class Deployment:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._children.close()
+        if hasattr(self, "_children"):
+            self._children.close()
         if hasattr(self, "session"):
             self.session.close()  # type: ignore[no-untyped-call]
-        shutil.rmtree(self._sockets, ignore_errors=True)
+        if self._sockets:
+            self._sockets.close()
 
     def _registry(self) -> Registry:
         return Registry(self.plan)
@@ -94,7 +94,7 @@ class Deployment:
 
     def _fork_and_connect(self) -> None:
         (self.folder / "logs").mkdir(exist_ok=True)
-        if self._own_router:
+        if self._sockets:
             self._fork_router()
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
@@ -103,8 +103,8 @@ class Deployment:
             self._fork_role(life)
 
     def _fork_router(self) -> None:
-        for left in self._sockets.iterdir():  # left by a router that was killed
-            left.unlink()
+        if self._sockets:
+            self._sockets.clear()
         router = Child("launcher.processes.bodies:router", ROUTER, str(self.log(ROUTER)))
         self._children.fork(ROUTER, router, self.endpoint)
 
@@ -116,7 +116,8 @@ class Deployment:
         self._children.fork(life.name, body, settings, life.name, niceness)
 
     def _connect(self) -> None:
-        self.session = self._own_session() if self._own_router else self._session(patience.CONNECT_TIMEOUT_S)
+        connect = partial(session_by, self.endpoint, self.plan.run.run)
+        self.session = self._patiently(connect) if self._sockets else connect(patience.CONNECT_TIMEOUT_S)
         self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
         self._held = [
@@ -124,12 +125,12 @@ class Deployment:
             subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
         ]
 
-    def _own_session(self) -> zenoh.Session:
+    def _patiently(self, connect: Callable[[float], zenoh.Session]) -> zenoh.Session:
         """A session by the run's own router, once that is ready."""
         deadline = time.monotonic() + patience.READY_TIMEOUT_S
         while True:
             try:
-                return self._session(patience.NEEDED_STILL_S)
+                return connect(patience.NEEDED_STILL_S)
             except RunFailed:
                 if self._children.stopped(ROUTER):
                     self._watch.kill(ROUTER, STOOD_STILL)
@@ -137,13 +138,6 @@ class Deployment:
                 self._look_at_start()
                 if time.monotonic() > deadline:
                     raise
-
-    def _session(self, timeout_s: float) -> zenoh.Session:
-        try:
-            return open_client(self.endpoint, self.plan.run.run, timeout_s)
-        except zenoh.ZError as error:
-            what = f"no Zenoh router answers at {self.endpoint} (or it refuses the credentials of this process)"
-            raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
@@ -167,19 +161,19 @@ class Deployment:
                 return
             self._look_at_start()
             for name in sorted(missing & self._watch.still(patience.STILL_S)):
-                raise self._failure(f"{name} was stopped from outside at start, and not continued", name)
+                raise self.failure(f"{name} was stopped from outside at start, and not continued", name)
             if time.monotonic() > deadline:
                 what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
-                raise self._failure(what, min(missing))
+                raise self.failure(what, min(missing))
             time.sleep(patience.POLL_S)
 
     def _look_at_start(self) -> None:
         """Replace a router that is gone. Raises ``RunFailed`` if it is another process."""
         for name, why in self._watch.look():
             if name != ROUTER or not self._start_again(ROUTER, None):
-                raise self._failure(f"{name} died at start ({why})", name)
+                raise self.failure(f"{name} died at start ({why})", name)
             self._watch.died(name, why, again=True)
-        self._rouse()
+        self._watch.rouse(ROUTER, {RECORDER, ZYGOTE})
 
     def _ready_timeout_s(self) -> float:
         return patience.READY_TIMEOUT_S + patience.READY_PER_PROCESS_S * len(self._lives)
@@ -192,9 +186,9 @@ class Deployment:
 
     @property
     def now_ns(self) -> int:
-        """Emulated time now (negative before the start)."""
-        assert self.registry.start_ns is not None
-        return round((time.monotonic_ns() - self.registry.start_ns) * self.plan.run.speed)
+        """Emulated time now (negative, or 0, before the start)."""
+        now_ns = time.monotonic_ns()
+        return round((now_ns - (self.registry.start_ns or now_ns)) * self.plan.run.speed)
 
     def _clock(self) -> float | None:
         """Seconds since the first step (None: before the start)."""
@@ -208,7 +202,7 @@ class Deployment:
         while missing := self._to_the_end() - self._reached - self._watch.gone:
             self._tend()
             if self._router_is_gone():
-                if not self._own_router:
+                if not self._sockets:
                     self._watch.died(ROUTER, f"it was away for {patience.ROUTER_AWAY_S:.0f} s")
                 return
             if tick() and not ending:
@@ -247,7 +241,7 @@ class Deployment:
             self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], patience.WRITE_TIMEOUT_S, "did not close its files in time")
-        if self._own_router and self._children.alive(ROUTER):
+        if self._sockets and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
             self._children.terminate(ROUTER)
             self._children.wait([ROUTER], patience.STOP_TIMEOUT_S)
@@ -298,16 +292,8 @@ class Deployment:
         """Handle processes that died or stand still, and repeat orders."""
         for name, why in self._watch.look():
             self._bury(name, why)
-        self._rouse()
+        self._watch.rouse(ROUTER, {RECORDER, ZYGOTE})
         self._repeat()
-
-    def _rouse(self) -> None:
-        """End a router that stands still, as another will take its place; continue what nothing can replace."""
-        still = self._watch.still(patience.NEEDED_STILL_S)
-        if ROUTER in still:
-            self._watch.kill(ROUTER, STOOD_STILL)
-        for name in still & {RECORDER, ZYGOTE}:
-            self._children.resume(name)
 
     def _bury(self, name: str, why: str) -> None:
         life = self._lives.get(name)
@@ -327,8 +313,7 @@ class Deployment:
 
     def _start_again(self, name: str, life: ProcessSpec | None) -> bool:
         """Start another in the place of one that died, if that is wanted and has not happened too often."""
-        now_ns = 0 if self.registry.start_ns is None else max(self.now_ns, 0)
-        start_ns = now_ns + round(self._lead_ns * self.plan.run.speed)
+        start_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
         wanted = name == ROUTER if life is None else self.plan.restart and start_ns < self._end_ns
         if not wanted or self._restarts[keys.id_of(name)] >= patience.MAX_RESTARTS:
             return False
@@ -345,7 +330,7 @@ class Deployment:
 
     def _router_is_gone(self) -> bool:
         """Whether there is no router, and none will be started."""
-        if self._own_router:
+        if self._sockets:
             return ROUTER in self._watch.gone
         now = time.monotonic()
         if self.session.info.routers_zid() or not self._router_seen:
@@ -361,16 +346,3 @@ class Deployment:
     def host(self, name: str) -> str:
         """The host that it runs on."""
         return platform.node()
-
-    def log(self, name: str) -> Path:
-        """A process's log."""
-        return self.folder / "logs" / f"{name}.log"
-
-    def log_tail(self, name: str) -> str:
-        """The last lines of a process's log."""
-        log = self.log(name)
-        return "\n".join(log.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if log.exists() else ""
-
-    def _failure(self, what: str, name: str) -> RunFailed:
-        tail, log = self.log_tail(name), self.log(name)
-        return RunFailed(f"{what}; its log, {log}, ends:\n{tail}" if tail else what, process=name, log=tail)
