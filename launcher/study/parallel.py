@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
@@ -12,6 +13,7 @@ from typing import Any, Final, TypeVar
 from launcher.plan.extensions import Registered, register, registered
 from launcher.show import PLAIN_EVERY_S
 from launcher.signals import handling
+from trackfield.errors import RunFailed
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -30,7 +32,7 @@ def unordered(
 
     ``n_jobs`` and ``joblib.parallel_config`` say where they are computed, as for ``joblib.Parallel``; the first is
     computed in this process, and so are all others if that takes less time than to start workers. With ``lines``,
-    progress is printed in plain lines where there is no terminal.
+    progress is printed in plain lines where there is no terminal. Raises ``RunFailed`` if a process that computes dies.
     """
     from joblib import Parallel, delayed
 
@@ -45,9 +47,12 @@ def unordered(
         calls = (delayed(_placed)(registered(), function, place, job) for place, job in rest)
         with nullcontext() if n_jobs == 1 else _deaf_children():
             answers = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls)
-        for answer in answers:
-            yield answer
-            advance()
+        try:
+            for answer in answers:
+                yield answer
+                advance()
+        except BrokenProcessPool:
+            raise RunFailed("a worker process was killed, by somebody or for want of memory; try fewer jobs") from None
 
 
 @contextmanager
