@@ -14,6 +14,7 @@ import pyarrow as pa
 
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
+from launcher.processes.limits import check_machine
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
@@ -151,6 +152,7 @@ def run(
         plan = warned(planned(chosen, speed))
         if driver == "processes":
             check_importable(plan)
+            check_machine(plan, router=True, external=False)
         inside = isinstance(out, str) and out.endswith("/")
         folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)

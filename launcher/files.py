@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -26,3 +28,14 @@ def check_writable(file: Path, key: str) -> None:
 def recovering(folder: Path) -> str:
     """What finishes a run in this folder that was killed, to be added to what is expected; nothing if nothing does."""
     return f"; trackfield recover {folder} finishes it" if (folder / LOG).exists() else ""
+
+
+def check_text(arguments: Iterable[str], key: str = "") -> None:
+    """Raise ``ScenarioError`` for one that is not text, as a file's name need not be; ``key`` is the option's name."""
+    for argument in arguments:
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
+            encoding = sys.getfilesystemencoding()
+            text = "UTF-8" if encoding == "utf-8" else f"text in the encoding of the locale ({encoding})"
+            raise ScenarioError(f"{argument!a} is not text", key=key, expected=text) from None

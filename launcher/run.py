@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
 import statistics
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -26,10 +25,10 @@ from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.words import interference
 from launcher.records import SENSES, Plan
+from launcher.signals import handling
 from trackfield.drivers.virtual import Virtual
 from trackfield.role import NS
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 TICK_S: Final = 0.1
 """How often a run in virtual time reports its time."""
 PSS_SAMPLE: Final = 20
@@ -250,33 +249,19 @@ def _pss_mb(field: Deployment) -> float | None:
 
 @contextmanager
 def _until_signal() -> Iterator[list[int]]:
-    """SIGINT and SIGTERM end the run early instead of the program; the list holds those that came."""
+    """A signal that asks the program to end ends the run early instead; the list holds those that came."""
     came: list[int] = []
-    with _handling(came.append):
+    with handling(came.append):
         yield came
 
 
 @contextmanager
 def _interruptible(came: list[int]) -> Iterator[None]:
-    """SIGINT and SIGTERM raise ``KeyboardInterrupt``, and are noted."""
+    """A signal that asks the program to end raises ``KeyboardInterrupt``, and is noted."""
 
     def interrupt(number: int) -> None:
         came.append(number)
         raise KeyboardInterrupt
 
-    with _handling(interrupt):
+    with handling(interrupt):
         yield
-
-
-@contextmanager
-def _handling(handle: Callable[[int], None]) -> Iterator[None]:
-    try:
-        old = {number: signal.signal(number, lambda number, _: handle(number)) for number in SIGNALS}
-    except ValueError:  # not the main thread: the caller handles signals
-        yield
-        return
-    try:
-        yield
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)

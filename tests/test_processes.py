@@ -125,7 +125,7 @@ def test_a_killed_node_is_named_and_the_run_goes_on_without_it(tmp_path: Path) -
     until(lambda: leftovers(family) == [], timeout=5)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) -> None:
     run, family = mid_run(tmp_path / "run")
     time.sleep(4)

@@ -15,6 +15,7 @@ from typing import Any
 
 import psutil
 
+from launcher.files import check_text
 from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
 from launcher.records import Plan
@@ -36,6 +37,7 @@ def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUN
 def begin_folder(folder: Path, inside: str) -> None:
     """A folder with an empty one inside. Raises ``ScenarioError`` if it is not empty or cannot be written."""
     with _writing(folder):
+        check_text([str(folder.absolute())], "--out")
         folder.mkdir(parents=True, exist_ok=True)
         _check_empty(folder)
         (folder / inside).mkdir()
@@ -44,6 +46,7 @@ def begin_folder(folder: Path, inside: str) -> None:
 def check_folder(folder: Path) -> None:
     """Raise ``ScenarioError`` as ``begin_folder`` would; nothing is written."""
     with _writing(folder):
+        check_text([str(folder.absolute())], "--out")
         there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
         if there == folder:
             _check_empty(folder)

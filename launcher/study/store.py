@@ -19,6 +19,7 @@ from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import Any, Final
 
+from launcher.files import check_text
 from launcher.plan.extensions import own_places
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
@@ -116,6 +117,7 @@ def study_folder(folder: Path, kind: str = "study") -> None:
     """
     mark = folder / RESULTS / f".trackfield-{kind}"
     with writing(folder):
+        check_text([str(folder.absolute())], "--out")
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()) and not mark.is_file():
             expected = f"an empty or new one, or that of an earlier {kind}"
