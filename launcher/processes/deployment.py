@@ -97,7 +97,7 @@ class Deployment:
             self._fork_router()
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
-        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder)
+        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder, str(self._sockets))
         for life in self.plan.processes:
             self._fork_role(life)
 

@@ -15,6 +15,8 @@ from typing import Any
 
 import psutil
 
+from launcher.files import write_whole
+from launcher.record.digest import MANIFEST, SCENARIO, scenario_digest
 from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
 from launcher.records import Plan
@@ -80,9 +82,13 @@ def _check_empty(folder: Path) -> None:
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """Write what ``manifest`` has, the warnings, and what others need to join the run: ``run`` and ``endpoint``."""
+    """Write what ``manifest`` has, the warnings, and what others need to join the run: ``run`` and ``endpoint``.
+
+    To make its tables again, its ``speed`` and the digest of its ``scenario`` are there, too.
+    """
     told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
-    write_json({**manifest(command), **told}, folder / "manifest.json")
+    again = {"speed": plan.run.speed, "scenario": scenario_digest(folder)}
+    write_json({**manifest(command), **told, **again}, folder / MANIFEST)
 
 
 def manifest(command: Sequence[str]) -> dict[str, Any]:
@@ -102,7 +108,7 @@ def manifest(command: Sequence[str]) -> dict[str, Any]:
 
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` and the files that it names into the run folder, so that it can run again anywhere."""
-    (folder / "scenario.toml").write_text(with_files(scenario, folder).to_toml(), encoding="utf-8")
+    write_whole(folder / SCENARIO, with_files(scenario, folder).to_toml())
 
 
 def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:

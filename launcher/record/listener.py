@@ -1,4 +1,4 @@
-"""Receives all messages of a run over Zenoh and keeps its ledger: the common part of all recorders."""
+"""Receives all messages of a run over Zenoh and keeps its ledger: the common part of all recorders, dead ones too."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import Any, Final
 import msgpack
 import zenoh
 
-from launcher.record.journal import Telling
+from launcher.record.journal import Telling, Unplanned
 from launcher.record.ledger import Ledger
+from launcher.record.log import Entry, Log
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.process import Inbox, Seen, take_in
@@ -35,19 +36,67 @@ _parsed = lru_cache(maxsize=10_000)(keys.parse)
 """Cached: a run uses few keys, again and again."""
 
 
-class Listener:
-    """Takes samples from Zenoh's thread and feeds the ledger; ``received`` counts them."""
+class Intake:
+    """Feeds the ledger with samples, wherever they come from.
 
-    def __init__(self, session: zenoh.Session, plan: Plan) -> None:
-        self.session, self.plan = session, plan
+    ``deaths`` are the unplanned ones of which the launcher told at the end (None: it has not told).
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
         for factory in {p.factory for p in plan.processes}:
             role_factory(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
+        self.deaths: list[Unplanned] | None = None
+        self._start_ns: int | None = None
+        self._seen = Seen()
+
+    def take(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
+        """Parse a sample and hand it to the ledger. Raises ``ValueError`` (``WireError``) for one that is refused."""
+        if key.startswith("data/"):
+            self._data(key, payload, attachment)
+        elif key.startswith("telemetry/"):
+            self._telemetry(key, payload)
+        elif key == keys.START:
+            self._start_ns = int(payload)
+        elif key == keys.END:
+            self.ledger.end(int(payload))
+        elif key == keys.LIFE:
+            self.ledger.life(ProcessSpec.from_plain(msgpack.unpackb(payload)))
+        elif key == keys.FINISH:
+            self.deaths = msgpack.unpackb(payload, use_list=False)
+
+    def _data(self, key: str, payload: bytes, attachment: bytes | None) -> None:
+        address = _parsed(key)
+        if attachment is None:
+            raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
+        e, to = Envelope.unpack(attachment), address.to or NEIGHBOURHOOD
+        frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
+        if self._seen.again(frame.identity):
+            return  # its receivers count it as a duplicate
+        self.ledger.sent(frame)
+
+    def _telemetry(self, key: str, data: bytes) -> None:
+        _, process, what = key.split("/")
+        if process == RECORDER:
+            return
+        if what == "event":
+            self.ledger.told(process, unpack(data))
+        elif what == "counts":
+            self.ledger.counts[process] = msgpack.unpackb(data)
+        elif what == "final":
+            self.ledger.final(process, msgpack.unpackb(data, strict_map_key=False))
+
+
+class Listener(Intake):
+    """Takes samples from Zenoh's thread; ``received`` counts them. ``log``, if there is one, gets the accepted ones."""
+
+    def __init__(self, session: zenoh.Session, plan: Plan, log: Log | None = None) -> None:
+        super().__init__(plan)
+        self.session, self.log = session, log
         self.received = 0
         self._inbox: Inbox = deque()
         self._arrived = Event()
-        self._start_ns: int | None = None
-        self._seen = Seen()
         self._held: list[Any] = []
 
     def listen(self, name: str, *telemetry: str) -> None:
@@ -72,40 +121,13 @@ class Listener:
         """Process what arrived."""
         while self._inbox:
             _, sample = self._inbox.popleft()
-            key = str(sample.key_expr)
+            key, attachment = str(sample.key_expr), sample.attachment
+            entry = Entry(key, sample.payload.to_bytes(), None if attachment is None else attachment.to_bytes())
             self.received += 1
             try:
-                if key.startswith("data/"):
-                    self._data(key, sample)
-                elif key.startswith("telemetry/"):
-                    self._telemetry(key, sample.payload.to_bytes())
-                elif key == keys.START:
-                    self._start_ns = int(sample.payload.to_string())
-                elif key == keys.END:
-                    self.ledger.end(int(sample.payload.to_string()))
-                elif key == keys.LIFE:
-                    self.ledger.life(ProcessSpec.from_plain(msgpack.unpackb(sample.payload.to_bytes())))
+                self.take(*entry)
             except (WireError, ValueError) as error:
                 log.warning("ignored a sample on %s: %s", key, error)
-
-    def _data(self, key: str, sample: zenoh.Sample) -> None:
-        address = _parsed(key)
-        if sample.attachment is None:
-            raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
-        e = Envelope.unpack(sample.attachment.to_bytes())
-        to, payload = address.to or NEIGHBOURHOOD, sample.payload.to_bytes()
-        frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
-        if self._seen.again(frame.identity):
-            return  # its receivers count it as a duplicate
-        self.ledger.sent(frame)
-
-    def _telemetry(self, key: str, data: bytes) -> None:
-        _, process, what = key.split("/")
-        if process == RECORDER:
-            return
-        if what == "event":
-            self.ledger.told(process, unpack(data))
-        elif what == "counts":
-            self.ledger.counts[process] = msgpack.unpackb(data)
-        elif what == "final":
-            self.ledger.final(process, msgpack.unpackb(data, strict_map_key=False))
+                continue
+            if self.log:
+                self.log.append(entry)

@@ -99,7 +99,7 @@ class Processes(_Figures):
 
     started: int
     ready_s: float | None
-    died: tuple[Death, ...]
+    died: tuple[Death, ...] | None
     stopped: tuple[Stop, ...]
     pss_mb_per_node: float | None
 
@@ -130,10 +130,10 @@ class Frames(_Figures):
     expected: int
     delivered: int
     late: int
-    duplicate: int
+    duplicate: int | None
     ignored: int
     lost: Lost
-    host_lost: int
+    host_lost: int | None
     by_kind: Mapping[str, Kind]
 
 
@@ -173,8 +173,8 @@ class Timing(_Figures):
 
     speed: float | None
     slip_ms: HostQuantiles
-    inversions: int
-    host_late: int
+    inversions: int | None
+    host_late: int | None
 
 
 class EnergyByCause(_Figures):
@@ -221,10 +221,11 @@ class ClockError(_Figures):
 
 
 class Recorder(_Figures):
-    """What the recorder received, and what never reached it."""
+    """What the recorder received, what never reached it, and what went wrong with the record."""
 
     messages: int
-    dropped: int
+    dropped: int | None
+    complaints: tuple[str, ...]
 
 
 class RunFigures(_Figures):
@@ -233,9 +234,11 @@ class RunFigures(_Figures):
     scenario: str
     seed: int
     driver: Literal["processes", "virtual", "replay"]
-    end_s: float
-    wall_s: float
-    cpu_s: float
+    ended_s: float
+    complete: bool
+    end_reason: str
+    wall_s: float | None
+    cpu_s: float | None
     trackers: Mapping[str, TrackerFigures]
     bound: Bound
     processes: Processes

@@ -23,6 +23,11 @@ from trackfield.role import NS
 CAUSES: Final = ("radio", "partition", "in_flight", "asleep", "frozen", "dead", "overflow")
 NEAREST: Final = "nearest"
 """With several targets each point of a track is scored against the nearest of them."""
+THE_END: Final = "end of the scenario"
+LAUNCHER_DIED: Final = "the launcher died"
+RECORDER_DIED: Final = "the recorder died"
+INTERRUPTED: Final = "interrupted"
+ROUTER_LOST: Final = "the router was lost"
 Metrics = dict[str, Any]
 
 
@@ -40,7 +45,8 @@ def run_metrics(
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
         "driver": None,
-        "end_s": (ledger.run.end_ns - plan.origin_ns) / NS,
+        "ended_s": (ledger.run.end_ns - plan.origin_ns) / NS,
+        **ended_because(THE_END),
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bound),
@@ -65,8 +71,23 @@ def run_metrics(
         "energy_j": energy_metrics(ledger, batteries),
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
-        "recorder": {"messages": None, "dropped": ledger.dropped()},
+        "recorder": {"messages": None, "dropped": ledger.dropped(), "complaints": []},
     }
+
+
+def ended_because(why: str) -> Metrics:
+    """How a run ended, as metrics.json has it; it is complete only if it reached ``THE_END`` and all was recorded."""
+    return {"complete": why == THE_END, "end_reason": why}
+
+
+def blank_unheard(metrics: Metrics, ledger: Ledger) -> Metrics:
+    """The metrics without the figures that are sums over final records, if no process sent one: null, not 0."""
+    if ledger.finals:
+        return metrics
+    frames = metrics["frames"] | dict.fromkeys(("duplicate", "host_lost"))
+    timing = metrics["timing"] | dict.fromkeys(("inversions", "host_late"))
+    recorder = metrics["recorder"] | {"dropped": None}
+    return metrics | {"cpu_s": None, "frames": frames, "timing": timing, "recorder": recorder}
 
 
 def tracker_metrics(

@@ -1,11 +1,15 @@
 """The recorder process: receives all messages of a run over Zenoh and records them.
 
-Settled events go to the timeline as the run goes on; tables and metrics are made at the end. It writes what it has
-when it is told to finish, and also when it is terminated.
+What it accepts goes to a log on disk as it comes, and settled events to the timeline; tables and metrics are made at
+the end, from the same samples. It writes what it has when it is told to finish, and also when it is terminated: by the
+launcher, or by the kernel because the launcher died. Then it is the last process of the run, and its metrics say so.
 """
 
 from __future__ import annotations
 
+import logging
+import os
+import shutil
 import signal
 import time
 from pathlib import Path
@@ -16,66 +20,131 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from launcher.record.journal import METRICS, Journal, Unplanned, summary, write_json
+from launcher.files import patiently
+from launcher.record.journal import METRICS, Journal, summary, write_json
 from launcher.record.listener import FLUSH_S, Listener
+from launcher.record.log import Entry, Log
+from launcher.record.metrics import LAUNCHER_DIED, Metrics, blank_unheard, ended_because
+from launcher.record.recovery import settled_until
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.session import open_client
+from trackfield.errors import RunFailed
 from trackfield.role import NS
 from trackfield.wire import keys
+
+log = logging.getLogger(__name__)
 
 STATUS_S: Final = 0.5
 FINALS_TIMEOUT_S: Final = 5.0
 
 
 class Recorder(Listener):
-    """Feeds the journal of a run folder, reports progress, and writes tables and metrics at the end."""
+    """Logs what it accepts, feeds the journal of a run folder, reports progress, and writes all tables at the end.
+
+    ``orphaned`` says that the launcher died.
+    """
 
     def __init__(self, session: zenoh.Session, plan: Plan, folder: Path) -> None:
-        super().__init__(session, plan)
+        self.log: Log = Log(folder)
+        super().__init__(session, plan, self.log)
         self.journal = Journal(plan, self.ledger, folder)
-        self.deaths: list[Unplanned] = []
+        self.orphaned = False
+        self._told: bytes | None = None
         self._finish = Event()
+        self._parent = os.getppid()
         self._held.append(session.declare_subscriber(keys.FINISH, Callback(self._on_finish, indirect=False)))
         self.listen(RECORDER, keys.ALL_TELEMETRY)
 
     def _on_finish(self, sample: zenoh.Sample) -> None:
-        self.deaths = msgpack.unpackb(sample.payload.to_bytes(), use_list=False)
+        self._told = sample.payload.to_bytes()
         self._finish.set()
 
     def terminate(self) -> None:
         """End the recording with what has arrived."""
-        unheard = self.ledger.diaries.keys() - self.ledger.finals.keys()
-        self.deaths = [(name, None, "not heard from again") for name in sorted(unheard)]
+        self.orphaned = os.getppid() != self._parent
         self._finish.set()
 
     def run(self) -> None:
-        """Record until told to finish, then write tables and metrics."""
+        """Record until told to finish, then write tables and metrics. Raises ``RunFailed`` if the disk is full."""
         status_at = 0.0
         while not self._finish.wait(FLUSH_S):
             self.pulse(self.journal)
+            self.log.flush(self.now_ns())
             if time.monotonic() >= status_at:
                 status_at = time.monotonic() + STATUS_S
                 self.session.put(keys.telemetry(RECORDER, "status"), msgpack.packb(self._status()))
-        self._await_finals()
-        metrics = self.journal.close(self.deaths, messages=self.received)
-        write_json(metrics, self.journal.folder / METRICS)
+        self._hear_the_last()
+        self.log.flush(self.now_ns())
+        if self.orphaned and self.now_ns() is None:
+            self.log.remove()  # the run had not begun
+        else:
+            self._write()
 
     def _status(self) -> dict[str, Any]:
         return {"t_s": (max(self.now_ns() or 0, 0) - self.plan.origin_ns) / NS, **summary(self.journal)}
 
+    def _hear_the_last(self) -> None:
+        """Await final records, or, terminated, note who has not sent one."""
+        now_ns = self.now_ns()
+        if self._told is not None:
+            entry = Entry(keys.FINISH, self._told)
+            self.take(*entry)
+            self.log.append(entry)
+            self._await_finals()
+            return
+        self.drain()
+        self.ledger.end(settled_until(self.plan, now_ns or 0))
+        if not self.orphaned:
+            unheard = self.ledger.diaries.keys() - self.ledger.finals.keys()
+            self.deaths = [(name, None, "not heard from again") for name in sorted(unheard)]
+
     def _await_finals(self) -> None:
         deadline = time.monotonic() + FINALS_TIMEOUT_S
-        wanted = self.ledger.diaries.keys() - {name for name, *_ in self.deaths}
+        wanted = self.ledger.diaries.keys() - {name for name, *_ in self.deaths or ()}
         self.drain()
         while wanted - set(self.ledger.finals) and time.monotonic() < deadline:
             time.sleep(0.02)
             self.drain()
 
+    def _write(self) -> None:
+        """Write tables and metrics, then the timeline; whoever dies now has the log."""
+        metrics = self.journal.tables(self.deaths or (), messages=self.received)
+        metrics = blank_unheard(metrics, self.ledger) | {"driver": "processes", **ended_because(LAUNCHER_DIED)}
+        if self.deaths is None:
+            metrics["processes"]["died"] = None
+        metrics["recorder"]["complaints"] = self._outages()
+        self._write_metrics(metrics)
+        if failure := self.journal.draw():
+            metrics["recorder"]["complaints"].append(failure)
+            self._write_metrics(metrics)
+        else:
+            self.log.remove()
 
-def record(endpoint: str, plan: Plan, folder: Path) -> None:
-    """The body of the recorder process."""
+    def _write_metrics(self, metrics: Metrics) -> None:
+        file = self.journal.folder / METRICS
+        patiently(lambda: write_json(metrics, file), str(file))
+
+    def _outages(self) -> list[str]:
+        """When the disk did not take what was recorded, in words; nothing is lost by that."""
+
+        def s(t_ns: int) -> str:
+            return f"{(t_ns - self.plan.origin_ns) / NS:.1f} s"
+
+        return [
+            f"the disk took nothing from {s(since)} to {s(until) if until else 'the end'} ({why}); nothing was lost"
+            for since, until, why in self.log.outages
+        ]
+
+
+def record(endpoint: str, plan: Plan, folder: Path, sockets: str = "") -> None:
+    """The body of the recorder process; ``sockets`` is a folder to remove if the launcher cannot."""
     session = open_client(endpoint, plan.run.run)
     recorder = Recorder(session, plan, folder)
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
-    recorder.run()
+    try:
+        recorder.run()
+    except RunFailed as error:
+        log.error("%s", error)  # the launcher makes them from the log, if it can
+    if recorder.orphaned and sockets:
+        shutil.rmtree(sockets, ignore_errors=True)
     session.close()  # type: ignore[no-untyped-call]

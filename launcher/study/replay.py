@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
+from launcher.record.digest import check_scenario
 from launcher.record.folder import keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import METRICS, Journal
 from launcher.record.ledger import Ledger
@@ -54,6 +55,7 @@ def replay(
     check_runs([run])
     metrics: Metrics = json.loads((run / METRICS).read_text())
     RunFigures.of(metrics, str(run / METRICS))
+    check_scenario(run)
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / "scenario.toml"), settings=settings, trackers=trackers)
     rows = [MessageRow(**row) for row in pq.read_table(run / "messages.parquet").to_pylist()]
@@ -189,7 +191,7 @@ def _fuse(
 ) -> Metrics:
     """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
     ledger = Ledger(plan.run, plan.processes)
-    ledger.end(plan.origin_ns + round(before["end_s"] * NS))
+    ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
     told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
     for number, (one, t_ns, effect) in enumerate(told):
@@ -198,8 +200,10 @@ def _fuse(
         ledger.told(one.life, Told((t_ns, RANK_TIMER, number), effect))
     journal = Journal(plan, ledger, folder)
     journal.take_over(rows)
-    for died in before["processes"]["died"]:
+    for died in before["processes"]["died"] or ():
         if died["t"] is not None:
             t_ns = plan.origin_ns + round(died["t"] * NS)
-            journal.timeline.death(t_ns, died["id"].partition("~")[0], died["why"])
-    return journal.close([], messages=0)
+            journal.show(lambda timeline: timeline.death(t_ns, died["id"].partition("~")[0], died["why"]))  # noqa: B023
+    metrics = journal.tables([], messages=0)
+    metrics["recorder"]["complaints"] = list(filter(None, [journal.draw()]))
+    return metrics
