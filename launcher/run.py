@@ -153,7 +153,8 @@ def run_processes(
                 field.watch(tick)
             field.finish()
         metrics = _recorded(plan, folder, field.deaths)
-        cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() - own_cpu_s + field.router_cpu_s
+        own_cpu_s = time.process_time() - own_cpu_s + field.router_cpu_s
+        cpu_s = None if metrics["cpu_s"] is None else metrics["cpu_s"] + own_cpu_s
         metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
         metrics["processes"] |= {
             "ready_s": ready_s,
@@ -204,7 +205,7 @@ def close_folder(
     """
     frames = metrics["frames"]
     if frames["host_lost"]:
-        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
+        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"] or ())
         why = " while there was no router" if routers else ""
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
     if dropped := metrics["recorder"]["dropped"]:

@@ -55,9 +55,7 @@ class Battery:
 
 
 def batteries_of(plan: Plan, ledger: Ledger) -> list[Battery]:
-    """The batteries of the places that run on one and know what they draw; none if no process told what it did."""
-    if not ledger.finals:
-        return []
+    """The batteries of the places that run on one and know what they draw."""
     tagged = {place.id for place in plan.info.tagged(BATTERY)}
     lives: defaultdict[str, list[ProcessSpec]] = defaultdict(list)
     for diary in ledger.diaries.values():

@@ -100,7 +100,7 @@ class Processes(_Figures):
     started: int
     ready_s: float | None
     died: tuple[Death, ...] | None
-    stopped: tuple[Stop, ...]
+    stopped: tuple[Stop, ...] | None
     pss_mb_per_node: float | None
 
 

@@ -80,14 +80,22 @@ def ended_because(why: str) -> Metrics:
     return {"complete": why == THE_END, "end_reason": why}
 
 
-def blank_unheard(metrics: Metrics, ledger: Ledger) -> Metrics:
-    """The metrics without the figures that are sums over final records, if no process sent one: null, not 0."""
-    if ledger.finals:
-        return metrics
-    frames = metrics["frames"] | dict.fromkeys(("duplicate", "host_lost"))
-    timing = metrics["timing"] | dict.fromkeys(("inversions", "host_late"))
-    recorder = metrics["recorder"] | {"dropped": None}
-    return metrics | {"cpu_s": None, "frames": frames, "timing": timing, "recorder": recorder}
+def cut_off(metrics: Metrics) -> Metrics:
+    """The metrics of a record that broke off: without all that final records or the launcher tell, null and not 0."""
+    known = {
+        "frames": ("duplicate", "host_lost"),
+        "processes": ("died", "stopped"),
+        "timing": ("inversions", "host_late"),
+        "lifetime_s": ("first_death", "half_dead", "coverage_lost", "extrapolated"),
+        "recorder": ("dropped",),
+    }
+    parts = {part: metrics[part] | dict.fromkeys(unknown) for part, unknown in known.items()}
+    parts["timing"]["slip_ms"] = _blank(metrics["timing"]["slip_ms"])
+    return metrics | parts | {key: _blank(metrics[key]) for key in ("cpu_s", "host_latency_ms", "energy_j")}
+
+
+def _blank(value: object) -> Any:
+    return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
 
 
 def tracker_metrics(

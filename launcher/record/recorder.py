@@ -24,7 +24,7 @@ from launcher.files import patiently
 from launcher.record.journal import METRICS, Journal, summary, write_json
 from launcher.record.listener import FLUSH_S, Listener
 from launcher.record.log import Entry, Log
-from launcher.record.metrics import LAUNCHER_DIED, Metrics, blank_unheard, ended_because
+from launcher.record.metrics import LAUNCHER_DIED, Metrics, cut_off, ended_because
 from launcher.record.recovery import settled_until
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.session import open_client
@@ -109,9 +109,8 @@ class Recorder(Listener):
     def _write(self) -> None:
         """Write tables and metrics, then the timeline; whoever dies now has the log."""
         metrics = self.journal.tables(self.deaths or (), messages=self.received)
-        metrics = blank_unheard(metrics, self.ledger) | {"driver": "processes", **ended_because(LAUNCHER_DIED)}
-        if self.deaths is None:
-            metrics["processes"]["died"] = None
+        metrics = (metrics if self._told is not None else cut_off(metrics)) | ended_because(LAUNCHER_DIED)
+        metrics["driver"] = "processes"
         metrics["recorder"]["complaints"] = self._outages()
         self._write_metrics(metrics)
         if failure := self.journal.draw():

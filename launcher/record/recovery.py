@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 from launcher.files import reason
 from launcher.record.journal import TIMELINE, Journal, Unplanned
-from launcher.record.listener import SETTLE_S, Intake
+from launcher.record.listener import Intake
 from launcher.record.log import LOG, MARK, Reading
-from launcher.record.metrics import Metrics, blank_unheard
+from launcher.record.metrics import Metrics, cut_off
 from launcher.records import Plan
 from trackfield.errors import RunFailed
 from trackfield.role import NS
 from trackfield.wire import keys
+
+TRANSIT_S: Final = 0.3
+"""How long (wall time) frames and telemetry may be on their way to the recorder."""
 
 
 def recovered(plan: Plan, folder: Path, deaths: Sequence[Unplanned] | None = None) -> Metrics:
@@ -34,11 +38,9 @@ def recovered(plan: Plan, folder: Path, deaths: Sequence[Unplanned] | None = Non
             part.replace(folder / TIMELINE)
     finally:
         part.unlink(missing_ok=True)
-    if told is None:
-        metrics["processes"]["died"] = None
     said = "its log is damaged: what came after the damage is lost" if damaged else ""
     metrics["recorder"]["complaints"] = [one for one in (said, failure) if one]
-    return blank_unheard(metrics, intake.ledger)
+    return metrics if intake.deaths is not None else cut_off(metrics)
 
 
 def _read(plan: Plan, folder: Path) -> tuple[Intake, int, bool]:
@@ -62,5 +64,5 @@ def _read(plan: Plan, folder: Path) -> tuple[Intake, int, bool]:
 
 
 def settled_until(plan: Plan, now_ns: int) -> int:
-    """The emulated time (ns) up to which a record is settled that broke off at ``now_ns``."""
-    return max(now_ns - round(SETTLE_S * plan.run.speed * NS), 0)
+    """The emulated time (ns) up to which nothing is missing from a record that broke off at ``now_ns``."""
+    return max(now_ns - round(TRANSIT_S * plan.run.speed * NS), 0)
