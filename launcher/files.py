@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from errno import EDQUOT, EIO, ENOSPC
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from trackfield.errors import RunFailed, ScenarioError
 RETRY_S: Final = 5.0
 """How long a disk that takes nothing is given, at the end of a run, until that is an error."""
 RETRY_EVERY_S: Final = 0.25
+_MAY_PASS: Final = (ENOSPC, EDQUOT, EIO)
 
 
 def check_writable(file: Path, key: str) -> None:
@@ -49,14 +51,17 @@ def write_whole(file: Path, text: str) -> None:
 
 
 def patiently(write: Callable[[], object], what: str) -> None:
-    """Write again and again while the disk does not take it. Raises ``RunFailed`` if that lasts ``RETRY_S``."""
+    """Write ``what``, again and again while the disk is full or fails.
+
+    Raises ``RunFailed`` if that lasts ``RETRY_S``, or if it cannot be written for another reason.
+    """
     deadline = time.monotonic() + RETRY_S
     while True:
         try:
             write()
             return
         except OSError as error:
-            if time.monotonic() >= deadline:
+            if time.monotonic() >= deadline or error.errno not in _MAY_PASS:
                 raise RunFailed(f"{what} could not be written ({reason(error)})") from None
         time.sleep(RETRY_EVERY_S)
 

@@ -29,6 +29,7 @@ from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE
 from launcher.record.recovery import recovered
 from launcher.records import RECORDER, SENSES, Plan
 from trackfield.drivers.virtual import Virtual
+from trackfield.errors import RunFailed
 from trackfield.role import NS
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -173,7 +174,11 @@ def _recorded(plan: Plan, folder: Path, deaths: Sequence[Death]) -> Metrics:
     if file.exists() and not (died and (folder / LOG).exists()):
         metrics: Metrics = json.loads(file.read_text())
         return metrics
-    metrics = recovered(plan, folder, [(one.id, one.t_s, one.why) for one in deaths])
+    try:
+        metrics = recovered(plan, folder, [(one.id, one.t_s, one.why) for one in deaths])
+    except RunFailed as error:
+        again = f"; trackfield recover {folder} makes them from its {LOG}" if (folder / LOG).exists() else ""
+        raise RunFailed(f"{error}{again}") from None
     samples, until_s = metrics["recorder"]["messages"], metrics["ended_s"]
     said = f"the recorder did not finish: all was made from its log, {samples} messages until {until_s:.1f} s"
     metrics["recorder"]["complaints"].insert(0, said)

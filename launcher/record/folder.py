@@ -15,7 +15,7 @@ from typing import Any
 
 import psutil
 
-from launcher.files import write_whole
+from launcher.files import patiently, write_whole
 from launcher.record.digest import MANIFEST, SCENARIO, scenario_digest
 from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
@@ -88,7 +88,8 @@ def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: s
     """
     told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
     again = {"speed": plan.run.speed, "scenario": scenario_digest(folder)}
-    write_json({**manifest(command), **told, **again}, folder / MANIFEST)
+    content = {**manifest(command), **told, **again}
+    patiently(lambda: write_json(content, folder / MANIFEST), str(folder / MANIFEST))
 
 
 def manifest(command: Sequence[str]) -> dict[str, Any]:
@@ -108,7 +109,8 @@ def manifest(command: Sequence[str]) -> dict[str, Any]:
 
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` and the files that it names into the run folder, so that it can run again anywhere."""
-    write_whole(folder / SCENARIO, with_files(scenario, folder).to_toml())
+    file = folder / SCENARIO
+    patiently(lambda: write_whole(file, with_files(scenario, folder).to_toml()), str(file))
 
 
 def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:

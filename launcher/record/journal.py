@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from errno import ENOSPC
+from functools import cache, partial
 from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
@@ -38,12 +42,14 @@ Unplanned = tuple[str, float | None, str]
 class Telling:
     """Hands on what the ledger has settled to a timeline.
 
-    ``failure`` says why the timeline failed (empty: it did not); it is left alone from then on.
+    ``make`` makes the timeline, when there is first something to show. ``failure`` says why that failed (empty: it did
+    not); it is left alone from then on.
     """
 
-    def __init__(self, plan: Plan, ledger: Ledger, timeline: Timeline) -> None:
-        self.plan, self.ledger, self.timeline = plan, ledger, timeline
+    def __init__(self, plan: Plan, ledger: Ledger, make: Callable[[], Timeline]) -> None:
+        self.plan, self.ledger = plan, ledger
         self.failure = ""
+        self._make = cache(make)
         self.states: dict[str, str] = {}
         self.errors: dict[str, float | None] = {}
         self.outcomes: dict[str, int] = {}
@@ -77,7 +83,7 @@ class Telling:
         if self.failure:
             return
         try:
-            tell(self.timeline)
+            tell(self._make())
         except Exception as error:
             self.failure = f"{type(error).__name__}: {error}" if not isinstance(error, RunFailed) else str(error)
             log.exception("the timeline failed")
@@ -88,34 +94,34 @@ class Telling:
         for event in events:
             if isinstance(event.effect, State | Died):
                 self.states[event.process] = event.effect.name if isinstance(event.effect, State) else "dead"
-        self.show(lambda _: self._tell_all(rows, events))
+        self.show(lambda timeline: self._tell_all(timeline, rows, events))
 
-    def _tell_all(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
+    def _tell_all(self, timeline: Timeline, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             if row.sent_ns < self.plan.run.end_ns:  # a foreign sender may put any time on its frames
-                self.timeline.message(row)
+                timeline.message(row)
         for event in events:
-            self._tell(event)
+            self._tell(timeline, event)
         for (t_ns, process), error_ns in islice(self.ledger.clock_errors.items(), self._errors_told, None):
-            self.timeline.clock_error(t_ns, process, error_ns / 1e6)
+            timeline.clock_error(t_ns, process, error_ns / 1e6)
         self._errors_told = len(self.ledger.clock_errors)
 
-    def _tell(self, event: Event) -> None:
+    def _tell(self, timeline: Timeline, event: Event) -> None:
         match event.effect:
             case State(name, lane):
-                self.timeline.state(event.t_ns, event.process, name, lane)
+                timeline.state(event.t_ns, event.process, name, lane)
             case Charge(share):
-                self.timeline.battery(event.t_ns, event.process, share)
+                timeline.battery(event.t_ns, event.process, share)
             case Died(why):
-                self.timeline.death(event.t_ns, event.process, why)
+                timeline.death(event.t_ns, event.process, why)
             case Queued(_, sent_ns, waited_ns, ahead):
-                self.timeline.queue(sent_ns - waited_ns, event.process, ahead)
+                timeline.queue(sent_ns - waited_ns, event.process, ahead)
             case Note(text):
-                self.timeline.note(event.t_ns, event.process, text)
+                timeline.note(event.t_ns, event.process, text)
             case Publish(point):
                 truth, _ = nearest(self.plan.paths, point)
                 late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
-                self.timeline.estimate(point, truth[:2] if truth else None, late_ns)
+                timeline.estimate(point, truth[:2] if truth else None, late_ns)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
 
@@ -126,8 +132,8 @@ class Journal(Telling):
     def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath, timeline: FilePath | None = None) -> None:
         from launcher.timeline.timeline import Timeline  # loads Rerun
 
-        super().__init__(plan, ledger, Timeline(timeline or folder / TIMELINE, plan.info))
-        self.folder = folder
+        self.folder, self._file = folder, timeline or folder / TIMELINE
+        super().__init__(plan, ledger, partial(Timeline, self._file, plan.info))
         self._rest: tuple[Sequence[MessageRow], Sequence[Event]] = [], []
         self._bound: dict[int, float] = {}
         self._deaths: Sequence[Unplanned] = ()
@@ -145,6 +151,13 @@ class Journal(Telling):
         metrics = run_metrics(self.plan, self.ledger, tracks, bound)
         metrics["recorder"]["messages"] = messages
         return metrics
+
+    def make_room(self) -> None:
+        """Give up the timeline, which a log can make again, for the tables' sake: the disk is full."""
+        self.failure = os.strerror(ENOSPC)
+        with suppress(OSError):
+            os.truncate(self._file, 0)  # it is still open
+            self._file.unlink()
 
     def _write_tables(self, tracks: Sequence[TrackRow], bound: Mapping[int, float]) -> None:
         write_messages(self.ledger.rows, self.folder / "messages.parquet")

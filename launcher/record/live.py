@@ -23,7 +23,8 @@ class LiveRecorder(Listener):
 
     def __init__(self, session: zenoh.Session, plan: Plan, port: int) -> None:
         super().__init__(session, plan)
-        self.telling = Telling(plan, self.ledger, Timeline(port, plan.info))
+        self.timeline = Timeline(port, plan.info)
+        self.telling = Telling(plan, self.ledger, lambda: self.timeline)
         self.end = Event()
         self.listen(LIVE, keys.telemetry_of_all("event"))
 
@@ -33,7 +34,7 @@ class LiveRecorder(Listener):
             self.pulse(self.telling)
         self.drain()
         self.telling.end()
-        self.telling.timeline.close()
+        self.telling.show(lambda timeline: timeline.close())
 
 
 def show(endpoint: str, plan: Plan, port: int) -> None:

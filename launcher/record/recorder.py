@@ -48,6 +48,7 @@ class Recorder(Listener):
         self.log: Log = Log(folder)
         super().__init__(session, plan, self.log)
         self.journal = Journal(plan, self.ledger, folder)
+        self.journal.show(lambda _: None)  # it takes a while, so before anything happens
         self.orphaned = False
         self._told: bytes | None = None
         self._finish = Event()
@@ -108,31 +109,40 @@ class Recorder(Listener):
 
     def _write(self) -> None:
         """Write tables and metrics, then the timeline; whoever dies now has the log."""
-        metrics = self.journal.tables(self.deaths or (), messages=self.received)
+        metrics = self._tables()
         metrics = (metrics if self._told is not None else cut_off(metrics)) | ended_because(LAUNCHER_DIED)
         metrics["driver"] = "processes"
         metrics["recorder"]["complaints"] = self._outages()
         self._write_metrics(metrics)
         if failure := self.journal.draw():
-            metrics["recorder"]["complaints"].append(failure)
+            metrics["recorder"]["complaints"].append(f"{failure}; trackfield recover draws it")
             self._write_metrics(metrics)
         else:
             self.log.remove()
+
+    def _tables(self) -> Metrics:
+        """Write the tables; if the disk is full, the log and they come before the timeline."""
+        try:
+            return self.journal.tables(self.deaths or (), messages=self.received)
+        except RunFailed:
+            self.journal.make_room()
+            self.log.flush(self.now_ns())
+            return self.journal.tables(self.deaths or (), messages=self.received)
 
     def _write_metrics(self, metrics: Metrics) -> None:
         file = self.journal.folder / METRICS
         patiently(lambda: write_json(metrics, file), str(file))
 
     def _outages(self) -> list[str]:
-        """When the disk did not take what was recorded, in words; nothing is lost by that."""
-
-        def s(t_ns: int) -> str:
-            return f"{(t_ns - self.plan.origin_ns) / NS:.1f} s"
-
-        return [
-            f"the disk took nothing from {s(since)} to {s(until) if until else 'the end'} ({why}); nothing was lost"
-            for since, until, why in self.log.outages
-        ]
+        """When the disk did not take what was recorded, in words; nothing was lost by that."""
+        origin_ns, end_ns = self.plan.origin_ns, self.ledger.run.end_ns
+        said = []
+        for since, until, why in self.log.outages:
+            over = "the end" if until is None or until >= end_ns else f"{(until - origin_ns) / NS:.1f} s"
+            said.append(
+                f"the disk took nothing from {(since - origin_ns) / NS:.1f} s to {over} ({why}); nothing was lost"
+            )
+        return said
 
 
 def record(endpoint: str, plan: Plan, folder: Path, sockets: str = "") -> None:
