@@ -23,10 +23,10 @@ from launcher.processes.live import LiveView
 from launcher.processes.watch import Death, Stop
 from launcher.record.folder import write_manifest
 from launcher.record.journal import METRICS, TIMELINE_FAILED, Journal, write_json
+from launcher.record.kept.log import LOG
+from launcher.record.kept.recovery import recovered
 from launcher.record.ledger import Ledger
-from launcher.record.log import LOG
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE_END, Metrics, ended_because
-from launcher.record.recovery import recovered
 from launcher.records import RECORDER, SENSES, Plan
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import RunFailed

@@ -195,10 +195,10 @@ class Ledger:
 
     def _judge(self, frame: Frame, row: MessageRow) -> MessageRow:
         self._note_clock(row)
-        if (row.due_ns or row.sent_ns) >= self.run.end_ns:
-            return replace(row, outcome="in_flight")
         if row.due_ns is None:
             return row
+        if row.due_ns >= self.run.end_ns:
+            return replace(row, outcome="in_flight")
         owner = self._owner(row)
         if owner is None:
             return replace(row, outcome="dead")

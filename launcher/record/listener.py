@@ -13,8 +13,8 @@ import msgpack
 import zenoh
 
 from launcher.record.journal import Telling, Unplanned
+from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
-from launcher.record.log import Entry, Log
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.frames import Frame
 from trackfield.drivers.process import Inbox, Seen, take_in

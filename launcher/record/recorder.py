@@ -22,10 +22,10 @@ from zenoh.handlers import Callback
 
 from launcher.files import patiently
 from launcher.record.journal import METRICS, Journal, summary, write_json
+from launcher.record.kept.log import Entry, Log
+from launcher.record.kept.recovery import settled_until
 from launcher.record.listener import FLUSH_S, Listener
-from launcher.record.log import Entry, Log
 from launcher.record.metrics import LAUNCHER_DIED, Metrics, cut_off, ended_because
-from launcher.record.recovery import settled_until
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.session import open_client
 from trackfield.errors import RunFailed

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from launcher.plan.prepare import check_speed, load, planned
-from launcher.record.digest import MANIFEST, SCENARIO, check_scenario
+from launcher.record.folder import MANIFEST, SCENARIO, check_scenario
 from launcher.record.journal import METRICS
-from launcher.record.log import LOG
+from launcher.record.kept.log import LOG
+from launcher.record.kept.recovery import recovered
 from launcher.record.measures import RunFigures
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, THE_END, Metrics, ended_because
-from launcher.record.recovery import recovered
 from launcher.records import Plan
 from launcher.run import Outcome, close_folder
 from trackfield.errors import ScenarioError

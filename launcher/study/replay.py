@@ -20,8 +20,7 @@ import pyarrow.parquet as pq
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
-from launcher.record.digest import check_scenario
-from launcher.record.folder import keep, prepare_folder, whole_or_none, write_manifest
+from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import METRICS, Journal
 from launcher.record.ledger import Ledger
 from launcher.record.measures import RunFigures

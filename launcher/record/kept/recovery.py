@@ -8,8 +8,8 @@ from typing import Final
 
 from launcher.files import reason
 from launcher.record.journal import TIMELINE, Journal, Unplanned
+from launcher.record.kept.log import LOG, MARK, Reading
 from launcher.record.listener import Intake
-from launcher.record.log import LOG, MARK, Reading
 from launcher.record.metrics import Metrics, cut_off
 from launcher.records import Plan
 from trackfield.errors import RunFailed
