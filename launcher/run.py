@@ -27,6 +27,7 @@ from launcher.record.kept.log import LOG
 from launcher.record.kept.recovery import recovered
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE_END, Metrics, ended_because
+from launcher.record.words import interference
 from launcher.records import RECORDER, SENSES, Plan
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import RunFailed
@@ -133,7 +134,7 @@ def run_processes(
     with _until_signal() as ended:
         with (
             deploy(plan, folder, endpoint=endpoint) as field,
-            LiveView(plan, folder, field.endpoint, live) if live else nullcontext() as view,
+            LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,
         ):
             write_manifest(folder, plan, command, field.endpoint)
             field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
@@ -164,6 +165,9 @@ def run_processes(
             "pss_mb_per_node": pss,
         }
         metrics |= ended_because(_why(plan, metrics, ended, field.deaths))
+        metrics["interference"] = {
+            kind: (n or 0) + field.alarms.counts[kind] for kind, n in metrics["interference"].items()
+        }
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
         return close_folder(plan, folder, metrics, complaints, ended)
 
@@ -213,6 +217,8 @@ def close_folder(
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"] or ())
         why = " while there was no router" if routers else ""
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
+    if strange := interference(metrics["interference"]):
+        complaints.append(f"somebody interfered with the run: {strange} (interference)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     complaints += metrics["recorder"]["complaints"]

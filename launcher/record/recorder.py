@@ -22,15 +22,20 @@ from zenoh.handlers import Callback
 
 from launcher.files import patiently
 from launcher.record.journal import METRICS, Journal, summary, write_json
-from launcher.record.kept.log import Entry, Log
+from launcher.record.kept.log import Log
 from launcher.record.kept.recovery import settled_until
 from launcher.record.listener import FLUSH_S, Listener
 from launcher.record.metrics import LAUNCHER_DIED, Metrics, cut_off, ended_because
+from launcher.record.samples import deaths_of
 from launcher.records import RECORDER, Plan
+from trackfield.drivers.intake import opened
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import open_client
 from trackfield.errors import RunFailed
+from trackfield.plugins import give
 from trackfield.role import NS
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
 
 log = logging.getLogger(__name__)
 
@@ -44,9 +49,9 @@ class Recorder(Listener):
     ``orphaned`` says that the launcher died.
     """
 
-    def __init__(self, session: zenoh.Session, plan: Plan, folder: Path) -> None:
+    def __init__(self, session: zenoh.Session, plan: Plan, folder: Path, seal: Seal) -> None:
         self.log: Log = Log(folder)
-        super().__init__(session, plan, self.log)
+        super().__init__(session, plan, seal, self.log)
         self.journal = Journal(plan, self.ledger, folder)
         self.journal.show(lambda _: None)  # it takes a while, so before anything happens
         self.orphaned = False
@@ -57,7 +62,13 @@ class Recorder(Listener):
         self.listen(RECORDER, keys.ALL_TELEMETRY)
 
     def _on_finish(self, sample: zenoh.Sample) -> None:
-        self._told = sample.payload.to_bytes()
+        try:
+            told = opened(sample, self.seal)
+            deaths_of(told)
+        except WireError as error:
+            self._refusals.add(keys.FINISH, error)
+            return
+        self._told = told
         self._finish.set()
 
     def terminate(self) -> None:
@@ -73,13 +84,18 @@ class Recorder(Listener):
             self.log.flush(self.now_ns())
             if time.monotonic() >= status_at:
                 status_at = time.monotonic() + STATUS_S
-                self.session.put(keys.telemetry(RECORDER, "status"), msgpack.packb(self._status()))
+                self._report()
         self._hear_the_last()
+        self.give_up()
         self.log.flush(self.now_ns())
         if self.orphaned and self.now_ns() is None:
             self.log.remove()  # the run had not begun
         else:
             self._write()
+
+    def _report(self) -> None:
+        key, status = keys.telemetry(RECORDER, "status"), msgpack.packb(self._status())
+        self.session.put(key, status, attachment=self.seal.stamp(key, status))
 
     def _status(self) -> dict[str, Any]:
         return {"t_s": (max(self.now_ns() or 0, 0) - self.plan.origin_ns) / NS, **summary(self.journal)}
@@ -88,9 +104,7 @@ class Recorder(Listener):
         """Await final records, or, terminated, note who has not sent one."""
         now_ns = self.now_ns()
         if self._told is not None:
-            entry = Entry(keys.FINISH, self._told)
-            self.take(*entry)
-            self.log.append(entry)
+            self._accept(keys.FINISH, self._told, None)
             self._await_finals()
             return
         self.drain()
@@ -145,10 +159,13 @@ class Recorder(Listener):
         return said
 
 
-def record(endpoint: str, plan: Plan, folder: Path, sockets: str = "") -> None:
-    """The body of the recorder process; ``sockets`` is a folder to remove if the launcher cannot."""
+def record(endpoint: str, plan: Plan, folder: Path, token: bytes, sockets: str = "") -> None:
+    """The body of the recorder process: ``token`` is the run's secret, ``sockets`` a folder to remove if the launcher
+    cannot.
+    """
+    give(plan.own_places, installed=True)
     session = open_client(endpoint, plan.run.run)
-    recorder = Recorder(session, plan, folder)
+    recorder = Recorder(session, plan, folder, Seal(token))
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
     try:
         recorder.run()

@@ -8,6 +8,7 @@ what precedes it is read. Entries of one ``flush`` follow a mark, with the time 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from struct import Struct
@@ -22,6 +23,8 @@ LOG: Final = "record.log"
 MAGIC: Final = b"trackfield record 1\n"
 MARK: Final = "record/mark"
 """The key of a mark; its payload is the emulated time in ns, decimal. It is none of Zenoh's."""
+REFUSED: Final = "record/refused"
+"""The key of how many samples were refused since the last mark: MessagePack of a list of (plane, reason, how many)."""
 _HEAD: Final = Struct("<II")
 _LENGTH: Final = Struct("<I")
 
@@ -45,15 +48,23 @@ class Log:
         self._file = PatientFile(folder / LOG)
         self._file.append(MAGIC)
         self._entries = bytearray()
+        self._refused: Counter[tuple[str, str]] = Counter()
 
     def append(self, entry: Entry) -> None:
         """Add an entry; it is written at the next flush."""
         self._entries += frame(entry)
 
+    def refused(self, key: str, reason: str) -> None:
+        """Count a sample that was not accepted."""
+        self._refused[key.partition("/")[0], reason] += 1
+
     def flush(self, now_ns: int | None) -> None:
         """Write what came; ``now_ns`` is the emulated time up to which all was heard (None: before the start)."""
         if now_ns is not None:
             self._file.append(frame(Entry(MARK, b"%d" % now_ns)))
+        if self._refused:
+            self.append(Entry(REFUSED, msgpack.packb([(*of, n) for of, n in self._refused.items()])))
+            self._refused.clear()
         self._file.append(bytes(self._entries))
         self._entries.clear()
         self._file.flush()

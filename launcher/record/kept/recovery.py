@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+import msgpack
+
 from launcher.files import reason
 from launcher.record.journal import TIMELINE, Journal, Unplanned
-from launcher.record.kept.log import LOG, MARK, Reading
+from launcher.record.kept.log import LOG, MARK, REFUSED, Reading
 from launcher.record.listener import Intake
 from launcher.record.metrics import Metrics, cut_off
 from launcher.records import Plan
@@ -57,7 +59,11 @@ def _read(plan: Plan, folder: Path) -> tuple[Intake, int, bool]:
     if not finished:
         intake.ledger.end(settled_until(plan, last_ns))
     for entry in reading:
-        if entry.key != MARK:
+        if entry.key == REFUSED:
+            for plane, why, many in msgpack.unpackb(entry.payload):
+                for _ in range(many):
+                    intake.ledger.refuse(f"{plane}/", why)
+        elif entry.key != MARK:
             intake.take(*entry)
             entries += 1
     return intake, entries, reading.damaged
