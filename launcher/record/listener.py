@@ -1,4 +1,4 @@
-"""Receives all messages of a run over Zenoh and keeps its ledger: what all recorders, and readers of their log, share."""
+"""Receives all messages of a run over Zenoh and keeps its ledger: what recorders, and readers of their log, share."""
 
 from __future__ import annotations
 
