@@ -11,7 +11,20 @@ from typing import Annotated, NoReturn
 import typer
 
 from launcher import INTERRUPTED
-from launcher.commands import choices, compare, listing, new, replay, reproduce, router, run, study, validate, view
+from launcher.commands import (
+    choices,
+    compare,
+    listing,
+    new,
+    recover,
+    replay,
+    reproduce,
+    router,
+    run,
+    study,
+    validate,
+    view,
+)
 from launcher.files import check_text
 from launcher.processes.garbage import look_seldom
 from launcher.signals import handling
@@ -33,6 +46,7 @@ command("view")(view.view)
 command("report")(view.report)
 command("compare")(compare.compare)
 command("replay")(replay.replay)
+command("recover")(recover.recover)
 command("study")(study.study)
 command("reproduce")(reproduce.reproduce)
 command("router")(router.router)

@@ -164,7 +164,7 @@ def finished(
     metrics = run_metrics(plan, ledger, tracks) | {
         "driver": "virtual",
         "wall_s": 1.0,
-        "recorder": {"messages": len(ledger.rows), "dropped": 0},
+        "recorder": {"messages": len(ledger.rows), "dropped": 0, "complaints": []},
     }
     change(metrics)
     write_json(metrics, folder(at, tracks, ledger.rows) / "metrics.json")

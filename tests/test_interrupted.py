@@ -45,7 +45,7 @@ def test_a_run_ends_early_and_leaves_a_whole_folder(
     monkeypatch.chdir(tmp_path)
     folder = Path("mine")
     metrics = json.loads((folder / "metrics.json").read_text())
-    assert 10 < metrics["end_s"] < 40
+    assert 10 < metrics["ended_s"] < 40
     assert pq.read_table(folder / "tracks.parquet")["step"].to_pylist()[-1] < 40
     assert pq.read_table(folder / "messages.parquet").num_rows == metrics["frames"]["expected"] == 100
     assert "The run ended early, " in read(folder).text

@@ -1,4 +1,4 @@
-"""Receives all messages of a run over Zenoh and keeps its ledger: the common part of all recorders."""
+"""Receives all messages of a run over Zenoh and keeps its ledger: what recorders, and readers of their log, share."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Any, Final
 
 import zenoh
 
-from launcher.record.journal import Telling
+from launcher.record.journal import Telling, Unplanned
+from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
-from launcher.record.samples import counts_of, event_of, final_of, life_of
+from launcher.record.samples import counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
@@ -34,61 +35,29 @@ SILENT: Final = ("reached", "stored", "status")
 """Telemetry that is for others than a recorder."""
 
 
+ARRIVED: Final = 2**63
+"""A time of arrival later than all others: of what was accepted before."""
+
 Arrived = tuple[int, str, bytes, bytes | None]
 """A sample: when it arrived (host's monotonic clock, ns), its key, payload and attachment."""
 
 
-class Listener:
-    """Takes samples from Zenoh's thread and feeds the ledger; ``received`` counts them."""
+class Intake:
+    """Feeds the ledger with samples, wherever they come from.
 
-    def __init__(self, session: zenoh.Session, plan: Plan, seal: Seal) -> None:
-        self.session, self.plan, self.seal = session, plan, seal
+    ``deaths`` are the unplanned ones of which the launcher told at the end (None: it has not told).
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
         self._factories = {p.id: p.factory for p in plan.processes}
         for factory in set(self._factories.values()):
             role_factory(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
-        self.received = 0
-        self._inbox: Inbox = deque()
-        self._arrived = Event()
+        self.deaths: list[Unplanned] | None = None
         self._start_ns: int | None = None
         self._seen = Seen()
-        self._refusals = Refusals()
-        self._waiting: list[tuple[Arrived, WireError]] = []
         self._early_ns = round(EARLY_NS * plan.run.speed)
-        self._held: list[Any] = []
-
-    def listen(self, name: str, *telemetry: str) -> None:
-        """Receive all data and orders, and this telemetry, from now on; then declare the liveliness of ``name``."""
-        for key in (keys.ALL_DATA, *telemetry, keys.START, keys.END, keys.LIFE):
-            self._held.append(take_in(self.session, key, self._inbox, self._arrived))
-        token = keys.live(name, self.seal.mark(keys.live(name)))
-        self._held.append(self.session.liveliness().declare_token(token))
-
-    def now_ns(self) -> int | None:
-        """Emulated time now (None: before the start was ordered)."""
-        return self._emulated_ns(time.monotonic_ns())
-
-    def _emulated_ns(self, at_ns: int) -> int | None:
-        return None if self._start_ns is None else round((at_ns - self._start_ns) * self.plan.run.speed)
-
-    def pulse(self, telling: Telling) -> None:
-        """Process what arrived, and hand on what is settled; to be called every ``FLUSH_S``."""
-        self.drain()
-        if (now_ns := self.now_ns()) is not None:
-            telling.settle(now_ns - round(SETTLE_S * self.plan.run.speed * NS))
-
-    def drain(self) -> None:
-        """Process what arrived; what cannot be from a process of this run is refused and counted."""
-        while self._inbox:
-            arrived_ns, sample = self._inbox.popleft()
-            self.received += 1
-            key, payload, attachment = bytes_of(sample)
-            try:
-                if not key.startswith("data/"):
-                    self.seal.check(key, payload, attachment)
-                self.take(key, payload, attachment, self._emulated_ns(arrived_ns))
-            except WireError as error:
-                self._refuse((arrived_ns, key, payload, attachment), error)
 
     def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
         """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.
@@ -101,40 +70,14 @@ class Listener:
             self._telemetry(key, payload, now_ns)
         elif key == keys.START:
             self._start_ns = begun(self._start_ns, payload)
-            self._retry()
         elif key == keys.END:
             self.ledger.end(nanoseconds(payload))
         elif key == keys.LIFE:
             self.ledger.life(life_of(payload, self._factories))
-            self._retry()
+        elif key == keys.FINISH:
+            self.deaths = deaths_of(payload)
         else:
             raise WireError("key", "nothing of a run")
-
-    def _refuse(self, arrived: Arrived, error: WireError) -> None:
-        """Count a sample that is refused.
-
-        One of an unknown life, or from before the start, may only have overtaken the order that tells of it.
-        """
-        waits = error.reason == "life" or (error.reason == "future" and self._start_ns is None)
-        if waits and len(self._waiting) < MAX_WAITING:
-            self._waiting.append((arrived, error))
-            return
-        self._refusals.add(arrived[1], error)
-        self.ledger.refuse(arrived[1], error.reason)
-
-    def _retry(self) -> None:
-        waiting, self._waiting = self._waiting, []
-        for arrived, _ in waiting:
-            try:
-                self.take(*arrived[1:], self._emulated_ns(arrived[0]))
-            except WireError as error:
-                self._refuse(arrived, error)
-
-    def give_up(self) -> None:
-        """Refuse what still waits for such an order."""
-        for (_, key, *_), error in self._waiting:
-            self.ledger.refuse(key, error.reason)
-        self._waiting.clear()
 
     def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
         frame, *_ = frame_in(key, payload, attachment, self._foreign)
@@ -172,3 +115,90 @@ class Listener:
             self.ledger.final(process, final_of(data))
         elif what not in SILENT:
             raise WireError("key", "no telemetry of a process")
+
+
+class Listener(Intake):
+    """Takes samples from Zenoh's thread; ``received`` counts them. ``log``, if there is one, gets those it accepts."""
+
+    def __init__(self, session: zenoh.Session, plan: Plan, seal: Seal, log: Log | None = None) -> None:
+        super().__init__(plan)
+        self.session, self.seal, self.log = session, seal, log
+        self.received = 0
+        self._inbox: Inbox = deque()
+        self._arrived = Event()
+        self._refusals = Refusals()
+        self._waiting: list[tuple[Arrived, WireError]] = []
+        self._held: list[Any] = []
+
+    def listen(self, name: str, *telemetry: str) -> None:
+        """Receive all data and orders, and this telemetry, from now on; then declare the liveliness of ``name``."""
+        for key in (keys.ALL_DATA, *telemetry, keys.START, keys.END, keys.LIFE):
+            self._held.append(take_in(self.session, key, self._inbox, self._arrived))
+        token = keys.live(name, self.seal.mark(keys.live(name)))
+        self._held.append(self.session.liveliness().declare_token(token))
+
+    def now_ns(self) -> int | None:
+        """Emulated time now (None: before the start was ordered)."""
+        return self._emulated_ns(time.monotonic_ns())
+
+    def _emulated_ns(self, at_ns: int) -> int | None:
+        return None if self._start_ns is None else round((at_ns - self._start_ns) * self.plan.run.speed)
+
+    def pulse(self, telling: Telling) -> None:
+        """Process what arrived, and hand on what is settled; to be called every ``FLUSH_S``."""
+        self.drain()
+        if (now_ns := self.now_ns()) is not None:
+            telling.settle(now_ns - round(SETTLE_S * self.plan.run.speed * NS))
+
+    def drain(self) -> None:
+        """Process what arrived; what cannot be from a process of this run is refused and counted."""
+        while self._inbox:
+            arrived_ns, sample = self._inbox.popleft()
+            self.received += 1
+            key, payload, attachment = bytes_of(sample)
+            try:
+                if not key.startswith("data/"):
+                    self.seal.check(key, payload, attachment)
+                self._accept((arrived_ns, key, payload, attachment))
+            except WireError as error:
+                self._refuse((arrived_ns, key, payload, attachment), error)
+
+    def _accept(self, arrived: Arrived) -> None:
+        """Take a sample and log it; a seal has been checked and is of no use in the log."""
+        arrived_ns, key, payload, attachment = arrived
+        self.take(key, payload, attachment, self._emulated_ns(arrived_ns))
+        if self.log:
+            self.log.append(Entry(key, payload, attachment if key.startswith("data/") else None))
+        if key in (keys.START, keys.LIFE):
+            self._retry()
+
+    def _refuse(self, arrived: Arrived, error: WireError) -> None:
+        """Count a sample that is refused.
+
+        One of an unknown life, or from before the start, may only have overtaken the order that tells of it.
+        """
+        waits = error.reason == "life" or (error.reason == "future" and self._start_ns is None)
+        if waits and len(self._waiting) < MAX_WAITING:
+            self._waiting.append((arrived, error))
+            return
+        self._refusals.add(arrived[1], error)
+        self._count(arrived[1], error.reason)
+
+    def _retry(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for arrived, _ in waiting:
+            try:
+                self._accept(arrived)
+            except WireError as error:
+                self._refuse(arrived, error)
+
+    def give_up(self) -> None:
+        """Refuse what still waits for such an order."""
+        for (_, key, *_), error in self._waiting:
+            self._count(key, error.reason)
+        self._waiting.clear()
+
+    def _count(self, key: str, reason: str) -> None:
+        self.ledger.refuse(key, reason)
+        if self.log:
+            self.log.refused(key, reason)

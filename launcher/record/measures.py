@@ -107,8 +107,8 @@ class Processes(_Figures):
 
     started: Count
     ready_s: Number | None
-    died: tuple[Death, ...]
-    stopped: tuple[Stop, ...]
+    died: tuple[Death, ...] | None
+    stopped: tuple[Stop, ...] | None
     pss_mb_per_node: Number | None
 
 
@@ -138,10 +138,10 @@ class Frames(_Figures):
     expected: Count
     delivered: Count
     late: Count
-    duplicate: Count
+    duplicate: Count | None
     ignored: Count
     lost: Lost
-    host_lost: Signed
+    host_lost: Signed | None
     refused: Mapping[str, Count]
     by_kind: Mapping[str, Kind]
 
@@ -182,8 +182,8 @@ class Timing(_Figures):
 
     speed: Number | None
     slip_ms: HostQuantiles
-    inversions: Count
-    host_late: Count
+    inversions: Count | None
+    host_late: Count | None
 
 
 class EnergyByCause(_Figures):
@@ -240,10 +240,11 @@ class Interference(_Figures):
 
 
 class Recorder(_Figures):
-    """What the recorder received, and what never reached it."""
+    """What the recorder received, what never reached it, and what went wrong with the record."""
 
     messages: Count
-    dropped: Signed
+    dropped: Signed | None
+    complaints: tuple[str, ...]
 
 
 def first_problem(error: ValidationError) -> tuple[str, str]:
@@ -269,9 +270,11 @@ class RunFigures(_Figures):
     scenario: str
     seed: Seed
     driver: Literal["processes", "virtual", "replay"]
-    end_s: Number
-    wall_s: Number
-    cpu_s: Number
+    ended_s: Number
+    complete: bool
+    end_reason: str
+    wall_s: Number | None
+    cpu_s: Number | None
     trackers: Mapping[str, TrackerFigures]
     bound: Bound
     processes: Processes

@@ -153,7 +153,7 @@ class Run:
     @property
     def ended_early(self) -> bool:
         """Whether the run was interrupted before that."""
-        return bool(self.metrics["end_s"] < self.end_s)
+        return bool(self.metrics["ended_s"] < self.end_s)
 
     @property
     def origin_s(self) -> float:
@@ -190,7 +190,7 @@ class Run:
         """(from s, to s) of each gap in the data of any target, up to the end; the path is interpolated there."""
         found = [gap for path in self.site.paths.values() for gap in path.gaps_inside]
         shifted = ((begin - self.origin_s, end - self.origin_s) for begin, end in found)
-        return tuple(gap for gap in shifted if gap[0] < self.metrics["end_s"])
+        return tuple(gap for gap in shifted if gap[0] < self.metrics["ended_s"])
 
     @property
     def bounded(self) -> bool:
@@ -263,5 +263,5 @@ def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:
 
 
 def _last_step(site: Site, metrics: Mapping[str, Any]) -> int:
-    end_ns = round(float(metrics["end_s"]) * NS)
+    end_ns = round(float(metrics["ended_s"]) * NS)
     return min(last_due(end_ns, site.step_ns, site.scenario.fusion.deadline_s), site.steps)

@@ -87,16 +87,20 @@ def _shortfalls(run: Run) -> list[str]:
     found = []
     if run.ended_early:
         planned, last = run.site.steps, run.last_step
-        found.append(
-            f"the run ended early, {run.metrics['end_s']:.1f} s after its first step: {last} of {planned} steps"
-        )
+        ended_s, why = run.metrics["ended_s"], run.metrics["end_reason"]
+        said = "" if run.metrics["complete"] else f" ({why})"
+        found.append(f"the run ended early, {ended_s:.1f} s after its first step{said}: {last} of {planned} steps")
     if reason := few_reports(run):
         found.append(reason)
+    found += run.metrics["recorder"]["complaints"]
     if lost := run.metrics["frames"]["host_lost"]:
         found.append(f"{lost} frames were lost by the machine itself (frames.host_lost)")
     if dropped := run.metrics["recorder"]["dropped"]:
         found.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
-    if died := run.metrics["processes"]["died"]:
+    died = run.metrics["processes"]["died"]
+    if died is None:
+        found.append("which processes died is not known")
+    if died:
         found.append(f"died unplanned: {ids(one['id'] for one in died)}")
     return found
 

@@ -11,13 +11,13 @@ from zipfile import BadZipFile
 import numpy as np
 import numpy.typing as npt
 
+from launcher.files import whole_file
 from launcher.plan.prepare import planned
 from launcher.record.bounds import run_bound
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
 from launcher.reproduce.case import Case
 from launcher.study.results import damaged
-from launcher.study.store import whole
 from trackfield.filters.types import Array
 
 
@@ -37,7 +37,8 @@ class Record:
 
     def save(self, file: Path) -> None:
         """Write it, whole or not at all."""
-        with whole(file) as part, part.open("wb") as stream:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(file) as part, part.open("wb") as stream:
             np.savez(stream, errors=self.errors, reports=self.reports, bound=self.bound, network=self.network)
 
     @classmethod

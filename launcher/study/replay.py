@@ -17,7 +17,7 @@ from typing import Any, Final
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
-from launcher.record.folder import keep, prepare_folder, whole_or_none, write_manifest
+from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics
@@ -58,6 +58,7 @@ def replay(
     """
     begun, cpu_s = time.monotonic(), time.process_time()
     check_run(run)
+    check_scenario(run)
     metrics: Metrics = read_figures(run).plain()
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
@@ -222,7 +223,7 @@ def _fuse(
 ) -> Metrics:
     """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
     ledger = Ledger(plan.run, plan.processes)
-    ledger.end(plan.origin_ns + round(before["end_s"] * NS))
+    ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
     told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
     for number, (one, t_ns, effect) in enumerate(told):
@@ -231,8 +232,10 @@ def _fuse(
         ledger.told(one.life, Told((t_ns, RANK_TIMER, number), effect))
     journal = Journal(plan, ledger, folder)
     journal.take_over(rows)
-    for died in before["processes"]["died"]:
+    for died in before["processes"]["died"] or ():
         if died["t"] is not None:
             t_ns = plan.origin_ns + round(died["t"] * NS)
-            journal.timeline.death(t_ns, died["id"].partition("~")[0], died["why"])
-    return journal.close([], messages=0)
+            journal.show(lambda timeline: timeline.death(t_ns, died["id"].partition("~")[0], died["why"]))  # noqa: B023
+    metrics = journal.tables([], messages=0)
+    metrics["recorder"]["complaints"] = list(filter(None, [journal.draw()]))
+    return metrics

@@ -13,6 +13,7 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from launcher.files import whole_file
 from launcher.plan.plan import make_plan
 from launcher.record.bounds import run_bound
 from launcher.record.measures import RunFigures
@@ -23,7 +24,6 @@ from launcher.record.tables import tracks_table
 from launcher.record.views import headline
 from launcher.record.virtually import simulate
 from launcher.study.axes import TRACKER, Axis, label
-from launcher.study.store import whole
 from trackfield.errors import ScenarioError, told_of
 from trackfield.scenario import Scenario
 
@@ -66,7 +66,8 @@ class StudyRun:
     def save(self, file: Path) -> StudyRun:
         """Write it, whole or not at all; the same run, with its tracks in the file."""
         said = json.dumps(self.metrics.model_dump(mode="json"))
-        with whole(file) as part:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(file) as part:
             table = self.tracks.replace_schema_metadata({_METRICS: said.encode()})
             pq.write_table(table, part, write_page_checksum=True)
         return replace(self, held=file)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import os
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -99,15 +98,6 @@ class Store:
     def missing(self, seeds: Sequence[int]) -> list[tuple[str, int]]:
         """The missing runs, seed by seed, so that an early end leaves about as many of each scenario."""
         return [(name, seed) for seed in seeds for name in self._folders if not self.file(name, seed).exists()]
-
-
-@contextmanager
-def whole(file: Path) -> Iterator[Path]:
-    """A file to write to, which becomes ``file`` at the end, so that ``file`` is whole or missing."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(f".{os.getpid()}.part")
-    yield part
-    part.replace(file)
 
 
 def study_folder(folder: Path, kind: str = "study") -> None:
