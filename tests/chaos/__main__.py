@@ -27,7 +27,7 @@ from typing import Final
 
 import psutil
 
-from tests.chaos.deeds import DISK, SPEED, Case, Doer, Done, Phase, small_disk, without_disk
+from tests.chaos.deeds import DISK, SPEED, Case, Doer, Done, Phase, case_of, small_disk
 from tests.chaos.verdicts import Aftermath, complaints
 from tests.running import Run
 
@@ -42,8 +42,9 @@ MARK: Final = "TRACKFIELD_CHAOS"
 
 def aftermath(case: Case, home: Path) -> tuple[Aftermath, list[str]]:
     """Let a run happen, with all that befalls it; and what is wrong with it."""
-    with small_disk(home / "run") as there:
-        case = case if there else without_disk(case)
+    with small_disk(home / "disk") as there:
+        deeds = [deed for deed in case.deeds if there or deed.whom != DISK]
+        case = case_of(case.seed, *deeds)
         after = _lived(case, home)
         return after, list(complaints(after))
 
@@ -52,7 +53,7 @@ def _lived(case: Case, home: Path) -> Aftermath:
     temporary, mark = home / "tmp", uuid.uuid4().hex
     temporary.mkdir()
     begun = time.monotonic()
-    run = _started(home / "run", case.arguments, temporary, mark)
+    run = _started(home / "disk" / "run", case.arguments, temporary, mark)
     doer = Doer(case, run)
     doing = doer.start()
     code: int | None = None
@@ -70,7 +71,7 @@ def _started(folder: Path, arguments: Sequence[str], temporary: Path, mark: str)
     before = dict(os.environ)
     os.environ |= {MARK: mark, "TMPDIR": str(temporary)}
     try:
-        return Run(folder, *arguments)
+        return Run(folder, *arguments, said=temporary.with_name(f"{folder.name}.said"))
     finally:
         os.environ.clear()
         os.environ.update(before)

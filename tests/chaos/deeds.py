@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +18,12 @@ from threading import Thread
 from typing import Final
 
 import psutil
+import zenoh
+from zenoh.handlers import Callback
 
 from tests.running import METRICS, Run
+from trackfield.drivers.session import open_client
+from trackfield.wire import Envelope, WireError, keys
 
 SPEED: Final = 4.0
 STARTING_S: Final = 3.0
@@ -59,12 +64,12 @@ class Deed:
 
 @dataclass(frozen=True)
 class Done:
-    """A deed that was done: when, ``name`` says to which process, and how far the run was."""
+    """A deed that was done: to the process ``name``, at ``t_ns`` of emulated time (None: nothing was sent yet)."""
 
     deed: Deed
     name: str
-    at_s: float
     phase: Phase
+    t_ns: int | None
 
 
 @dataclass(frozen=True)
@@ -128,6 +133,36 @@ def _deed(draw: Random, span_s: float) -> Deed:
 # --- doing it -----------------------------------------------------------------------------------------------------
 
 
+class Clock:
+    """Emulated time of a run, from the frames that pass: each says when it was sent, and when it was put."""
+
+    def __init__(self) -> None:
+        self._session: zenoh.Session | None = None
+        self._offset: float | None = None
+
+    def look(self, run: Run) -> None:
+        """Join the run's router, as soon as that can be."""
+        if self._session is not None or not (run.folder / "manifest.json").exists():
+            return
+        with suppress(zenoh.ZError, OSError, ValueError, KeyError):
+            manifest = json.loads((run.folder / "manifest.json").read_bytes())
+            self._session = open_client(manifest["endpoint"], manifest["run"], timeout_s=0.2)
+            self._held = self._session.declare_subscriber(keys.ALL_DATA, Callback(self._on_frame, indirect=False))
+
+    def _on_frame(self, sample: zenoh.Sample) -> None:
+        with suppress(WireError):
+            envelope = Envelope.unpack(sample.attachment.to_bytes() if sample.attachment else b"")
+            self._offset = envelope.sent_ns - envelope.put_ns * SPEED
+
+    def now_ns(self) -> int | None:
+        """Emulated time (None: no frame has passed yet)."""
+        return None if self._offset is None else round(time.monotonic_ns() * SPEED + self._offset)
+
+    def close(self) -> None:
+        if self._session is not None:
+            self._session.close()  # type: ignore[no-untyped-call]
+
+
 @dataclass
 class Doer:
     """Does the deeds of a case to a run, in a thread of its own; ``done`` lists those that met somebody."""
@@ -135,6 +170,7 @@ class Doer:
     case: Case
     run: Run
     done: list[Done] = field(default_factory=list)
+    clock: Clock = field(default_factory=Clock)
     _begun: float = field(default_factory=time.monotonic)
 
     def start(self) -> Thread:
@@ -146,6 +182,7 @@ class Doer:
         todo = [(deed.at_s, deed) for deed in self.case.deeds]
         again: list[tuple[float, Deed, list[psutil.Process]]] = []
         while todo or again:
+            self.clock.look(self.run)
             if todo and todo[0][0] <= self.now_s:
                 _, deed = todo.pop(0)
                 if (met := self._begin(deed)) is not None and deed.for_s is not None:
@@ -156,6 +193,7 @@ class Doer:
                 again.remove(entry)
                 self._undo(*entry[1:])
             time.sleep(0.02)
+        self.clock.close()
 
     @property
     def now_s(self) -> float:
@@ -174,20 +212,20 @@ class Doer:
         phase = self.phase()
         if deed.whom == DISK:
             self._fill()
-            self.done.append(Done(deed, DISK, self.now_s, phase))
+            self.done.append(Done(deed, DISK, phase, self.clock.now_ns()))
             return []
         target = self._target(deed)
         if target is None:
             return None
         name, process = target
-        self.done.append(Done(deed, name, self.now_s, phase))
+        self.done.append(Done(deed, name, phase, self.clock.now_ns()))
         with suppress(psutil.Error):
             process.send_signal(deed.number)
         return [process]
 
     def _undo(self, deed: Deed, met: list[psutil.Process]) -> None:
         if deed.whom == DISK:
-            (self.run.folder / FILLER).unlink(missing_ok=True)
+            (self.run.folder.with_name(FILLER)).unlink(missing_ok=True)
         for process in met:
             with suppress(psutil.Error):
                 process.send_signal(signal.SIGCONT)
@@ -207,7 +245,7 @@ class Doer:
         return title.rpartition(" ")[2], family[title]
 
     def _fill(self) -> None:
-        with (self.run.folder / FILLER).open("wb", buffering=0) as file, suppress(OSError):
+        with (self.run.folder.with_name(FILLER)).open("wb", buffering=0) as file, suppress(OSError):
             while True:
                 file.write(bytes(65536))
 
@@ -225,8 +263,8 @@ def small_disk(folder: Path) -> Iterator[bool]:
             subprocess.run(["umount", "--lazy", str(folder)], check=False)
 
 
-def without_disk(case: Case) -> Case:
-    """The same where no disk can be filled."""
-    spared = replace(case)
-    spared.__dict__["deeds"] = tuple(deed for deed in case.deeds if deed.whom != DISK)
-    return spared
+def case_of(seed: int, *deeds: Deed) -> Case:
+    """The run of this seed, and these deeds in place of its own."""
+    case = Case(seed)
+    case.__dict__["deeds"] = deeds
+    return case

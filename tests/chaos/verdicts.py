@@ -17,6 +17,7 @@ from typing import Any, Final
 import pyarrow.parquet as pq
 
 from launcher.plan.prepare import load, planned
+from launcher.records import Plan
 from launcher.run import run_virtual
 from tests.chaos.deeds import DISK, LAUNCHER, SPEED, Case, Done, Phase
 from tests.running import METRICS
@@ -27,8 +28,8 @@ BEHIND_S: Final = 1.5
 """How far (wall time) what is on the disk may lag behind what happened, with some allowance for a busy machine."""
 SEEN_S: Final = 2.0
 """A stop that lasts so long (wall time) is noticed."""
-FIELD: Final = ("node", "fusion", "router", "zygote", LAUNCHER)
-"""Who changes what the field does by dying or standing still; a launcher that stands still ends nothing."""
+ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that let a launcher end its run in order."""
 RECOVER_S: Final = 120.0
 
 
@@ -51,10 +52,6 @@ class Aftermath:
     def launcher_died(self) -> bool:
         return self.code in (-signal.SIGKILL, -signal.SIGQUIT)
 
-    @property
-    def recorder_died(self) -> bool:
-        return any(one.deed.for_s is None for one in self.befell("recorder", "zygote"))
-
 
 def complaints(after: Aftermath) -> Iterator[str]:
     """All that does not hold."""
@@ -76,11 +73,9 @@ def complaints(after: Aftermath) -> Iterator[str]:
 def _exit_code(after: Aftermath) -> Iterator[str]:
     """That of the launcher's end, of a failure, or of a signal; 0 only where nothing came in time or to notice."""
     killed = {-one.deed.number for one in after.befell(LAUNCHER) if one.deed.number in (signal.SIGKILL, signal.SIGQUIT)}
-    ended = {
-        128 + one.deed.number
-        for one in after.befell(LAUNCHER)
-        if one.deed.number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
-    }
+    ended = {128 + one.deed.number for one in after.befell(LAUNCHER) if one.deed.number in (*ENDING, signal.SIGQUIT)}
+    if not (after.folder / "manifest.json").exists():  # it came before the program could handle it
+        killed |= {-one.deed.number for one in after.befell(LAUNCHER)}
     others = [one for one in after.done if one.deed.whom != LAUNCHER]
     allowed = killed | ended | ({1} if others or any(one.deed.for_s for one in after.done) else set())
     if not any(_must_be_told(one) for one in after.done):
@@ -167,11 +162,16 @@ def _figures(after: Aftermath, metrics: dict[str, Any]) -> Iterator[str]:
 
 
 @cache
+def _plan(case: Case) -> Plan:
+    return planned(load("spcpf", settings=list(case.settings), nodes=9), SPEED)
+
+
+@cache
 def _undisturbed(case: Case) -> Counter[tuple[Any, ...]]:
     """Which frames the field would have sent."""
     with tempfile.TemporaryDirectory() as scratch:
         (Path(scratch) / "logs").mkdir()
-        run_virtual(planned(load("spcpf", settings=list(case.settings), nodes=9), SPEED), Path(scratch))
+        run_virtual(_plan(case), Path(scratch))
         return _frames(Path(scratch))
 
 
@@ -201,9 +201,9 @@ def _tables(after: Aftermath) -> Iterator[str]:
 
 def _recorded_until(after: Aftermath) -> float:
     """Up to which instant (emulated ns) the tables must hold all that was sent."""
-    metrics = _metrics(after.folder) or {}
-    ended_s = metrics.get("ended_s")
-    until_ns = float("inf") if ended_s is None else ended_s * NS - BEHIND_S * SPEED * NS
-    if metrics.get("complete"):
-        return float("inf")
+    ended_s = (_metrics(after.folder) or {}).get("ended_s")
+    until_ns = float("inf") if ended_s is None else _plan(after.case).origin_ns + ended_s * NS
+    for one in after.befell("recorder", "zygote", LAUNCHER):
+        if one.deed.for_s is None and one.deed.number not in ENDING:
+            until_ns = min(until_ns, 0 if one.t_ns is None else one.t_ns - BEHIND_S * SPEED * NS)
     return until_ns
