@@ -4,4 +4,4 @@ from __future__ import annotations
 
 from trackfield.drivers.standalone import main
 
-main("fusion", __doc__)
+main("fusion", "fusion.role:Fusion", __doc__, installed=True)

@@ -36,11 +36,10 @@ class Bank:
     """Trackers that get the reports of ``sensors`` (id, x m, y m); step k is at ``origin_ns`` + k ``step_ns``.
 
     ``trackers`` are names; without a ``prior`` (mean and sd of x, y, vx, vy at the start) they start from the first
-    reports. ``options`` are those of single trackers, ``places`` (``module:attribute``) say where users' own trackers
-    are, ``sigma_v`` (m/s^2) is for those that have one motion model; a track that began without a prior is given up if
-    its sd exceeds ``lost_m``. All randomness is keyed by ``seed``, the tracker and the step, and by ``draws``, which
-    differs between processes that track. Each track is also smoothed over ``smooth_lag`` steps, unless that is 0.
-    Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
+    reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one motion model; a
+    track that began without a prior is given up if its sd exceeds ``lost_m``. All randomness is keyed by ``seed``, the
+    tracker and the step, and by ``draws``, which differs between processes that track. Each track is also smoothed over
+    ``smooth_lag`` steps, unless that is 0. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
     ``make_sensor``). ``target`` is the id of the target.
     """
 
@@ -59,7 +58,6 @@ class Bank:
         smooth_lag: int = 0,
         lost_m: float = LOST_M,
         options: Mapping[str, Mapping[str, Any]] | None = None,
-        places: Mapping[str, str] | None = None,
         sensor: Mapping[str, Any] | None = None,
         draws: Sequence[str] = (),
     ) -> None:
@@ -69,7 +67,7 @@ class Bank:
         own = None if self.sensor is None else OfSensor(self.sensor)
         self.kind = "doa" if own is None else "measurement"
         model, options = Model(radians(doa_sd_deg), sigma_v, own), options or {}
-        made = {name: make_tracker(name, options.get(name), places) for name in trackers}
+        made = {name: make_tracker(name, options.get(name)) for name in trackers}
         self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
         self.prior = (
             None

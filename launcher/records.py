@@ -147,6 +147,7 @@ class Plan:
     of message. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which die
     unplanned are started again; ``lost`` is when a track counts as lost. A report is in time up to ``deadline_s`` after
     its step, and can be used up to ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each.
+    ``own_places`` say where users' own classes are, by ``kind:name``.
     """
 
     run: RunSpec
@@ -162,6 +163,7 @@ class Plan:
     deadline_s: float = 0.0
     max_age_s: float = 0.0
     warnings: tuple[str, ...] = ()
+    own_places: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def step_ns(self) -> int:

@@ -124,7 +124,7 @@ def run_processes(
     with _until_signal() as ended:
         with (
             deploy(plan, folder, endpoint=endpoint) as field,
-            LiveView(plan, folder, field.endpoint, live) if live else nullcontext() as view,
+            LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,
         ):
             write_manifest(folder, plan, command, field.endpoint)
             field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
@@ -153,6 +153,7 @@ def run_processes(
             "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
             "pss_mb_per_node": pss,
         }
+        metrics["interference"] = {kind: n + field.alarms.counts[kind] for kind, n in metrics["interference"].items()}
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
         return close_folder(plan, folder, metrics, complaints, ended)
 
@@ -189,6 +190,9 @@ def close_folder(
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
         why = " while there was no router" if routers else ""
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
+    if strange := {kind: n for kind, n in metrics["interference"].items() if n}:
+        what = ", ".join(f"{n} {kind}" for kind, n in strange.items())
+        complaints.append(f"somebody else interfered: {what} did not come from this run (interference)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)

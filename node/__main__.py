@@ -4,4 +4,4 @@ from __future__ import annotations
 
 from trackfield.drivers.standalone import main
 
-main("node", __doc__)
+main("node", "node.role:Node", __doc__)

@@ -24,6 +24,22 @@ Maker = Callable[..., Any]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
 
 
+class _Given:
+    """What this process was told: the places of users' classes, and whether it may look for installed ones."""
+
+    places: Mapping[str, str] = {}
+    installed = True
+
+
+def give(places: Mapping[str, str], *, installed: bool) -> None:
+    """Tell this process where users' classes are: ``module:attribute`` by ``kind:name``, such as ``tracker:mine``.
+
+    From its parent or its command line: a name that comes from the wire is only looked up here, among Trackfield's own
+    and, if ``installed``, among the entry points of installed packages, which takes more memory than a node has.
+    """
+    _Given.places, _Given.installed = dict(places), installed
+
+
 def load(place: str) -> Any:
     """What is at ``module:attribute``; raises what the import raises."""
     module, _, attribute = place.partition(":")
@@ -73,20 +89,22 @@ class Plugins(Mapping[str, Maker]):
         for known in (self.own, self.registered):
             if name in known:
                 return known[name]
-        entry = self._entries[name]
+        place = self._given(name) or self._entries[name].value
         try:
-            maker: Maker = entry.load()
+            maker: Maker = load(place)
         except Exception as error:  # a user's module: its import may raise anything
-            what = f"cannot be loaded from {entry.value} ({type(error).__name__}: {error})"
+            what = f"cannot be loaded from {place} ({type(error).__name__}: {error})"
             raise ScenarioError(what, key=f"{self.kind} '{name}'") from error
-        self._check(name, maker, entry.value)
+        self._check(name, maker, place)
         return maker
 
     def __contains__(self, name: object) -> bool:
-        return name in self.own or name in self.registered or name in self._entries
+        known = name in self.own or name in self.registered
+        return known or bool(self._given(name)) or name in self._entries
 
     def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys((*self.own, *self.registered, *self._entries)))
+        given = (which.partition(":")[2] for which in _Given.places if which.startswith(f"{self.kind}:"))
+        return iter(dict.fromkeys((*self.own, *self.registered, *given, *self._entries)))
 
     def __len__(self) -> int:
         return len(list(iter(self)))
@@ -99,8 +117,15 @@ class Plugins(Mapping[str, Maker]):
         expected = f"'{near[0]}'" if near else "one of " + ", ".join(sorted(self))
         return ScenarioError(f"unknown {self.kind} '{name}'", key=key, expected=expected)
 
-    @cached_property
+    def _given(self, name: object) -> str | None:
+        return _Given.places.get(f"{self.kind}:{name}")
+
+    @property
     def _entries(self) -> dict[str, EntryPoint]:
+        return self._installed if _Given.installed else {}
+
+    @cached_property
+    def _installed(self) -> dict[str, EntryPoint]:
         from importlib.metadata import entry_points  # late: a node only needs ``load``, and this is heavy
 
         return {entry.name: entry for entry in entry_points(group=self.group)}

@@ -36,19 +36,27 @@ def register(brought: Registered) -> None:
             plugins.register(name, maker)
 
 
-def tracker_places(fusion: Fusion) -> dict[str, str]:
-    """Where the fusion centre finds those of its trackers that are not our own, as ``module:attribute`` by name.
+def own_places(scenario: Scenario) -> dict[str, str]:
+    """Where other processes find the trackers and the sensor that are users' own: ``module:attribute``.
 
-    Raises ``ScenarioError`` for an unknown tracker, options that it does not have or that do not fit, and options of
-    a name that is neither a tracker nor a variant of one.
+    By ``kind:name``, as ``trackfield.plugins.give`` takes them.
+    """
+    kinds = sorted({kind for _, kind in _kinds(scenario.fusion)} - TRACKERS.own.keys())
+    places = {f"tracker:{kind}": TRACKERS.place(kind) for kind in kinds}
+    if isinstance(scenario.sensor, OwnSensor):
+        places[f"sensor:{scenario.sensor.kind}"] = SENSORS.place(scenario.sensor.kind)
+    return places
+
+
+def check_trackers(fusion: Fusion) -> None:
+    """Raise ``ScenarioError`` for an unknown tracker, options that do not fit, and options of a name that is neither a
+    tracker nor a variant of one.
     """
     options = tables(fusion.options)
     together(
         partial(_check_tracker, name, options.get(name, {}), name in fusion.trackers)
         for name in dict.fromkeys((*fusion.trackers, *options))
     )
-    kinds = {kind for _, kind in _kinds(fusion)}
-    return {kind: TRACKERS.place(kind) for kind in sorted(kinds - TRACKERS.own.keys())}
 
 
 def _check_tracker(name: str, options: Mapping[str, Any], runs: bool) -> None:
@@ -82,7 +90,7 @@ def own_sensor(scenario: Scenario, section: OwnSensor) -> Mapping[str, Any]:
         if isinstance(fault, Bias):
             what = f"a bias in degrees and dB has no meaning for sensors of kind '{kind}'"
             raise ScenarioError(what, key=f"faults[{number}].kind", expected="stuck, deaf, babble, or another")
-    return {"kind": kind, "options": section.options, "place": SENSORS.place(kind)}
+    return {"kind": kind, "options": section.options}
 
 
 def _probe(kind: str, sensor: Sensor) -> None:
@@ -112,13 +120,11 @@ def _call(kind: str, name: str, method: Callable[..., Any], *arguments: object) 
 
 def check_importable(plan: Plan) -> None:
     """Raise ``ScenarioError`` for a tracker or a sensor that the processes of a run could not import."""
-    places = {f"tracker '{kind}'": place for kind, place in plan.tracking.get("places", {}).items()}
-    if sensor := plan.tracking.get("sensor"):
-        places[f"sensor '{sensor['kind']}'"] = sensor["place"]
-    for who, place in places.items():
+    for which, place in plan.own_places.items():
         if not importable(place):
+            kind, _, name = which.partition(":")
             module, _, attribute = place.partition(":")
             where = "the main program" if module == "__main__" else f"a function ({attribute})"
             what = f"is defined in {where}, where other processes cannot import it"
             expected = "a class at the top of a module of its own; in virtual time (--virtual) it may be anywhere"
-            raise ScenarioError(what, key=who, expected=expected)
+            raise ScenarioError(what, key=f"{kind} '{name}'", expected=expected)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from launcher.plan.architectures import Architecture, architecture_of
+from launcher.plan.extensions import own_places
 from launcher.plan.faults import Faults, resolve
 from launcher.plan.tracking import track_names
 from launcher.records import FieldInfo, Plan, Truth
@@ -53,6 +54,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         lost_of(scenario),
         scenario.fusion.deadline_s,
         scenario.fusion.max_age_s,
+        own_places=own_places(scenario),
     )
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from fusion.smoothing import lagged_names
-from launcher.plan.extensions import own_sensor, tracker_places
+from launcher.plan.extensions import check_trackers, own_sensor
 from trackfield.draw import normal
 from trackfield.errors import together
 from trackfield.filters.trackers import make_tracker
@@ -34,7 +34,6 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
         "lost_m": scenario.fusion.lost_m,
         **if_used(
             options=tables(scenario.fusion.options),
-            places=tracker_places(scenario.fusion),
             smooth_lag=scenario.fusion.smooth_lag,
             origin_ns=site.origin_ns,
         ),
@@ -43,7 +42,7 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
 
 def check_tracking(scenario: Scenario) -> None:
     """Raise ``ScenarioError`` for unknown trackers and sensors, and for those that do not fit each other."""
-    checks: list[Callable[[], object]] = [partial(tracker_places, scenario.fusion), partial(_noise, scenario)]
+    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(_noise, scenario)]
     together(checks)
 
 

@@ -8,16 +8,20 @@ from collections.abc import Mapping
 from threading import Event
 
 from trackfield.drivers.process import Process
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import NODE_RUNTIME, open_router, open_session
+from trackfield.plugins import give
 
 
-def role(settings: str, name: str, niceness: int) -> None:
-    """A process of the field, with these settings of its session.
+def role(settings: str, name: str, niceness: int, factory: str, places: Mapping[str, str], token: bytes) -> None:
+    """A process of the field, with these settings of its session; ``factory`` makes its role.
 
-    ``niceness`` is that of its work, not of its session's threads: frames leave at once.
+    ``places`` are those of users' classes (``trackfield.plugins.give``), ``token`` is the run's secret. ``niceness`` is
+    that of its work, not of its session's threads: frames leave at once.
     """
     os.putenv("ZENOH_RUNTIME", NODE_RUNTIME)
-    process = Process(open_session(settings), name)
+    give(places, installed=False)
+    process = Process(open_session(settings), name, factory, Seal(token))
     os.nice(niceness)
     process.run()
 

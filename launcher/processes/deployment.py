@@ -8,7 +8,9 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
+from secrets import token_bytes
 from typing import Any, Final, Self
 
 import msgpack
@@ -16,18 +18,25 @@ import zenoh
 from zenoh.handlers import Callback
 
 from launcher.processes import patience
+from launcher.processes.alarms import Alarms
 from launcher.processes.children import KILL_TIMEOUT_S, Children
+from launcher.processes.orders import Orders
 from launcher.processes.registry import Registry
 from launcher.processes.watch import Stop, Watch
 from launcher.processes.zygote import Child
+from launcher.record.samples import status_of
 from launcher.records import RECORDER, Plan
+from trackfield.drivers.intake import opened
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import client_settings, open_client
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
+TOKEN_BYTES: Final = 16
 REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
 LOG_TAIL: Final = 12
 
@@ -44,6 +53,7 @@ class Deployment:
 
     def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
         self.plan, self.folder = plan, folder
+        self.seal, self.alarms = Seal(self._token()), Alarms()
         self.registry = self._registry()
         self.status: dict[str, Any] = {}
         self.router_cpu_s = 0.0
@@ -55,8 +65,6 @@ class Deployment:
         self._lives = {p.name: p for p in plan.processes}
         self._restarts: Counter[str] = Counter()
         self._reached: set[str] = set()
-        self._orders: list[tuple[str, str | bytes]] = []
-        self._arrivals, self._repeat_at = 0, 0.0
         self._router_seen = 0.0
         self._stopping = False
 
@@ -77,8 +85,12 @@ class Deployment:
             self.session.close()  # type: ignore[no-untyped-call]
         shutil.rmtree(self._sockets, ignore_errors=True)
 
+    def _token(self) -> bytes:
+        """The run's secret: processes that are forked here have it from the launcher."""
+        return token_bytes(TOKEN_BYTES)
+
     def _registry(self) -> Registry:
-        return Registry(self.plan)
+        return Registry(self.plan, self.seal, self.alarms)
 
     def _make_children(self) -> Children:
         light = {life.factory.partition(":")[0] for life in self.plan.processes if not life.sink}
@@ -97,7 +109,7 @@ class Deployment:
             self._fork_router()
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
-        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder)
+        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder, self.seal.token)
         for life in self.plan.processes:
             self._fork_role(life)
 
@@ -112,7 +124,8 @@ class Deployment:
         niceness = 0 if life.sink else patience.NICENESS
         body = Child("launcher.processes.bodies:role", title, str(self.log(life.name)))
         settings = client_settings(self.endpoint, self.plan.run.run)
-        self._children.fork(life.name, body, settings, life.name, niceness)
+        own = (life.factory, dict(self.plan.own_places), self.seal.token)
+        self._children.fork(life.name, body, settings, life.name, niceness, *own)
 
     def _connect(self) -> None:
         timeout_s = patience.READY_TIMEOUT_S if self._own_router else patience.CONNECT_TIMEOUT_S
@@ -121,6 +134,7 @@ class Deployment:
         except zenoh.ZError as error:
             what = f"no Zenoh router answers at {self.endpoint} (or it refuses the credentials of this process)"
             raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+        self._orders = Orders(self.session, self.seal, self.alarms)
         self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
         self._held = [
@@ -131,10 +145,15 @@ class Deployment:
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
     def _on_reached(self, sample: zenoh.Sample) -> None:
-        self._reached.add(str(sample.key_expr).split("/")[1])
+        name = str(sample.key_expr).split("/")[1]
+        with suppress(WireError):  # the recorder counts it
+            opened(sample, self.seal)
+            if name in self._lives and self.registry.start_ns is not None:
+                self._reached.add(name)
 
     def _on_status(self, sample: zenoh.Sample) -> None:
-        self.status = msgpack.unpackb(sample.payload.to_bytes())
+        with suppress(WireError):  # the same
+            self.status = status_of(opened(sample, self.seal))
 
     # --- life -----------------------------------------------------------------------------------------------------
 
@@ -160,9 +179,8 @@ class Deployment:
 
     def begin(self) -> None:
         """Order the start of emulated time."""
-        self._arrivals = self.registry.arrivals
         self.registry.start_ns = time.monotonic_ns() + self._lead_ns
-        self._order(keys.START, str(self.registry.start_ns))
+        self._orders.give(keys.START, str(self.registry.start_ns).encode())
 
     @property
     def now_ns(self) -> int:
@@ -205,7 +223,7 @@ class Deployment:
         soon_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)
         self._end_ns = min(soon_ns, self._end_ns)
         self.registry.end(self._end_ns)
-        self._order(keys.END, str(self._end_ns))
+        self._orders.give(keys.END, str(self._end_ns).encode())
 
     def finish(self) -> None:
         """Stop the roles, let the recorder close its files, and end the router. Without a router, force them."""
@@ -217,9 +235,9 @@ class Deployment:
             self._children.terminate(RECORDER)  # it closes its files all the same
         else:
             time.sleep(patience.LINGER_S)
-            self._order(keys.STOP, b"")
+            self._orders.give(keys.STOP, b"")
             self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
-            self._order(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
+            self._orders.give(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], patience.WRITE_TIMEOUT_S, "did not close its files in time")
         if self._own_router and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
@@ -247,25 +265,6 @@ class Deployment:
         for name in names & self._watch.still(patience.STILL_S):
             self._watch.kill(name, "stood still at the end, stopped from outside")
 
-    # --- orders ---------------------------------------------------------------------------------------------------
-
-    def _order(self, key: str, payload: str | bytes) -> None:
-        self._orders.append((key, payload))
-        self._put(key, payload)
-
-    def _put(self, key: str, payload: str | bytes) -> None:
-        self.session.put(key, payload, congestion_control=zenoh.CongestionControl.BLOCK)
-
-    def _repeat(self) -> None:
-        """Repeat all orders for processes that joined, or returned, and may have missed them."""
-        now = time.monotonic()
-        if self._arrivals != self.registry.arrivals:
-            self._arrivals, self._repeat_at = self.registry.arrivals, now + patience.REPEAT_S
-        elif self._repeat_at and now > self._repeat_at:
-            self._repeat_at = 0.0
-            for key, payload in self._orders:
-                self._put(key, payload)
-
     # --- death ----------------------------------------------------------------------------------------------------
 
     def _tend(self) -> None:
@@ -276,7 +275,7 @@ class Deployment:
             self._watch.kill(
                 ROUTER, f"stood still for {patience.ROUTER_STILL_S:.0f} s, stopped from outside, and was killed"
             )
-        self._repeat()
+        self._orders.look(self.registry.arrivals)
 
     def _bury(self, name: str, why: str) -> None:
         life = self._lives.get(name)
@@ -302,7 +301,7 @@ class Deployment:
         else:
             following = self.registry.next_life(name, start_ns)
             self._lives[following.name] = following
-            self._order(keys.LIFE, msgpack.packb(following.plain()))
+            self._orders.give(keys.LIFE, msgpack.packb(following.plain()))
             self._fork_role(following)
         return True
 

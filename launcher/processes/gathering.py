@@ -6,8 +6,10 @@ when nothing was heard from it for the time of a lease.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import Final
 
 import msgpack
@@ -17,9 +19,11 @@ from zenoh.handlers import Callback
 from launcher.processes.children import Children
 from launcher.processes.deployment import GOOD_END, Deployment
 from launcher.processes.registry import Registry
-from launcher.records import RECORDER
+from trackfield.drivers.intake import opened
+from trackfield.drivers.seal import token_from
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
 
 GATHER_TIMEOUT_S: Final = 300.0
 """How long to wait for processes that are started elsewhere."""
@@ -93,7 +97,11 @@ class Gathering(Deployment):
     _refresh_at = 0.0
 
     def _registry(self) -> Registry:
-        return Registry(self.plan, open=True)
+        return Registry(self.plan, self.seal, self.alarms, open=True)
+
+    def _token(self) -> bytes:
+        """As in the environment, which all processes of the run share; without one, they trust their router."""
+        return token_from(os.environ)
 
     def _make_children(self) -> Children:
         self._guests = Guests(self.registry)
@@ -106,8 +114,10 @@ class Gathering(Deployment):
 
     def _on_final(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).split("/")[1]
-        if name != RECORDER:
-            self._guests.left(name)
+        if name in self._lives:
+            with suppress(WireError):  # the recorder counts it
+                opened(sample, self.seal)
+                self._guests.left(name)
 
     def _fork_role(self, life: ProcessSpec) -> None:
         self._guests.expect(life.name)
@@ -131,7 +141,7 @@ class Gathering(Deployment):
         """Another process took the place of one that is gone."""
         self._lives[life.name] = life
         self._guests.expect(life.name)
-        self._order(keys.LIFE, msgpack.packb(life.plain()))
+        self._orders.give(keys.LIFE, msgpack.packb(life.plain()))
         if before in self._watch.still():
             self._watch.give_up(before, LOST, again=True)
         elif before not in self._watch.gone:

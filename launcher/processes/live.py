@@ -35,8 +35,8 @@ class LiveView:
     ``tell`` is called with its address, and with why it failed.
     """
 
-    def __init__(self, plan: Plan, folder: Path, endpoint: str, tell: Callable[[str], None]) -> None:
-        self._plan, self._endpoint, self._tell = plan, endpoint, tell
+    def __init__(self, plan: Plan, folder: Path, endpoint: str, token: bytes, tell: Callable[[str], None]) -> None:
+        self._plan, self._endpoint, self._token, self._tell = plan, endpoint, token, tell
         self._log = folder / "logs" / f"{LIVE}.log"
         self._port, self._page = free_port(), free_port()
         self._alive = True
@@ -44,7 +44,7 @@ class LiveView:
     def __enter__(self) -> Self:
         self._children = Children(2)
         recorder = Child("launcher.record.live:show", LIVE, str(self._log), NICENESS)
-        self._children.fork(LIVE, recorder, self._endpoint, self._plan, self._port)
+        self._children.fork(LIVE, recorder, self._endpoint, self._plan, self._port, self._token)
         server = Child("launcher.processes.bodies:program", VIEWER, str(self._log), NICENESS)
         self._children.fork(VIEWER, server, web_server(self._page, self._port), environment())
         return self

@@ -27,6 +27,8 @@ MAX_RESTARTS: Final = 5
 """Of one process; one that dies more often is taken to be broken."""
 REPEAT_S: Final = 0.3
 """How long after a process joined or returned all orders are repeated: it may have missed them."""
+PROBE_S: Final = 2.0
+"""How often to see whether somebody else answers in the launcher's place."""
 POLL_S: Final = 0.1
 STOP_TIMEOUT_S: Final = 10.0
 STOP_PER_PROCESS_S: Final = 0.01

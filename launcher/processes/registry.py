@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from contextlib import suppress
 from dataclasses import asdict, replace
 from threading import Lock
-from typing import Final
+from typing import Any, Final
 
-import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from launcher.processes.alarms import TOKENS, Alarms
 from launcher.processes.claims import Claims
-from launcher.records import Plan
+from launcher.records import LIVE, RECORDER, Plan
+from trackfield.drivers.ask import REFUSED, answer
+from trackfield.drivers.intake import opened, printable, read, unpacked
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
+from trackfield.wire.keys import check_id
 
 LEAD_S: Final = 0.5
 """From giving a place again to the beginning of its next life, of which the recorder has to know by then."""
@@ -31,8 +37,8 @@ class Registry:
     by name, and ``births`` has each new life with the name of the life before it.
     """
 
-    def __init__(self, plan: Plan, *, open: bool = False) -> None:
-        self.run = plan.run
+    def __init__(self, plan: Plan, seal: Seal, alarms: Alarms, *, open: bool = False) -> None:
+        self.run, self._seal, self._alarms = plan.run, seal, alarms
         self.start_ns: int | None = None
         self.live: set[str] = set()
         self.arrivals = 0
@@ -55,7 +61,8 @@ class Registry:
             session.liveliness().declare_subscriber(
                 keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
             ),
-            session.liveliness().declare_token(keys.LAUNCHER),  # last: processes that see it may ask at once
+            # last: processes that see it may ask at once
+            session.liveliness().declare_token(keys.launcher(session.info.zid())),
         ]
 
     def end(self, end_ns: int) -> None:
@@ -100,7 +107,7 @@ class Registry:
         """Ask which processes are alive: notice of their end is lost while the launcher itself is out of reach."""
         known = set(self.live)
         replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
-        there = {_name(token.key_expr) for token in replies if token}
+        there = {self._named(token.key_expr) for token in replies if token}
         if there and None not in replies:
             for name in known - there:
                 self._seen(name, there=False)
@@ -111,25 +118,38 @@ class Registry:
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
     def _answer(self, query: zenoh.Query) -> None:
-        name = query.payload.to_string() if query.payload else ""
+        name = query.payload.to_bytes().decode(errors="replace") if query.payload else ""
         life = self._lives.get(name)
         if life is None:
-            query.reply_err(f"no process {name!r} in this run")
-            return
-        answer = {
-            "run": asdict(self.run),
-            "process": life.plain(),
-            "start_ns": self.start_ns,
-            "stored": self._stored.get(life.id, b"") if name in self._unplanned else None,
-        }
-        query.reply(query.key_expr, msgpack.packb(answer))
+            told: dict[str, Any] = {REFUSED: f"no process {printable(name)} in this run"}
+        else:
+            told = {
+                "run": asdict(self.run),
+                "process": life.plain(),
+                "start_ns": self.start_ns,
+                "stored": self._stored.get(life.id, b"") if name in self._unplanned else None,
+            }
+        answer(query, told, self._seal)
 
     def _on_stored(self, sample: zenoh.Sample) -> None:
         name = str(sample.key_expr).split("/")[1]
-        self._stored[keys.id_of(name)] = sample.payload.to_bytes()
+        if name in self._lives:
+            with suppress(WireError):  # the recorder counts it
+                self._stored[keys.id_of(name)] = opened(sample, self._seal)
 
     def _on_live(self, sample: zenoh.Sample) -> None:
-        self._seen(_name(sample.key_expr), there=sample.kind == zenoh.SampleKind.PUT)
+        if name := self._named(sample.key_expr):
+            self._seen(name, there=sample.kind == zenoh.SampleKind.PUT)
+
+    def _named(self, token: zenoh.KeyExpr) -> str | None:
+        """The life that this token is of; None, and counted, if no process of the run has declared it."""
+        name = str(token).partition("/")[2].partition("/")[0]
+        if name in self._lives or name in (RECORDER, LIVE):
+            live = keys.live(name)
+            if str(token) == keys.live(name, self._seal.mark(live)):
+                return name
+        self._alarms.add(TOKENS)
+        return None
 
     def _seen(self, name: str, *, there: bool) -> None:
         with self._lock:
@@ -143,16 +163,15 @@ class Registry:
 
     def _on_claim(self, query: zenoh.Query) -> None:
         try:
-            role, host = msgpack.unpackb(query.payload.to_bytes() if query.payload else b"")
-            name = self.claim(str(role), str(host))
-        except (LookupError, ValueError, TypeError) as error:
-            query.reply_err(str(error))
-            return
-        if name is None:
-            query.reply_err(f"every place of a {role} is taken")
-        else:
-            query.reply(query.key_expr, name)
+            role, host = read(_claimed, query.payload.to_bytes() if query.payload else b"")
+            name = self.claim(role, host)
+            told = {"name": name} if name else {REFUSED: f"every place of a {role} is taken"}
+        except (LookupError, WireError) as error:
+            told = {REFUSED: str(error)}
+        answer(query, told, self._seal)
 
 
-def _name(token: zenoh.KeyExpr) -> str:
-    return str(token).rpartition("/")[2]
+def _claimed(question: bytes) -> tuple[str, str]:
+    """Role and host of a process that asks for a place."""
+    role, host = unpacked(question, 1000)
+    return check_id(role), printable(host) if isinstance(host, str) else ""

@@ -54,4 +54,4 @@ def _joined() -> tuple[RunSpec, ProcessSpec]:
     )
     answer = msgpack.packb({"run": asdict(_RUN), "process": spec.plain()})
     told = msgpack.unpackb(answer, strict_map_key=False)
-    return RunSpec(**told["run"]), ProcessSpec.from_plain(told["process"])
+    return RunSpec(**told["run"]), ProcessSpec.from_plain(told["process"], "node.role:Node")

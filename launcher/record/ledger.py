@@ -20,8 +20,17 @@ from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, To
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish, TrackPoint
 from trackfield.wire.codec import WireError, decode
+from trackfield.wire.keys import id_of
 from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 
+FRAMES: Final = "frames"
+"""Interference: frames in the name of a process that did not send them."""
+TELEMETRY: Final = "telemetry"
+"""Interference: telemetry that no process of the run sent."""
+ANSWERS: Final = "answers"
+"""Interference: answers to processes in the launcher's place."""
+FORGED: Final = ("future", "conflict", "life")
+"""Reasons to refuse a frame that bears the name of a process of the run."""
 SYNCHRONISING: Final = ("sync-request", "sync-reply")
 """Kinds of messages by which clocks are set; they leave while the clock is still wrong."""
 
@@ -51,6 +60,9 @@ class Ledger:
         self.counts: dict[str, dict[str, int]] = {}
         self.diaries = {p.name: Diary(p) for p in processes}
         self.clock_errors: dict[tuple[int, str], int] = {}
+        self.refused: Counter[str] = Counter()
+        self._interfered: Counter[str] = Counter()
+        self._told_by: Counter[str] = Counter()
         self.link = link_of(run, places_of(processes))
         self._processes = {p.id: p for p in processes}
         self._lives: defaultdict[str, list[Diary]] = defaultdict(list)
@@ -85,9 +97,9 @@ class Ledger:
 
     def told(self, process: str, output: Told | Refused | Undone) -> None:
         """Telemetry of a process."""
-        if process in self.diaries:
-            self.diaries[process].write(output)
-            self._written[process] = None
+        self.diaries[process].write(output)
+        self._written[process] = None
+        self._told_by[process] += 1
 
     def life(self, spec: ProcessSpec) -> None:
         """A process that died unplanned lives again: it gets the frames due from then on. May be called twice."""
@@ -104,8 +116,43 @@ class Ledger:
         self.run = replace(self.run, end_ns=min(end_ns, self.run.end_ns))
 
     def final(self, process: str, record: Mapping[str, Any]) -> None:
-        """The final record of a process."""
-        self.finals[process] = dict(record)
+        """The final record of a process; there is one of each life."""
+        if self.finals.setdefault(process, dict(record)) != record:
+            self._interfered[TELEMETRY] += 1
+
+    def check(self, frame: Frame) -> None:
+        """Raise ``WireError`` unless a process of the run may have sent this frame to those that it is for."""
+        if frame.src not in self._processes:
+            raise WireError("sender", "no process of this run")
+        self.check_life(life_name(frame.src, frame.incarnation))
+        hearer = self._processes.get(frame.to)
+        if not frame.broadcast and (hearer is None or frame.src not in hearer.peers):
+            raise WireError("receiver", "not one to which its sender sends")
+
+    def check_life(self, name: str) -> None:
+        """Raise ``WireError`` unless there is such a life: ``process`` if there is no such process, or ``life``."""
+        if name not in self.diaries:
+            known = id_of(name) in self._processes
+            raise WireError("life" if known else "process", "not of this run")
+
+    def refuse(self, key: str, reason: str) -> None:
+        """A sample on this key was refused. Frames are, by ``refused``; some of them, and all else, interfere."""
+        if not key.startswith("data/"):
+            self._interfered[TELEMETRY] += key.startswith("telemetry/")
+            return
+        self.refused[reason] += 1
+        self._interfered[FRAMES] += reason in FORGED
+
+    def interference(self) -> dict[str, int]:
+        """What others did in the run, by kind: what was refused, and what is more than the processes say they sent."""
+        finals = self.finals.items()
+        frames = sum(max(self.sent_by[name] - record["sent"], 0) for name, record in finals if "sent" in record)
+        told = sum(max(self._told_by[name] - record["told"], 0) for name, record in finals if "told" in record)
+        return {
+            FRAMES: self._interfered[FRAMES] + frames,
+            TELEMETRY: self._interfered[TELEMETRY] + told,
+            ANSWERS: sum(record.get("forged", 0) for _, record in finals),
+        }
 
     def estimates(self) -> list[Published]:
         """All that was published, in the order of time."""

@@ -2,45 +2,44 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections import deque
-from functools import lru_cache
 from threading import Event
 from typing import Any, Final
 
-import msgpack
 import zenoh
 
 from launcher.record.journal import Telling
 from launcher.record.ledger import Ledger
+from launcher.record.samples import counts_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.frames import Frame
-from trackfield.drivers.process import Inbox, Seen, take_in
-from trackfield.drivers.spec import ProcessSpec, role_factory
-from trackfield.drivers.telemetry import unpack
-from trackfield.role import NEIGHBOURHOOD, NS
+from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, take_in
+from trackfield.drivers.intake import Refusals, begun, nanoseconds
+from trackfield.drivers.seal import Seal
+from trackfield.drivers.spec import role_factory
+from trackfield.role import NS
 from trackfield.wire import keys
-from trackfield.wire.codec import WireError
-from trackfield.wire.envelope import Envelope
-
-log = logging.getLogger(__name__)
+from trackfield.wire.error import WireError
+from trackfield.wire.keys import parse_telemetry
 
 FLUSH_S: Final = 0.25
 """How often received samples are processed."""
 SETTLE_S: Final = 1.0
 """How far the timeline lags behind (wall time), so that what it shows is rarely undone."""
 
-_parsed = lru_cache(maxsize=10_000)(keys.parse)
-"""Cached: a run uses few keys, again and again."""
+MAX_WAITING: Final = 10_000
+"""How many samples may wait until the life that they are from is announced."""
+SILENT: Final = ("reached", "stored", "status")
+"""Telemetry that is for others than a recorder."""
 
 
 class Listener:
     """Takes samples from Zenoh's thread and feeds the ledger; ``received`` counts them."""
 
-    def __init__(self, session: zenoh.Session, plan: Plan) -> None:
-        self.session, self.plan = session, plan
-        for factory in {p.factory for p in plan.processes}:
+    def __init__(self, session: zenoh.Session, plan: Plan, seal: Seal) -> None:
+        self.session, self.plan, self.seal = session, plan, seal
+        self._factories = {p.id: p.factory for p in plan.processes}
+        for factory in set(self._factories.values()):
             role_factory(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
         self.received = 0
@@ -48,19 +47,24 @@ class Listener:
         self._arrived = Event()
         self._start_ns: int | None = None
         self._seen = Seen()
+        self._refusals = Refusals()
+        self._waiting: list[tuple[str, bytes, bytes | None]] = []
+        self._early_ns = round(EARLY_NS * plan.run.speed)
         self._held: list[Any] = []
 
     def listen(self, name: str, *telemetry: str) -> None:
         """Receive all data and orders, and this telemetry, from now on; then declare the liveliness of ``name``."""
         for key in (keys.ALL_DATA, *telemetry, keys.START, keys.END, keys.LIFE):
             self._held.append(take_in(self.session, key, self._inbox, self._arrived))
-        self._held.append(self.session.liveliness().declare_token(keys.live(name)))
+        token = keys.live(name, self.seal.mark(keys.live(name)))
+        self._held.append(self.session.liveliness().declare_token(token))
 
     def now_ns(self) -> int | None:
         """Emulated time now (None: before the start was ordered)."""
-        if self._start_ns is None:
-            return None
-        return round((time.monotonic_ns() - self._start_ns) * self.plan.run.speed)
+        return self._emulated_ns(time.monotonic_ns())
+
+    def _emulated_ns(self, at_ns: int) -> int | None:
+        return None if self._start_ns is None else round((at_ns - self._start_ns) * self.plan.run.speed)
 
     def pulse(self, telling: Telling) -> None:
         """Process what arrived, and hand on what is settled; to be called every ``FLUSH_S``."""
@@ -69,43 +73,80 @@ class Listener:
             telling.settle(now_ns - round(SETTLE_S * self.plan.run.speed * NS))
 
     def drain(self) -> None:
-        """Process what arrived."""
+        """Process what arrived; what cannot be from a process of this run is refused and counted."""
         while self._inbox:
-            _, sample = self._inbox.popleft()
-            key = str(sample.key_expr)
+            arrived_ns, sample = self._inbox.popleft()
             self.received += 1
+            key, payload, attachment = bytes_of(sample)
             try:
-                if key.startswith("data/"):
-                    self._data(key, sample)
-                elif key.startswith("telemetry/"):
-                    self._telemetry(key, sample.payload.to_bytes())
-                elif key == keys.START:
-                    self._start_ns = int(sample.payload.to_string())
-                elif key == keys.END:
-                    self.ledger.end(int(sample.payload.to_string()))
-                elif key == keys.LIFE:
-                    self.ledger.life(ProcessSpec.from_plain(msgpack.unpackb(sample.payload.to_bytes())))
-            except (WireError, ValueError) as error:
-                log.warning("ignored a sample on %s: %s", key, error)
+                if not key.startswith("data/"):
+                    self.seal.check(key, payload, attachment)
+                self.take(key, payload, attachment, self._emulated_ns(arrived_ns))
+            except WireError as error:
+                self._refuse(key, payload, attachment, error)
 
-    def _data(self, key: str, sample: zenoh.Sample) -> None:
-        address = _parsed(key)
-        if sample.attachment is None:
-            raise WireError("envelope", "a foreign frame has none; its receivers stamp it")
-        e = Envelope.unpack(sample.attachment.to_bytes())
-        to, payload = address.to or NEIGHBOURHOOD, sample.payload.to_bytes()
-        frame = Frame(address.src, e.incarnation, address.kind, e.sent_ns, e.copy, to, address.medium, payload)
-        if self._seen.again(frame.identity):
-            return  # its receivers count it as a duplicate
-        self.ledger.sent(frame)
+    def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
+        """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.
 
-    def _telemetry(self, key: str, data: bytes) -> None:
-        _, process, what = key.split("/")
+        ``now_ns`` is the emulated time at which it arrived, if that is known.
+        """
+        if key.startswith("data/"):
+            self._data(key, payload, attachment, now_ns)
+        elif key.startswith("telemetry/"):
+            self._telemetry(key, payload, now_ns)
+        elif key == keys.START:
+            self._start_ns = begun(self._start_ns, payload)
+        elif key == keys.END:
+            self.ledger.end(nanoseconds(payload))
+        elif key == keys.LIFE:
+            self.ledger.life(life_of(payload, self._factories))
+            self._retry()
+
+    def _refuse(self, key: str, payload: bytes, attachment: bytes | None, error: WireError) -> None:
+        """Count a sample that is refused; one of an unknown life may have come before the order that announces it."""
+        if error.reason == "life" and len(self._waiting) < MAX_WAITING:
+            self._waiting.append((key, payload, attachment))
+            return
+        self._refusals.add(key, error)
+        self.ledger.refuse(key, error.reason)
+
+    def _retry(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for sample in waiting:
+            try:
+                self.take(*sample)
+            except WireError as error:
+                self._refuse(*sample, error)
+
+    def give_up(self) -> None:
+        """Refuse what still waits for its life to be announced."""
+        for key, *_ in self._waiting:
+            self.ledger.refuse(key, "life")
+        self._waiting.clear()
+
+    def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
+        if attachment is None:
+            return  # a foreign device's; its receivers stamp it
+        frame, *_ = frame_in(key, payload, attachment)
+        self.ledger.check(frame)
+        if now_ns is not None and now_ns + self._early_ns < frame.sent_ns < self.ledger.run.end_ns:
+            raise WireError("future", "sent later than now")
+        if not self._seen.again(frame):  # its receivers count it as a duplicate
+            self.ledger.sent(frame)
+
+    def _telemetry(self, key: str, data: bytes, now_ns: int | None) -> None:
+        _, process, what = parse_telemetry(key)
         if process == RECORDER:
             return
+        self.ledger.check_life(process)
         if what == "event":
-            self.ledger.told(process, unpack(data))
+            event = event_of(data)
+            if now_ns is not None and event.key[0] > now_ns + self._early_ns:
+                raise WireError("future", "told before it can have happened")
+            self.ledger.told(process, event)
         elif what == "counts":
-            self.ledger.counts[process] = msgpack.unpackb(data)
+            self.ledger.counts[process] = counts_of(data)
         elif what == "final":
-            self.ledger.final(process, msgpack.unpackb(data, strict_map_key=False))
+            self.ledger.final(process, final_of(data))
+        elif what not in SILENT:
+            raise WireError("key", "no telemetry of a process")

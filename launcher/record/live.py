@@ -14,15 +14,17 @@ from launcher.record.journal import Telling
 from launcher.record.listener import FLUSH_S, Listener
 from launcher.records import LIVE, Plan
 from launcher.timeline.timeline import Timeline
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import open_client
+from trackfield.plugins import give
 from trackfield.wire import keys
 
 
 class LiveRecorder(Listener):
     """Shows what it receives, at a port of this machine, until it is told to end."""
 
-    def __init__(self, session: zenoh.Session, plan: Plan, port: int) -> None:
-        super().__init__(session, plan)
+    def __init__(self, session: zenoh.Session, plan: Plan, port: int, seal: Seal) -> None:
+        super().__init__(session, plan, seal)
         self.telling = Telling(plan, self.ledger, Timeline(port, plan.info))
         self.end = Event()
         self.listen(LIVE, keys.telemetry_of_all("event"))
@@ -36,10 +38,11 @@ class LiveRecorder(Listener):
         self.telling.timeline.close()
 
 
-def show(endpoint: str, plan: Plan, port: int) -> None:
-    """The body of the process that shows a run."""
+def show(endpoint: str, plan: Plan, port: int, token: bytes) -> None:
+    """The body of the process that shows a run; ``token`` is the run's secret."""
+    give(plan.own_places, installed=True)
     session = open_client(endpoint, plan.run.run)
-    recorder = LiveRecorder(session, plan, port)
+    recorder = LiveRecorder(session, plan, port, Seal(token))
     signal.signal(signal.SIGTERM, lambda *_: recorder.end.set())
     recorder.run()
     session.close()  # type: ignore[no-untyped-call]

@@ -66,6 +66,7 @@ def run_metrics(
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped()},
+        "interference": {**ledger.interference(), "orders": 0, "tokens": 0},
     }
 
 
@@ -113,6 +114,7 @@ def _frames(ledger: Ledger) -> Metrics:
         "ignored": outcomes["ignored"] + _total(ledger, "malformed"),
         "lost": {cause: outcomes[cause] for cause in CAUSES},
         "host_lost": sums["host_lost"],
+        "refused": dict(sorted(ledger.refused.items())),
         "by_kind": {
             kind: {"sent": n, "payload_bytes_max": ledger.payload_max[kind]}
             for kind, n in sorted(ledger.sent_kinds.items())

@@ -18,10 +18,15 @@ from zenoh.handlers import Callback
 
 from launcher.record.journal import METRICS, Journal, Unplanned, summary, write_json
 from launcher.record.listener import FLUSH_S, Listener
+from launcher.record.samples import deaths_of
 from launcher.records import RECORDER, Plan
+from trackfield.drivers.intake import opened
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import open_client
+from trackfield.plugins import give
 from trackfield.role import NS
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
 
 STATUS_S: Final = 0.5
 FINALS_TIMEOUT_S: Final = 5.0
@@ -30,8 +35,8 @@ FINALS_TIMEOUT_S: Final = 5.0
 class Recorder(Listener):
     """Feeds the journal of a run folder, reports progress, and writes tables and metrics at the end."""
 
-    def __init__(self, session: zenoh.Session, plan: Plan, folder: Path) -> None:
-        super().__init__(session, plan)
+    def __init__(self, session: zenoh.Session, plan: Plan, folder: Path, seal: Seal) -> None:
+        super().__init__(session, plan, seal)
         self.journal = Journal(plan, self.ledger, folder)
         self.deaths: list[Unplanned] = []
         self._finish = Event()
@@ -39,7 +44,11 @@ class Recorder(Listener):
         self.listen(RECORDER, keys.ALL_TELEMETRY)
 
     def _on_finish(self, sample: zenoh.Sample) -> None:
-        self.deaths = msgpack.unpackb(sample.payload.to_bytes(), use_list=False)
+        try:
+            self.deaths = deaths_of(opened(sample, self.seal))
+        except WireError as error:
+            self._refusals.add(keys.FINISH, error)
+            return
         self._finish.set()
 
     def terminate(self) -> None:
@@ -55,10 +64,15 @@ class Recorder(Listener):
             self.pulse(self.journal)
             if time.monotonic() >= status_at:
                 status_at = time.monotonic() + STATUS_S
-                self.session.put(keys.telemetry(RECORDER, "status"), msgpack.packb(self._status()))
+                self._report()
         self._await_finals()
+        self.give_up()
         metrics = self.journal.close(self.deaths, messages=self.received)
         write_json(metrics, self.journal.folder / METRICS)
+
+    def _report(self) -> None:
+        key, status = keys.telemetry(RECORDER, "status"), msgpack.packb(self._status())
+        self.session.put(key, status, attachment=self.seal.stamp(key, status))
 
     def _status(self) -> dict[str, Any]:
         return {"t_s": (max(self.now_ns() or 0, 0) - self.plan.origin_ns) / NS, **summary(self.journal)}
@@ -72,10 +86,11 @@ class Recorder(Listener):
             self.drain()
 
 
-def record(endpoint: str, plan: Plan, folder: Path) -> None:
-    """The body of the recorder process."""
+def record(endpoint: str, plan: Plan, folder: Path, token: bytes) -> None:
+    """The body of the recorder process; ``token`` is the run's secret."""
+    give(plan.own_places, installed=True)
     session = open_client(endpoint, plan.run.run)
-    recorder = Recorder(session, plan, folder)
+    recorder = Recorder(session, plan, folder, Seal(token))
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
     recorder.run()
     session.close()  # type: ignore[no-untyped-call]

@@ -19,11 +19,10 @@ from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.plan.extensions import tracker_places
+from launcher.plan.extensions import own_places
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
-from trackfield.scenario.sensors import OwnSensor
 from trackfield.world.sensors import SENSORS
 
 RESULTS: Final = "results"
@@ -71,10 +70,9 @@ def _contents(file: object) -> str:
 
 def _own_code(scenario: Scenario) -> str:
     """The source of users' own trackers and sensors."""
-    makers: list[object] = [TRACKERS[name] for name in tracker_places(scenario.fusion)]
-    if isinstance(scenario.sensor, OwnSensor):
-        makers.append(SENSORS[scenario.sensor.kind])
-    return "".join(map(_source, makers))
+    books = {plugins.kind: plugins for plugins in (TRACKERS, SENSORS)}
+    named = (which.partition(":") for which in own_places(scenario))
+    return "".join(_source(books[kind][name]) for kind, _, name in named)
 
 
 def _source(maker: Any) -> str:

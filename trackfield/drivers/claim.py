@@ -5,9 +5,12 @@ from __future__ import annotations
 import msgpack
 import zenoh
 
-from trackfield.drivers.join import JOIN_TIMEOUT_S, JoinError
+from trackfield.drivers.ask import ANSWER_TIMEOUT_S, JoinError, ask
+from trackfield.drivers.intake import Refusals, read
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import open_client
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
 
 
 def find_run(endpoint: str) -> str:
@@ -16,8 +19,8 @@ def find_run(endpoint: str) -> str:
     Raises ``JoinError`` if there is none or more than one, ``zenoh.ZError`` if no router answers.
     """
     with open_client(endpoint) as session:
-        tokens = session.liveliness().get(f"*/{keys.LAUNCHER}", timeout=JOIN_TIMEOUT_S)
-        runs = sorted(str(token.ok.key_expr).partition("/")[0] for token in tokens if token.ok)
+        tokens = session.liveliness().get(f"*/{keys.LAUNCHER}/*", timeout=ANSWER_TIMEOUT_S)
+        runs = sorted({str(token.ok.key_expr).partition("/")[0] for token in tokens if token.ok})
     if not runs:
         raise JoinError("there is no run yet")
     if len(runs) > 1:
@@ -25,13 +28,13 @@ def find_run(endpoint: str) -> str:
     return runs[0]
 
 
-def claim(session: zenoh.Session, role: str, host: str) -> str:
+def claim(session: zenoh.Session, role: str, host: str, seal: Seal, refused: Refusals) -> str:
     """The name of a free place of this role to join under: the place that this host had before, if it had one.
 
     Raises ``JoinError`` if there is none or no launcher answers.
     """
-    for reply in session.get(keys.CLAIM, payload=msgpack.packb([role, host]), timeout=JOIN_TIMEOUT_S):
-        if reply.ok is None:
-            raise JoinError(reply.err.payload.to_string() if reply.err else "refused")
-        return reply.ok.payload.to_string()
-    raise JoinError("no launcher answers")
+    told = ask(session, keys.CLAIM, msgpack.packb([role, host]), seal, refused)
+    try:
+        return read(keys.check_name, told.get("name"))
+    except WireError as error:
+        raise JoinError(str(error)) from None

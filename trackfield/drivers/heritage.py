@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
-import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.meter import NOTHING, spent
+from trackfield.drivers.intake import Refusals, opened, read, unpacked
+from trackfield.drivers.meter import NOTHING, Activity, spent
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
+from trackfield.wire.error import WireError
 
 PATIENCE_NS: Final = 5_000_000_000
 """How long a life waits for the final record of the one before it (wall time)."""
@@ -24,23 +26,41 @@ class Heritage:
     """
 
     def __init__(
-        self, session: zenoh.Session, spec: ProcessSpec, stored: bytes | None, tell: Callable[[], None]
+        self,
+        session: zenoh.Session,
+        spec: ProcessSpec,
+        stored: bytes | None,
+        tell: Callable[[], None],
+        seal: Seal,
+        refused: Refusals,
     ) -> None:
         self.stored, self.spent = stored or b"", NOTHING
         self.known = not spec.incarnation or stored is not None
-        self._tell = tell
+        self._tell, self._seal, self._refused = tell, seal, refused
         if not self.known:
-            listeners = {"stored": self._on_stored, "final": self._on_final}
             self._held = [
-                session.declare_subscriber(keys.telemetry(spec.before, what), Callback(listener, indirect=False))
-                for what, listener in listeners.items()
+                session.declare_subscriber(keys.telemetry(spec.before, what), Callback(self._on_sample, indirect=False))
+                for what in ("stored", "final")
             ]
 
-    def _on_stored(self, sample: zenoh.Sample) -> None:
-        self.stored = sample.payload.to_bytes()
-
-    def _on_final(self, sample: zenoh.Sample) -> None:
-        record = msgpack.unpackb(sample.payload.to_bytes(), strict_map_key=False)
-        self.stored, self.spent = record["stored"], spent(record)
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr)
+        try:
+            data = opened(sample, self._seal)
+            if key.endswith("stored"):
+                self.stored = data
+                return
+            self.stored, self.spent = read(_bequeathed, unpacked(data))
+        except WireError as error:
+            self._refused.add(key, error)
+            return
         self.known = True
         self._tell()
+
+
+def _bequeathed(record: Any) -> tuple[bytes, Activity]:
+    """What a final record leaves to the next life."""
+    stored, used = record["stored"], spent(record)
+    if not isinstance(stored, bytes) or not all(type(n) is int and n >= 0 for n in used):
+        raise WireError("malformed", "no final record")
+    return stored, used

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any
 
-import msgpack
 import zenoh
 
+from trackfield.drivers.ask import JoinError, ask
+from trackfield.drivers.intake import Refusals, read
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.wire import keys
-
-JOIN_TIMEOUT_S: Final = 60.0
-ASK_TIMEOUT_S: Final = 10.0
-"""For one query: if thousands ask at once, a query or its reply may get lost."""
-TIMEOUT: Final = "Timeout"
-"""Zenoh's own reply to a query that was not answered in time."""
-JOIN_RETRY_S: Final = 0.2
-
-
-class JoinError(RuntimeError):
-    """The launcher has no place for this process, or does not answer."""
+from trackfield.wire.error import WireError
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +30,20 @@ class Joined:
     stored: bytes | None = None
 
 
-def join(session: zenoh.Session, name: str) -> Joined:
-    """Ask the launcher for everything that the process of this name needs. Raises ``JoinError``."""
-    deadline = time.monotonic() + JOIN_TIMEOUT_S
-    while time.monotonic() < deadline:
-        for reply in session.get(keys.JOIN, payload=name, timeout=ASK_TIMEOUT_S):
-            if reply.ok is None:
-                why = reply.err.payload.to_string() if reply.err else "refused"
-                if why == TIMEOUT:
-                    break
-                raise JoinError(f"{name}: {why}")
-            answer = msgpack.unpackb(reply.ok.payload.to_bytes(), strict_map_key=False)
-            process = ProcessSpec.from_plain(answer["process"])
-            return Joined(RunSpec(**answer["run"]), process, answer["start_ns"], answer["stored"])
-        time.sleep(JOIN_RETRY_S)
-    raise JoinError(f"{name}: no launcher answers in this run")
+def join(session: zenoh.Session, name: str, factory: str, seal: Seal, refused: Refusals) -> Joined:
+    """Ask the launcher for everything that the process of this name, made by ``factory``, needs.
+
+    Raises ``JoinError``; answers that are not the launcher's are ``refused``.
+    """
+    try:
+        return read(_joined, ask(session, keys.JOIN, name.encode(), seal, refused), name, factory)
+    except (JoinError, WireError) as error:
+        raise JoinError(f"{name}: {error}") from None
+
+
+def _joined(answer: Mapping[str, Any], name: str, factory: str) -> Joined:
+    process = ProcessSpec.from_plain(answer["process"], factory)
+    start_ns, stored = answer["start_ns"], answer["stored"]
+    if process.name != name or type(start_ns) not in (int, type(None)) or type(stored) not in (bytes, type(None)):
+        raise WireError("malformed", "an answer to another question")
+    return Joined(RunSpec(**answer["run"]), process, start_ns, stored)

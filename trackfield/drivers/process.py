@@ -10,37 +10,38 @@ import logging
 import os
 import signal
 import time
+from bisect import insort
 from collections import deque
 from collections.abc import Iterable
-from threading import Event, Thread
+from operator import itemgetter
+from threading import Event
 from typing import Any, Final
 
 import msgpack
 import zenoh
-from zenoh.handlers import Callback, FifoChannel
+from zenoh.handlers import Callback
 
 from trackfield.drivers.conditions import NEVER
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import RANK_TIMER, Arrival, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.histogram import Histogram
+from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
+from trackfield.drivers.intake import Refusals, begun, nanoseconds, opened
 from trackfield.drivers.join import join
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import build_core, link_of
 from trackfield.drivers.telemetry import pack
 from trackfield.link.fate import Link
-from trackfield.role import NEIGHBOURHOOD, Store
+from trackfield.role import Store
 from trackfield.wire import keys
-from trackfield.wire.codec import WireError
 from trackfield.wire.envelope import Envelope
+from trackfield.wire.error import WireError
 
 log = logging.getLogger(__name__)
 
 HORIZON_S: Final = 5.0
 """How long (wall time) events can be undone; frames are tens of milliseconds out of order, unless a host stalls."""
-SEEN: Final = 10_000
-"""How many identities of frames are remembered to recognise duplicates."""
-CHANNEL: Final = 100_000
-"""Samples that wait in a channel before Zenoh's thread would block."""
 REPEAT_NS: Final = 1_000_000_000
 """How often changed counters, and the end of the run, are reported (wall time)."""
 HOLD_NS: Final = 40_000_000
@@ -48,72 +49,37 @@ HOLD_NS: Final = 40_000_000
 their order depends on requests that this machine may deliver in another order."""
 LINGER_NS: Final = 300_000_000
 """How long a process waits after a planned kill for frames that are still on their way (wall time)."""
-
-
-Inbox = deque[tuple[int, zenoh.Sample]]
-"""Samples and when (host's monotonic clock, ns) they arrived."""
-
-
-def take_in(session: zenoh.Session, key: str, inbox: Inbox, wake: Event) -> Any:
-    """Subscribe for a process that computes for long at a time; returns the subscriber.
-
-    Meanwhile Zenoh's thread would have to wait for Python at every sample, and the router would drop the samples queued
-    behind it. So it fills a channel of its own, and a thread here empties that at once whenever it runs.
-    """
-    subscriber = session.declare_subscriber(key, FifoChannel(CHANNEL))
-
-    def empty() -> None:
-        try:
-            while True:
-                sample: zenoh.Sample | None = subscriber.recv()
-                while sample is not None:
-                    inbox.append((time.monotonic_ns(), sample))
-                    sample = subscriber.try_recv()
-                wake.set()
-        except zenoh.ZError:
-            return  # the session was closed
-
-    Thread(target=empty, name=key, daemon=True).start()
-    return subscriber
-
-
-class Seen:
-    """The latest identities, to recognise duplicates."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[Any, ...], None] = {}
-
-    def again(self, identity: tuple[Any, ...]) -> bool:
-        """Whether this identity was seen before; remembers it."""
-        if identity in self._known:
-            return True
-        self._known[identity] = None
-        if len(self._known) > SEEN:
-            del self._known[next(iter(self._known))]
-        return False
+ORDER_BYTES: Final = 64
+"""The longest order to a process."""
 
 
 class Process:
-    """One process of the field: declares itself, waits for the start, runs to the end, and sends its final record."""
+    """One process of the field: declares itself, waits for the start, runs to the end, and sends its final record.
 
-    def __init__(self, session: zenoh.Session, name: str) -> None:
+    Its role is made by ``factory``. Orders and answers count if they have the run's ``seal``.
+    """
+
+    def __init__(self, session: zenoh.Session, name: str, factory: str, seal: Seal) -> None:
         self.session, self.name = session, name
+        self._seal, self._refused, self._strange, self._forged = seal, Refusals(), Refusals(), Refusals()
         self._inbox: Inbox = deque()
         self._wake, self._stop = Event(), Event()
         self._start_ns: int | None = None
+        self._end_ns = NEVER
         self._held = [session.declare_subscriber(keys.ORDERS, Callback(self._on_order, indirect=False))]
-        joined = join(session, name)
-        self.spec, self._end_ns, self._speed = joined.process, joined.run.end_ns, joined.run.speed
+        joined = join(session, name, factory, seal, self._forged)
+        self.spec, self._speed = joined.process, joined.run.speed
+        self._end_ns = min(self._end_ns, joined.run.end_ns)
         self._link: Link = link_of(joined.run, joined.process.places)
         horizon_ns = round(HORIZON_S * joined.run.speed * 1e9)
         self.core: Core = build_core(joined.run, joined.process, self._link, horizon_ns=horizon_ns)
-        self._counts = {"radio": 0, "partition": 0, "duplicate": 0, "foreign": 0, "malformed": 0}
-        self._seen, self._seq = Seen(), 0
+        self._counts = {"radio": 0, "partition": 0, "duplicate": 0, "foreign": 0}
+        self._seen, self._seq, self._told = Seen(), 0, 0
         self._counts_ns, self._reached_ns, self._replay_ns = NEVER, 0, 0
         self._slip, self._latency = Histogram(), Histogram()
         self.core.recall = self._recall
         self._outbox: list[tuple[int, Frame]] = []
-        self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set)
+        self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set, seal, self._refused)
         for key in self._inboxes():
             self._held.append(
                 take_in(session, key, self._inbox, self._wake)
@@ -122,7 +88,7 @@ class Process:
             )
         if joined.start_ns is not None:
             self._start_ns = joined.start_ns
-        self._token = session.liveliness().declare_token(keys.live(name))
+        self._token = session.liveliness().declare_token(keys.live(name, seal.mark(keys.live(name))))
 
     def _inboxes(self) -> list[str]:
         id, media = self.spec.id, self.spec.media
@@ -141,13 +107,20 @@ class Process:
 
     def _on_order(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
+        try:
+            self._obey(key, opened(sample, self._seal, ORDER_BYTES))
+        except WireError as error:
+            self._refused.add(key, error)
+        self._wake.set()
+
+    def _obey(self, key: str, order: bytes) -> None:
+        """Follow an order of the launcher; the start cannot be changed, and the end only comes sooner."""
         if key == keys.START:
-            self._start_ns = int(sample.payload.to_string())
-        elif key == keys.END:  # the run ends early, at this emulated time
-            self._end_ns = int(sample.payload.to_string())
+            self._start_ns = begun(self._start_ns, order)
+        elif key == keys.END:
+            self._end_ns = min(self._end_ns, nanoseconds(order))
         elif key == keys.STOP:
             self._stop.set()
-        self._wake.set()
 
     # --- the loop -------------------------------------------------------------------------------------------------
 
@@ -183,7 +156,7 @@ class Process:
         if self.core.behind:
             # Replays take at most a quarter of the time, but a timer's outputs do not wait for them.
             if now < self._replay_ns and (now < due or (key is not None and key[1] != RANK_TIMER)):
-                return self._replay_ns
+                return min(self._replay_ns, self._outbox[0][0] if self._outbox else NEVER)
             self._release(self.core.catch_up())
             after = time.monotonic_ns()
             self._replay_ns = after + 3 * (after - now)
@@ -204,8 +177,7 @@ class Process:
         """Report changed counters, and the end when it is reached; returns when (wall) to do so again."""
         if now >= self._counts_ns:
             self._counts_ns = NEVER
-            counts = msgpack.packb({**self._counts, **self.core.tally})
-            self.session.put(keys.telemetry(self.name, "counts"), counts)
+            self._say("counts", msgpack.packb({**self._counts, **self.core.tally}), must=False)
         end = NEVER if self._waits_for_heritage() else self._wall(self._end_ns)
         if now >= max(end, self._reached_ns):
             self._reached_ns = now + REPEAT_NS
@@ -231,17 +203,21 @@ class Process:
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]
 
-    def _say(self, what: str, data: bytes) -> None:
-        """Telemetry that must arrive."""
+    def _say(self, what: str, data: bytes, *, must: bool = True) -> None:
+        """Telemetry, that ``must`` arrive or may be lost."""
         key = keys.telemetry(self.name, what)
-        self.session.put(key, data, congestion_control=zenoh.CongestionControl.BLOCK)
+        care = zenoh.CongestionControl.BLOCK if must else zenoh.CongestionControl.DROP
+        self.session.put(key, data, attachment=self._seal.stamp(key, data), congestion_control=care)
 
     def record(self) -> dict[str, Any]:
         """The counters of this life, for the recorder's cross-check."""
         return {
             **self.core.record(self._end_ns),
             **self._counts,
+            "malformed": self._strange.total,
+            "forged": self._forged.total,
             "sent": self._seq,
+            "told": self._told,
             "slip": dict(self._slip.counts),
             "latency": dict(self._latency.counts),
             "cpu_s": time.process_time(),
@@ -252,37 +228,27 @@ class Process:
     def _accept(self, arrived_ns: int, sample: zenoh.Sample) -> None:
         self._counts_ns = min(self._counts_ns, arrived_ns + REPEAT_NS)
         try:
-            address = keys.parse(str(sample.key_expr))
-            envelope = self._envelope(arrived_ns, sample)
+            frame, envelope, cell = frame_in(*bytes_of(sample), lambda: self._stamped(arrived_ns))
+            if not self.spec.hears(frame.medium, frame.to, frame.src, cell):
+                if frame.broadcast:
+                    return
+                raise WireError("sender", "not from a process whose frames may come here")
+            if self._wall(frame.sent_ns) > arrived_ns + EARLY_NS:
+                raise WireError("future", "sent later than now")
+            if self._seen.again(frame):
+                self._counts["duplicate"] += 1
+                return
         except WireError as error:
-            self._counts["malformed"] += 1
-            log.warning("ignored a frame on %s: %s", sample.key_expr, error)
-            return
-        frame = Frame(
-            address.src,
-            envelope.incarnation,
-            address.kind,
-            envelope.sent_ns,
-            envelope.copy,
-            address.to or NEIGHBOURHOOD,
-            address.medium,
-            sample.payload.to_bytes(),
-        )
-        if not self.spec.hears(frame.medium, frame.to, frame.src, address.cell or ""):
-            return
-        if self._seen.again(frame.identity):
-            self._counts["duplicate"] += 1
+            self._strange.add(sample.key_expr, error)
             return
         if envelope.put_ns:
             self._latency.add(arrived_ns - envelope.put_ns)
         self._receive(frame)
 
-    def _envelope(self, arrived_ns: int, sample: zenoh.Sample) -> Envelope:
-        """The frame's envelope; a foreign device's frame has none and is stamped on arrival."""
-        if sample.attachment is not None:
-            return Envelope.unpack(sample.attachment.to_bytes())
+    def _stamped(self, arrived_ns: int) -> Envelope:
+        """The envelope of a foreign device's frame that came without one."""
         if self._speed != 1 or self._start_ns is None:
-            raise WireError("envelope")
+            return no_stamp()
         self._counts["foreign"] += 1
         return Envelope(max(arrived_ns - self._start_ns, 0), 0, 0, 0, 0)
 
@@ -299,16 +265,24 @@ class Process:
 
     def _release(self, outputs: Iterable[Output]) -> None:
         for output in outputs:
-            if isinstance(output, Sent) and self.spec.sink:
-                self._outbox.append((time.monotonic_ns() + HOLD_NS, output.frame))
-            elif isinstance(output, Sent):
-                self._transmit(output.frame)
+            if isinstance(output, Sent):
+                self._hold(output.frame)
             elif isinstance(output, Told) and isinstance(output.effect, Store):
                 self._say("stored", output.effect.data)
             elif isinstance(output, Told | Refused | Undone):
-                self.session.put(keys.telemetry(self.name, "event"), pack(output))
+                self._told += 1
+                self._say("event", pack(output), must=False)
             else:
                 log.warning("no device is attached to port %s", output.port)
+
+    def _hold(self, frame: Frame) -> None:
+        """Transmit a frame when it leaves; one that waits for the radio is not there yet."""
+        now = time.monotonic_ns()
+        leaves = max(now + (HOLD_NS if self.spec.sink else 0), self._wall(frame.sent_ns))
+        if leaves > now:
+            insort(self._outbox, (leaves, frame), key=itemgetter(0))
+        else:
+            self._transmit(frame)
 
     def _recall(self, frame: Frame) -> bool:
         """Withdraw a frame that is still held back."""

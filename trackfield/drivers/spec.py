@@ -45,6 +45,8 @@ class RunSpec:
 class ProcessSpec:
     """One process: the name of its role, the ``module:attribute`` and arguments that make it, and its surroundings.
 
+    The ``factory`` is never sent: a process knows its own, from its parent or as the program that it is.
+
     ``sound`` is the plain form of its sensor, acoustic or (with a ``kind``) a user's own; empty: none. ``cell`` is
     where its broadcasts go, ``cells`` those it listens to (none if none of its roles consumes broadcasts). ``media``
     are the radios and wires it has. ``peers`` are the places of the processes whose frames it may receive, not of the
@@ -92,16 +94,19 @@ class ProcessSpec:
     def plain(self) -> Plain:
         """The form that is sent; a battery's capacity may exceed 64 bits."""
         power = {name: None if value is None else str(value) for name, value in self.power.items()}
-        return {**asdict(self), "power": power}
+        plain = {**asdict(self), "power": power}
+        del plain["factory"]
+        return plain
 
     @classmethod
-    def from_plain(cls, plain: Mapping[str, Any]) -> Self:
-        """The inverse of ``plain``."""
+    def from_plain(cls, plain: Mapping[str, Any], factory: str) -> Self:
+        """The inverse of ``plain``, for a process that is made by ``factory``."""
         tuples = {name: tuple(plain[name]) for name in ("media", "cells", "faults")}
         pairs = {name: tuple((a, b) for a, b in plain[name]) for name in ("freezes", "jumps")}
         power = {name: None if value is None else int(value) for name, value in plain["power"].items()}
         peers = {id: _place(place) for id, place in plain["peers"].items()}
-        return cls(**{**plain, **tuples, **pairs, "power": power, "peers": peers, "legs": _legs(plain["legs"])})
+        places = {"peers": peers, "legs": _legs(plain["legs"])}
+        return cls(**{**plain, **tuples, **pairs, **places, "power": power, "factory": factory})
 
     @property
     def place(self) -> Point | Path:
@@ -114,10 +119,10 @@ class ProcessSpec:
         return {**self.peers, self.id: self.place}
 
     def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
-        """Whether a frame from ``src`` to this address (a broadcast: into ``cell``) comes to this process."""
-        if medium not in self.media:
+        """Whether a frame from ``src``, a peer, to this address (a broadcast: into ``cell``) comes to this process."""
+        if medium not in self.media or src not in self.peers:
             return False
-        return src != self.id and cell in self.cells if to == NEIGHBOURHOOD else to == self.id
+        return cell in self.cells if to == NEIGHBOURHOOD else to == self.id
 
 
 def life_name(id: str, incarnation: int) -> str:

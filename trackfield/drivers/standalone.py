@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import os
+import re
 import socket
 import sys
 import time
@@ -13,27 +14,39 @@ from typing import Final, NoReturn
 import zenoh
 from setproctitle import setproctitle
 
+from trackfield.drivers.ask import JoinError
 from trackfield.drivers.claim import claim, find_run
-from trackfield.drivers.join import JoinError
+from trackfield.drivers.intake import Refusals
 from trackfield.drivers.process import Process
+from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
+from trackfield.errors import ScenarioError
+from trackfield.plugins import give
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_name
 
+_OWN: Final = re.compile(r"(sensor|tracker):[^=:]+=[\w.]+:[\w.]+")
 RETRY_S: Final = 1.0
 """How often a waiting process looks for a run with a free place."""
 
 
-def main(role: str, description: str | None) -> None:
-    """Join a run as one of its processes and live its life; exit 2 for bad arguments, 1 if it cannot join."""
+def main(role: str, factory: str, description: str | None, *, installed: bool = False) -> None:
+    """Join a run as one of its processes and live its life; ``factory`` (``module:attribute``) makes its role.
+
+    ``installed``: users' own classes are also looked for among installed packages, which takes memory. Exit 2 for bad
+    arguments, 1 if it cannot join.
+    """
     arguments = _arguments(role, description)
+    give(dict(arguments.own), installed=installed)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
     os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
     setproctitle(f"trackfield {role}")
     while True:
         try:
-            process = _join(role, arguments)
+            process = _join(role, factory, arguments)
             break
+        except ScenarioError as error:
+            sys.exit(f"{role}: {error} (--own tells this process where a class of yours is)")
         except (JoinError, zenoh.ZError) as error:
             if not arguments.wait:
                 which = " ".join(filter(None, ["the run", arguments.run]))
@@ -51,16 +64,25 @@ def _leave() -> NoReturn:
     os._exit(0)
 
 
-def _join(role: str, arguments: argparse.Namespace) -> Process:
+def _join(role: str, factory: str, arguments: argparse.Namespace) -> Process:
     run = arguments.run or find_run(arguments.connect)
     session = open_client(arguments.connect, run)
+    seal = Seal(token_from(os.environ))
     try:
-        name = arguments.id or claim(session, role, socket.gethostname())
+        name = arguments.id or claim(session, role, socket.gethostname(), seal, Refusals())
         setproctitle(f"trackfield {role} {name}")
-        return Process(session, name)
+        return Process(session, name, factory, seal)
     except JoinError:
         session.close()  # type: ignore[no-untyped-call]
         raise
+
+
+def _own(text: str) -> tuple[str, str]:
+    """``kind:name`` and ``module:attribute``. Raises ``argparse.ArgumentTypeError``."""
+    which, _, place = text.partition("=")
+    if not _OWN.fullmatch(text):
+        raise argparse.ArgumentTypeError(f"is {text!r}; expected something like sensor:sonar=mine.sonar:Sonar")
+    return which, place
 
 
 def _arguments(role: str, description: str | None) -> argparse.Namespace:
@@ -70,6 +92,14 @@ def _arguments(role: str, description: str | None) -> argparse.Namespace:
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="the run's router, like tcp/10.0.0.1:7447")
     parser.add_argument("--run", metavar="ID", help="the run's id, if the router has several at a time")
     parser.add_argument("--id", help="which of the run's processes this is, like n060; if not given, any that is free")
+    parser.add_argument(
+        "--own",
+        type=_own,
+        action="append",
+        default=[],
+        metavar="KIND:NAME=PLACE",
+        help="where a sensor or tracker of your own is, like sensor:sonar=mine.sonar:Sonar",
+    )
     parser.add_argument("--wait", action="store_true", help="wait for a router, a run and a free place")
     arguments = parser.parse_args()
     if not is_endpoint(arguments.connect):

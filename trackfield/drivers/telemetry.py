@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import msgpack
 
-from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
-from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
+from trackfield.drivers.frames import Charge, Died, Overflowed, Queued, Refused, Told, Undone
+from trackfield.role import Corrected, Note, Publish, Radio, State
 
 Telemetry = Told | Refused | Undone
 
@@ -34,23 +34,3 @@ def pack(output: Telemetry) -> bytes:
 def _fields(flat: object) -> tuple[Any, ...]:
     """The values of a dataclass without nested ones; ``astuple`` would load and copy more than a node needs."""
     return tuple(getattr(flat, name) for name in type(flat).__match_args__)  # type: ignore[attr-defined]
-
-
-def unpack(data: bytes) -> Telemetry:
-    """The inverse of ``pack``. Raises ValueError for anything else."""
-    try:
-        name, key, *fields = msgpack.unpackb(data, use_list=False)
-        match name:
-            case "publish":
-                return Told(key, Publish(TrackPoint(*fields)))
-            case "overflowed":
-                return Told(key, Overflowed(Frame(*fields)))
-            case "refused":
-                return Refused(key, *fields)
-            case "undone":
-                return Undone(key)
-        if name in _PLAIN:
-            return Told(key, _PLAIN[name](*fields))
-    except (TypeError, ValueError, msgpack.UnpackException) as error:
-        raise ValueError(f"no telemetry: {error}") from None
-    raise ValueError(f"unknown telemetry {name!r}")

@@ -13,7 +13,7 @@ from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
 from trackfield.options import made
-from trackfield.plugins import Maker, Plugins, load
+from trackfield.plugins import Maker, Plugins
 
 TRACKERS: Final = Plugins(
     "tracker",
@@ -43,23 +43,16 @@ def register_tracker(name: str, maker: Maker) -> None:
     TRACKERS.register(name, maker)
 
 
-def make_tracker(
-    name: str, options: Mapping[str, Any] | None = None, places: Mapping[str, str] | None = None
-) -> Tracker[Any]:
+def make_tracker(name: str, options: Mapping[str, Any] | None = None) -> Tracker[Any]:
     """The tracker of this name with these ``options``; an option ``tracker`` makes it a variant of that tracker.
 
-    ``places`` (``module:attribute``, by name) are those of trackers that were registered in another process. Users'
-    own trackers are returned as ``Checked``. Raises ``ScenarioError`` with the nearest name for an unknown tracker, and
-    for unknown or unsuitable options.
+    Users' own trackers are returned as ``Checked``. Raises ``ScenarioError`` with the nearest name for an unknown
+    tracker, and for unknown or unsuitable options.
     """
     fields = dict(options or {})
     kind = fields.pop("tracker", name)
     key = f"fusion.options.{name}"
-    if kind in TRACKERS:
-        maker = TRACKERS[kind]
-    elif places and kind in places:
-        maker = load(places[kind])
-    else:
+    if kind not in TRACKERS:
         raise TRACKERS.unknown(kind, f"{key}.tracker" if kind != name else "fusion.trackers")
-    tracker: Tracker[Any] = made(maker, fields, key)
+    tracker: Tracker[Any] = made(TRACKERS[kind], fields, key)
     return tracker if kind in TRACKERS.own else checked(name, tracker)

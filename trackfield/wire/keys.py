@@ -21,7 +21,9 @@ JOIN: Final = "control/join"
 CLAIM: Final = "control/claim"
 """A process without a name asks here (a query: role and host, packed) for a place to join under."""
 LAUNCHER: Final = "control/launcher"
-"""The liveliness token by which processes find a run whose id they do not know."""
+"""Below this is the launcher's liveliness token, named after its session: how processes find a run, and know it."""
+ALL_CONTROL: Final = "control/**"
+"""Everything that is ordered in a run."""
 ORDERS: Final = "control/*"
 """The launcher's orders to all processes."""
 START: Final = "control/start"
@@ -112,14 +114,27 @@ def telemetry(name: str, what: str) -> str:
     return f"telemetry/{check_name(name)}/{check_id(what)}"
 
 
+def parse_telemetry(key: str) -> tuple[str, str, str]:
+    """``telemetry``, the life and what it tells; raises ``WireError`` (``key``) for anything else."""
+    chunks = key.split("/")
+    if len(chunks) != 3 or chunks[0] != "telemetry":
+        raise WireError("key", "no telemetry key")
+    return "telemetry", check_name(chunks[1]), check_id(chunks[2])
+
+
 def telemetry_of_all(what: str) -> str:
     """The key expression of the telemetry ``what`` of every process; raises ``WireError`` (``key``)."""
     return f"telemetry/*/{check_id(what)}"
 
 
-def live(name: str) -> str:
-    """The liveliness token of a life; raises ``WireError`` (``key``)."""
-    return f"live/{check_name(name)}"
+def live(name: str, mark: str = "") -> str:
+    """The liveliness token of a life, with the mark by which it is known; raises ``WireError`` (``key``)."""
+    return f"live/{check_name(name)}" + (f"/{mark}" if mark else "")
+
+
+def launcher(session: object) -> str:
+    """The liveliness token of a launcher with this session id."""
+    return f"{LAUNCHER}/{session}"
 
 
 def _check_medium(medium: str) -> Medium:

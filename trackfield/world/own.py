@@ -87,13 +87,12 @@ class FaultyOwn(Faulty):
         return self.sensor.elsewhere(kind, t_ns)
 
 
-def plain(placed: PlacedSensor, kind: str, options: Mapping[str, Any], place: str) -> dict[str, Any]:
+def plain(placed: PlacedSensor, kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """The plain form of a sensor, for ``own_ears``: lists, numbers and text."""
     intervals = [(a / _NS, b / _NS) for a, b in placed.windows]
     return {
         "kind": kind,
         "options": dict(options),
-        "place": place,
         "id": placed.id,
         "position": list(placed.position),
         "paths": [path.cut(intervals).to_plain() for path in placed.paths],
@@ -111,7 +110,7 @@ def own_ears(plain: Mapping[str, Any], faults: Sequence[Mapping[str, Any]]) -> E
         (x, y),
         tuple(map(Path.from_plain, plain["paths"])),
         tuple((a, b) for a, b in plain["windows"]),
-        make_sensor(plain["kind"], plain["options"], plain["place"]),
+        make_sensor(plain["kind"], plain["options"]),
         plain["seed"],
         plain["incarnation"],
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from trackfield.errors import ScenarioError
 from trackfield.options import made
-from trackfield.plugins import Maker, Plugins, load
+from trackfield.plugins import Maker, Plugins
 from trackfield.world.acoustic import AcousticSensor
 
 if TYPE_CHECKING:
@@ -83,15 +83,15 @@ def fix_sensors(sensor: Sensor) -> int:
     return int(getattr(sensor, "fix_sensors", 2 if len(sensor.sd) == 1 else 1))
 
 
-def make_sensor(kind: str, options: Mapping[str, Any], place: str = "") -> Sensor:
-    """The sensor of this kind with these options; ``place`` says where it is if another process registered it.
+def make_sensor(kind: str, options: Mapping[str, Any]) -> Sensor:
+    """The sensor of this kind with these options.
 
     Raises ``ScenarioError`` with the nearest name for an unknown kind, for unknown or unsuitable options, and for a
     sensor without range, noise or resolution.
     """
-    if kind not in SENSORS and not place:
+    if kind not in SENSORS:
         raise SENSORS.unknown(kind, "sensor.kind")
-    sensor: Sensor = made(SENSORS[kind] if kind in SENSORS else load(place), options, "sensor")
+    sensor: Sensor = made(SENSORS[kind], options, "sensor")
     range_m = getattr(sensor, "range_m", None)
     if not (isinstance(range_m, int | float) and isfinite(range_m) and range_m > 0):
         raise ScenarioError(f"'{kind}' has {range_m!r}", key="sensor.range_m", expected="metres, above 0")

@@ -12,7 +12,7 @@ from trackfield.scenario.sensors.sensor import SensorSection
 from trackfield.world.own import PlacedSensor, plain
 from trackfield.world.path import Path
 from trackfield.world.readings import Window
-from trackfield.world.sensors import SENSORS, make_sensor
+from trackfield.world.sensors import make_sensor
 
 
 class OwnSensor(SensorSection):
@@ -40,4 +40,4 @@ class OwnSensor(SensorSection):
         id, x, y = place
         made = make_sensor(self.kind, self.options)
         placed = PlacedSensor(id, (x, y), tuple(paths), tuple(windows), made, seed)
-        return plain(placed, self.kind, self.options, SENSORS.place(self.kind))
+        return plain(placed, self.kind, self.options)

@@ -1,0 +1,153 @@
+"""The content of telemetry and orders, parsed into types: what passes here can be recorded, whoever sent it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Annotated, Any, Final, Literal, get_type_hints
+
+from annotated_types import Ge, Le, Len
+from pydantic import BaseModel, ConfigDict, TypeAdapter
+
+from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
+from trackfield.drivers.intake import read, unpacked
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.drivers.telemetry import Telemetry
+from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
+from trackfield.wire.codec import MAX_BYTES
+from trackfield.wire.error import WireError
+from trackfield.wire.keys import Medium, check_id
+
+MAX_EVENT: Final = 256 * 1024
+"""The largest telemetry of one event (bytes): a point with its particles and the ids of thousands of sensors."""
+MAX_NS: Final = 2**62
+"""Beyond any instant of a run."""
+
+Count = Annotated[int, Ge(0), Le(2**63 - 1)]
+Small = Annotated[int, Ge(-(2**31)), Le(2**31 - 1)]
+"""Fits a column of 32 bits."""
+Ns = Annotated[int, Ge(-MAX_NS), Le(MAX_NS)]
+Text = Annotated[str, Len(0, 1000)]
+Five = tuple[Count, Count, Count, Count, Count]
+Buckets = dict[Annotated[int, Ge(-1000), Le(1000)], Count]
+"""Of a ``Histogram``: a duration of exp(1000 / 20) ns is beyond any."""
+
+_KEY: Final = TypeAdapter[EventKey](
+    tuple[Ns, Literal[0], Text]
+    | tuple[Ns, Literal[1], Text, Text, Ns, Count, Count, Text, Text]
+    | tuple[Ns, Literal[2], Ns, Text]
+    | tuple[Ns, Literal[3]]
+)
+_STRICT: Final = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class Record(BaseModel):
+    """The final record of a life (``Process.record``); counts that depend on the role are in ``model_extra``."""
+
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, Count]
+
+    incarnation: Count
+    stored: bytes
+    activity: Five
+    inherited: Five
+    metered_ns: Ns
+    slip: Buckets
+    latency: Buckets
+    cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
+
+
+class Status(BaseModel):
+    """What the recorder reports while a run goes on, as the live table shows it."""
+
+    model_config = _STRICT
+
+    t_s: float
+    sent: Count
+    outcomes: dict[Text, Count]
+    states: dict[Text, Count]
+    errors: dict[Text, float | None]
+
+
+_COUNTS: Final = TypeAdapter(dict[Text, Count])
+_DEATHS: Final = TypeAdapter(tuple[tuple[Text, float | None, Text], ...])
+_COLUMNS: Final = {"step": Small | None, "lag": Small, "term": Small}
+
+
+def _values(kind: type) -> TypeAdapter[Any]:
+    """Parses the fields of a flat dataclass, in their order."""
+    assert is_dataclass(kind)
+    hints = get_type_hints(kind)
+    bounded = {int: Ns, str: Text, tuple[float, ...]: tuple[float, ...], Medium: Medium}
+    types = [_COLUMNS.get(f.name) or bounded.get(hints[f.name], hints[f.name]) for f in fields(kind)]
+    together: Any = tuple.__class_getitem__(tuple(types))
+    return TypeAdapter(together)
+
+
+_PLAIN: Final = {kind.__name__.lower(): kind for kind in (State, Radio, Note, Corrected, Died, Charge, Queued)}
+_FIELDS: Final = {kind: _values(kind) for kind in (*_PLAIN.values(), TrackPoint, Frame)}
+
+
+def event_of(data: bytes) -> Telemetry:
+    """One piece of telemetry, the inverse of ``trackfield.drivers.telemetry.pack``. Raises ``WireError``."""
+    return read(_event, unpacked(data, MAX_EVENT))
+
+
+def _event(told: Any) -> Telemetry:
+    name, key, *values = told
+    key = _KEY.validate_python(key, strict=True)
+    match name:
+        case "publish":
+            return Told(key, Publish(_point(_made(TrackPoint, values))))
+        case "overflowed":
+            return Told(key, Overflowed(_frame(_made(Frame, values))))
+        case "refused":
+            (reason,) = values
+            return Refused(key, TypeAdapter(Text).validate_python(reason, strict=True))
+        case "undone" if not values:
+            return Undone(key)
+    return Told(key, _made(_PLAIN[name], values))
+
+
+def _made(kind: Any, values: list[Any]) -> Any:
+    return kind(*_FIELDS[kind].validate_python(tuple(values), strict=True))
+
+
+def _point(point: TrackPoint) -> TrackPoint:
+    if (len(point.mean), len(point.covariance)) not in ((0, 0), (4, 16)) or len(point.particles) % 8:
+        raise WireError("malformed", "no state of x, y, vx, vy")
+    return point
+
+
+def _frame(frame: Frame) -> Frame:
+    for id in (frame.src, frame.kind):
+        check_id(id)
+    if len(frame.payload) > MAX_BYTES:
+        raise WireError("size", f"{len(frame.payload)} bytes, at most {MAX_BYTES}")
+    return frame
+
+
+def counts_of(data: bytes) -> dict[str, int]:
+    """A life's counters so far. Raises ``WireError``."""
+    return read(_COUNTS.validate_python, unpacked(data, MAX_EVENT))
+
+
+def final_of(data: bytes) -> dict[str, Any]:
+    """A life's final record. Raises ``WireError``."""
+    return read(Record.model_validate, unpacked(data)).model_dump()
+
+
+def status_of(data: bytes) -> dict[str, Any]:
+    """The recorder's status. Raises ``WireError``."""
+    return read(Status.model_validate, unpacked(data, MAX_EVENT)).model_dump()
+
+
+def deaths_of(data: bytes) -> list[tuple[str, float | None, str]]:
+    """The unplanned deaths of a run, from the launcher. Raises ``WireError``."""
+    return list(read(_DEATHS.validate_python, unpacked(data)))
+
+
+def life_of(data: bytes, factories: Mapping[str, str]) -> ProcessSpec:
+    """An unplanned life, from the launcher; ``factories`` are by id. Raises ``WireError``."""
+    plain = unpacked(data)
+    return read(lambda: ProcessSpec.from_plain(plain, factories[plain["id"]]))
