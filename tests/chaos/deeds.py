@@ -49,13 +49,14 @@ class Phase(Enum):
 class Deed:
     """``number`` is a signal to ``whom``, ``at_s`` after the command was given; ``for_s`` until it is continued.
 
-    ``whom`` may be the disk, which is full for so long.
+    ``whom`` may be the disk, which is full for so long. With ``running`` the time counts from the first frame.
     """
 
     at_s: float
     whom: str
     number: int
     for_s: float | None = None
+    running: bool = False
 
     def __str__(self) -> str:
         what = "full" if self.whom == DISK else signal.Signals(self.number).name
@@ -134,11 +135,15 @@ def _deed(draw: Random, span_s: float) -> Deed:
 
 
 class Clock:
-    """Emulated time of a run, from the frames that pass: each says when it was sent, and when it was put."""
+    """Emulated time of a run, from the frames that pass: each says when it was sent, and when it was put.
+
+    ``begun`` is when the first one passed (monotonic, s).
+    """
 
     def __init__(self) -> None:
         self._session: zenoh.Session | None = None
         self._offset: float | None = None
+        self.begun: float | None = None
 
     def look(self, run: Run) -> None:
         """Join the run's router, as soon as that can be."""
@@ -150,6 +155,8 @@ class Clock:
             self._held = self._session.declare_subscriber(keys.ALL_DATA, Callback(self._on_frame, indirect=False))
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
+        if self.begun is None:
+            self.begun = time.monotonic()
         with suppress(WireError):
             envelope = Envelope.unpack(sample.attachment.to_bytes() if sample.attachment else b"")
             self._offset = envelope.sent_ns - envelope.put_ns * SPEED
@@ -179,12 +186,12 @@ class Doer:
         return thread
 
     def _do(self) -> None:
-        todo = [(deed.at_s, deed) for deed in self.case.deeds]
+        todo = list(self.case.deeds)
         again: list[tuple[float, Deed, list[psutil.Process]]] = []
         while todo or again:
             self.clock.look(self.run)
-            if todo and todo[0][0] <= self.now_s:
-                _, deed = todo.pop(0)
+            if todo and self._due(todo[0]):
+                deed = todo.pop(0)
                 if (met := self._begin(deed)) is not None and deed.for_s is not None:
                     again.append((self.now_s + deed.for_s, deed, met))
             over = self.phase() is Phase.OVER
@@ -194,6 +201,10 @@ class Doer:
                 self._undo(*entry[1:])
             time.sleep(0.02)
         self.clock.close()
+
+    def _due(self, deed: Deed) -> bool:
+        begun = self.clock.begun if deed.running else self._begun
+        return begun is not None and time.monotonic() >= begun + deed.at_s
 
     @property
     def now_s(self) -> float:

@@ -101,7 +101,7 @@ def sent_in_the_future(draw: Draw) -> Sample:
     return to_centre(draw, report(draw), stamp(draw, min(draw.known.now_ns + ahead, 2**63 - 1)))
 
 
-@bad(DATA, REFUSED)
+@bad(DATA, ALARM)
 def life_that_nobody_has(draw: Draw) -> Sample:
     return to_centre(draw, report(draw), stamp(draw, incarnation=draw.choice([2, 3, 500, 65535])))
 

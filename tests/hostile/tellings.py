@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import msgpack
 
-from tests.hostile.samples import ALARM, EITHER, REFUSED, Draw, Means, Sample, bad
+from tests.hostile.samples import ALARM, REFUSED, Draw, Means, Sample, bad
 from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.telemetry import pack
 from trackfield.role import NS, Corrected, Note, Publish, Radio, State, TrackPoint
@@ -95,23 +95,23 @@ def event_of_a_stranger(draw: Draw) -> Sample:
     return event(name, pack(plausible(draw)))
 
 
-@bad(TELEMETRY, ALARM)
+@bad(TELEMETRY, REFUSED | ALARM)
 def forged_event(draw: Draw) -> Sample:
     return event(draw.anyone(), pack(plausible(draw)))
 
 
-@bad(TELEMETRY, ALARM)
+@bad(TELEMETRY, REFUSED | ALARM)
 def forged_track(draw: Draw) -> Sample:
     t_ns = draw.known.now_ns
     return event(draw.known.centre, pack(Told((t_ns, 2, t_ns, "step"), Publish(point(draw)))))
 
 
-@bad(TELEMETRY, ALARM)
+@bad(TELEMETRY, REFUSED | ALARM)
 def forged_undoing(draw: Draw) -> Sample:
     return event(draw.known.centre, pack(Undone((draw.randrange(max(draw.known.now_ns, 1)), 0, "start"))))
 
 
-@bad(TELEMETRY, EITHER)
+@bad(TELEMETRY, REFUSED | ALARM)
 def mutated_telemetry(draw: Draw) -> Sample | None:
     heard = draw.known.heard_below("telemetry/")
     if not heard:
