@@ -24,6 +24,7 @@ from launcher.record.folder import write_manifest
 from launcher.record.journal import METRICS, Journal, write_json
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
+from launcher.record.words import interference
 from launcher.records import SENSES, Plan
 from trackfield.drivers.virtual import Virtual
 from trackfield.role import NS
@@ -153,7 +154,9 @@ def run_processes(
             "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
             "pss_mb_per_node": pss,
         }
-        metrics["interference"] = {kind: n + field.alarms.counts[kind] for kind, n in metrics["interference"].items()}
+        metrics["interference"] = {
+            kind: (n or 0) + field.alarms.counts[kind] for kind, n in metrics["interference"].items()
+        }
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
         return close_folder(plan, folder, metrics, complaints, ended)
 
@@ -190,9 +193,8 @@ def close_folder(
         routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
         why = " while there was no router" if routers else ""
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
-    if strange := {kind: n for kind, n in metrics["interference"].items() if n}:
-        what = ", ".join(f"{n} {kind}" for kind, n in strange.items())
-        complaints.append(f"somebody else interfered: {what} did not come from this run (interference)")
+    if strange := interference(metrics["interference"]):
+        complaints.append(f"somebody interfered with the run: {strange} (interference)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     write_json(metrics, folder / METRICS)

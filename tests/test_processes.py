@@ -186,7 +186,7 @@ def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> No
 
 
 def test_no_peer_can_bring_a_run_down(tmp_path: Path) -> None:
-    """A stranger in the field sends what no node would: it is counted, and all goes on."""
+    """A stranger in the field sends what no node would: it is refused and counted, and all goes on."""
     run, _ = mid_run(tmp_path / "run", "--speed", "4", "--link", "ideal")
     manifest = run.manifest()
     with open_client(manifest["endpoint"], manifest["run"]) as session:
@@ -206,9 +206,11 @@ def test_no_peer_can_bring_a_run_down(tmp_path: Path) -> None:
         session.put("telemetry/n001/final/deep", b"")
     exit_code, said = run.finish()
     frames = run.metrics()["frames"]
-    assert exit_code == 0, said
-    assert frames["ignored"] == 3 + 3  # what could be no frame of the field, and what the centre had no use for
-    assert frames["duplicate"] == 1
-    assert frames["lost"]["in_flight"] == 1
-    assert frames["host_lost"] == 0
+    assert exit_code == 1
+    strange = "2 pieces of telemetry that no process of the run sent (interference)"
+    assert f"failed: somebody interfered with the run: {strange}" in said
+    assert "refused, as no frames of this field: 2 (envelope), 1 (key), 4 (sender), 1 (size)" in said
+    assert frames["refused"] == {"envelope": 2, "key": 1, "sender": 4, "size": 1}
+    assert frames["expected"] == frames["delivered"] == frames["sent"]
+    assert (frames["ignored"], frames["duplicate"], frames["host_lost"]) == (0, 0, 0)
     assert not run.metrics()["trackers"]["fix-imm-ukf"]["lost"]

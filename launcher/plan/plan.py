@@ -38,6 +38,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     queue = {key: value for key, value in scenario.plain()["link"].items() if key == "queue"}
     spec = RunSpec(run, scenario.seed, end_ns, link_of(scenario), speed, faults.partitions, **queue)
     check_link(scenario)
+    places = own_places(scenario)
     arranged = architecture.arrange(end_ns)
     processes = tuple(life for process in arranged.processes for life in _lives(process, faults))
     _, report_m = scenario.sensor.reach_m()
@@ -54,7 +55,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         lost_of(scenario),
         scenario.fusion.deadline_s,
         scenario.fusion.max_age_s,
-        own_places=own_places(scenario),
+        own_places=places,
     )
 
 

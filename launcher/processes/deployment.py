@@ -145,8 +145,8 @@ class Deployment:
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
     def _on_reached(self, sample: zenoh.Sample) -> None:
-        name = str(sample.key_expr).split("/")[1]
         with suppress(WireError):  # the recorder counts it
+            name, _ = keys.parse_telemetry(str(sample.key_expr))
             opened(sample, self.seal)
             if name in self._lives and self.registry.start_ns is not None:
                 self._reached.add(name)

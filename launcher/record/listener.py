@@ -13,12 +13,13 @@ from launcher.record.journal import Telling
 from launcher.record.ledger import Ledger
 from launcher.record.samples import counts_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, take_in
+from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import role_factory
 from trackfield.role import NS
 from trackfield.wire import keys
+from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import parse_telemetry
 
@@ -101,6 +102,8 @@ class Listener:
         elif key == keys.LIFE:
             self.ledger.life(life_of(payload, self._factories))
             self._retry()
+        else:
+            raise WireError("key", "nothing of a run")
 
     def _refuse(self, key: str, payload: bytes, attachment: bytes | None, error: WireError) -> None:
         """Count a sample that is refused; one of an unknown life may have come before the order that announces it."""
@@ -125,17 +128,21 @@ class Listener:
         self._waiting.clear()
 
     def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
-        if attachment is None:
-            return  # a foreign device's; its receivers stamp it
-        frame, *_ = frame_in(key, payload, attachment)
+        frame, *_ = frame_in(key, payload, attachment, self._foreign)
         self.ledger.check(frame)
+        if attachment is None:
+            return  # its receivers stamp it
         if now_ns is not None and now_ns + self._early_ns < frame.sent_ns < self.ledger.run.end_ns:
             raise WireError("future", "sent later than now")
         if not self._seen.again(frame):  # its receivers count it as a duplicate
             self.ledger.sent(frame)
 
+    def _foreign(self) -> Envelope:
+        """In place of the envelope that a foreign device's frame does not have, where it may have none."""
+        return Envelope(0) if self.plan.run.speed == 1 else no_stamp()
+
     def _telemetry(self, key: str, data: bytes, now_ns: int | None) -> None:
-        _, process, what = parse_telemetry(key)
+        process, what = parse_telemetry(key)
         if process == RECORDER:
             return
         self.ledger.check_life(process)

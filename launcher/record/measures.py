@@ -124,7 +124,7 @@ class Kind(_Figures):
 
 
 class Frames(_Figures):
-    """What became of the frames; ``by_kind`` by the name of the message."""
+    """What became of the frames; ``by_kind`` by the name of the message, ``refused`` by the reason."""
 
     sent: int
     expected: int
@@ -134,6 +134,7 @@ class Frames(_Figures):
     ignored: int
     lost: Lost
     host_lost: int
+    refused: Mapping[str, int]
     by_kind: Mapping[str, Kind]
 
 
@@ -220,6 +221,16 @@ class ClockError(_Figures):
     max: float | None
 
 
+class Interference(_Figures):
+    """What others than the processes of the run did in it."""
+
+    frames: int
+    telemetry: int
+    answers: int
+    orders: int
+    tokens: int
+
+
 class Recorder(_Figures):
     """What the recorder received, and what never reached it."""
 
@@ -248,6 +259,7 @@ class RunFigures(_Figures):
     lifetime_s: Lifetime
     clock_error_ms: ClockError
     recorder: Recorder
+    interference: Interference
 
     @classmethod
     def of(cls, metrics: Mapping[str, Any], file: str = "") -> Self:

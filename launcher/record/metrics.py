@@ -111,7 +111,7 @@ def _frames(ledger: Ledger) -> Metrics:
         "delivered": sums["delivered"],
         "late": outcomes["late"],
         "duplicate": _total(ledger, "duplicate"),
-        "ignored": outcomes["ignored"] + _total(ledger, "malformed"),
+        "ignored": outcomes["ignored"],
         "lost": {cause: outcomes[cause] for cause in CAUSES},
         "host_lost": sums["host_lost"],
         "refused": dict(sorted(ledger.refused.items())),

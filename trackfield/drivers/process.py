@@ -121,6 +121,8 @@ class Process:
             self._end_ns = min(self._end_ns, nanoseconds(order))
         elif key == keys.STOP:
             self._stop.set()
+        elif key != keys.FINISH:
+            raise WireError("key", "no order to a process")
 
     # --- the loop -------------------------------------------------------------------------------------------------
 
@@ -214,7 +216,6 @@ class Process:
         return {
             **self.core.record(self._end_ns),
             **self._counts,
-            "malformed": self._strange.total,
             "forged": self._forged.total,
             "sent": self._seq,
             "told": self._told,
@@ -230,8 +231,8 @@ class Process:
         try:
             frame, envelope, cell = frame_in(*bytes_of(sample), lambda: self._stamped(arrived_ns))
             if not self.spec.hears(frame.medium, frame.to, frame.src, cell):
-                if frame.broadcast:
-                    return
+                return
+            if frame.src not in self.spec.peers and not frame.broadcast:
                 raise WireError("sender", "not from a process whose frames may come here")
             if self._wall(frame.sent_ns) > arrived_ns + EARLY_NS:
                 raise WireError("future", "sent later than now")
