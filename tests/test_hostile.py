@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.hostile import mixes
+from tests.hostile import field, mixes
 from tests.hostile.attack import Attack, Result, attacked
+from tests.hostile.direct import BLOCK, Parts, feed
 from tests.hostile.mixes import HARMLESS, PLANES, only
 from tests.hostile.peer import Peer
 from tests.hostile.samples import ALARM, ALL, REFUSED, Bad, Draw, Known, Sample
@@ -109,3 +110,33 @@ def test_a_flood_of_refused_samples_is_a_few_lines(tmp_path: Path) -> None:
     result = attacked(only(*kinds), tmp_path, also=flood)
     assert result.wrong == []
     assert result.total > FLOOD
+
+
+# --- without a router ---------------------------------------------------------------------------------------------
+
+
+def test_the_parts_of_a_run_refuse_what_is_bad_by_one_error() -> None:
+    assert list(feed(1, 6 * BLOCK)) == []
+
+
+def test_the_parts_that_are_fed_live() -> None:
+    """They send, hear, track and refuse."""
+    draw = Draw(1)
+    draw.known = field.known_of(field.plan_of(1))
+    parts = Parts(b"a secret")
+    assert parts.attacked(draw) == []
+    ledger = parts.listener.ledger
+    assert set(ledger.sent_kinds) >= {"doa", "sync-request", "sync-reply", "threshold"}
+    assert ledger.estimates()
+    assert len(ledger.refused) > 5
+    assert all(process.record()["delivered"] for process in parts.processes[:2])
+
+
+def test_another_error_is_told_with_the_command_that_repeats_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise KeyError("no such thing")
+
+    monkeypatch.setattr("launcher.record.listener.parse_telemetry", broken)
+    [found] = feed(3, BLOCK)
+    assert found.startswith("without a router: python -m tests.hostile --runs 0 --seed 3 --direct 1000\n  Traceback")
+    assert "KeyError: 'no such thing'" in found

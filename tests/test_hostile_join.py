@@ -23,6 +23,7 @@ from tests.hostile import field
 from tests.hostile.attack import SPEEDS
 from tests.hostile.verdicts import Attacked, complaints
 from tests.running import METRICS, Run, until
+from trackfield.wire import keys
 
 EVIL = (
     "subprocess:check_call",
@@ -66,10 +67,14 @@ class Impostor:
         self._session = zenoh.open(
             zenoh.Config.from_json5(json.dumps({"mode": "client", "connect": {"endpoints": [endpoint]}}))
         )
-        self._held = [
+        self._held: list[Any] = [
             self._session.declare_queryable(key, Callback(answer, indirect=False), complete=complete)
             for key, answer in {"*/control/join": self._join, "*/control/claim": self._claim}.items()
         ]
+
+    def pretend(self, run: str) -> None:
+        """Be the launcher of a run that does not exist."""
+        self._held.append(self._session.liveliness().declare_token(f"{run}/{keys.launcher(self._session.info.zid())}"))
 
     def close(self) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
@@ -149,14 +154,21 @@ def test_the_processes_of_a_launcher_take_its_own_answer(manner: dict[str, bool]
 def test_a_role_that_stands_alone_runs_no_code_for_an_impostor(router: str, tmp_path: Path) -> None:
     """There is no run at all: whoever answers is no launcher. It ends with a message, or waits on."""
     with impostor(router, tmp_path / "canary") as peer, ExitStack() as stack:
-        for role, name in (("node", "n000"), ("fusion", "fusion")):
-            log = stack.enter_context((tmp_path / role).open("w"))
-            command = [sys.executable, "-m", role, "--connect", router, "--run", "r", "--id", name]
-            process = subprocess.Popen(command, stderr=log, env={**os.environ, "PYTHONPATH": str(Path.cwd())})
-            stack.callback(process.wait, 20)
-            stack.callback(process.kill)
-        until(lambda: peer.asked >= 2, timeout=30)
+        peer.pretend("r")
+        processes = [alone(stack, tmp_path / role, role, router, "--run", "r") for role in ("node", "fusion") * 3]
+        until(lambda: peer.asked >= len(processes) or all(p.poll() is not None for p in processes), timeout=30)
         time.sleep(2)  # for what an answer might do
+        assert peer.asked
     for role in ("node", "fusion"):
         said = (tmp_path / role).read_text()
         assert "Traceback" not in said, said
+
+
+def alone(stack: ExitStack, log: Path, role: str, router: str, *options: str) -> subprocess.Popen[bytes]:
+    """A role that is started by hand."""
+    command = [sys.executable, "-m", role, "--connect", router, "--id", "n000" if role == "node" else role, *options]
+    environment = {**os.environ, "PYTHONPATH": str(Path.cwd())}
+    process = subprocess.Popen(command, stderr=stack.enter_context(log.open("a")), env=environment)
+    stack.callback(process.wait, 20)
+    stack.callback(process.kill)
+    return process

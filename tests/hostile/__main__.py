@@ -15,7 +15,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from tests.hostile.attack import Result, attacked
@@ -29,7 +29,7 @@ def result(seed: int) -> Result:
         return attacked(attack(seed), Path(scratch))
 
 
-def campaign(seeds: Sequence[int], *, direct: int, say: Callable[[str], object] = print) -> int:
+def campaign(seeds: range, *, direct: int, say: Callable[[str], object] = print) -> int:
     """The exit code: 1 if any seed fails."""
     begun, failed, put, total = time.monotonic(), 0, Counter[str](), 0
     for seed in seeds:
@@ -40,7 +40,7 @@ def campaign(seeds: Sequence[int], *, direct: int, say: Callable[[str], object] 
             say(f"seed {seed} fails: python -m tests.hostile --runs 1 --seed {seed} --direct 0")
             for what in came.wrong[:5]:
                 say("  " + what.replace("\n", "\n  "))
-    for found in feed(seeds[0], direct):
+    for found in feed(seeds.start, direct):
         failed += 1
         say(found)
     for line in table(put):

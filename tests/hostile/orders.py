@@ -112,7 +112,8 @@ def token_of_another(draw: Draw) -> Sample:
 
 @bad(LIVE, REFUSED)
 def token_of_a_launcher(draw: Draw) -> Sample:
-    return Sample(keys.LAUNCHER, means=Means.TOKEN)
+    session = draw.choice(["", "/", "/0123456789abcdef", "/\x1b[2J", "/a/b"])
+    return Sample(f"{keys.LAUNCHER}{session}".rstrip("/"), means=Means.TOKEN)
 
 
 @bad(LIVE, REFUSED)
