@@ -77,7 +77,10 @@ def test_a_frame_that_no_process_can_have_sent_is_refused(listener: Listener, re
 
 def test_a_frame_may_say_that_it_leaves_after_the_end(listener: Listener) -> None:
     """It waited for its radio, and is counted as in flight."""
-    report(listener, listener.plan.run.end_ns)
+    end_ns = listener.plan.run.end_ns
+    assert refused(report, listener, end_ns) == "future"
+    waiting = Envelope(end_ns + 60 * NS).pack()
+    listener.take("data/field/to/fusion/n060/doa", REPORT, waiting, end_ns)
     assert listener.ledger.sent_by == {"n060": 1}
 
 
@@ -123,6 +126,7 @@ def test_a_life_may_be_announced_after_its_first_frame(plan: Plan) -> None:
     listener = arrived(plan, *told)
     assert not listener.ledger.sent_by
     life = next(p for p in plan.processes if p.id == "n060")
+    listener.take("control/start", b"0", None)
     listener.take("control/recorder/life", msgpack.packb(replace(life, incarnation=1, start_ns=NS).plain()), None)
     assert listener.ledger.sent_by == {"n060~1": 1}
     listener.give_up()
@@ -135,7 +139,7 @@ def arrived(plan: Plan, *samples: tuple[str, bytes, bytes | None], seal: Seal | 
     no_session: Any = None
     listener = Listener(no_session, plan, seal or Seal())
     for key, payload, attachment in samples:
-        listener._inbox.append((0, _Sample(key, payload, attachment)))  # type: ignore[arg-type]
+        listener._inbox.append((NOW, _Sample(key, payload, attachment)))  # type: ignore[arg-type]
     listener.drain()
     return listener
 
@@ -152,9 +156,10 @@ class _Sample:
 def test_what_has_no_seal_is_refused_and_told(plan: Plan) -> None:
     seal = Seal(b"secret")
     event = pack(Told((1, 3), State("reporting")))
+    start = ("control/start", b"0", seal.stamp("control/start", b"0"))
     good = ("telemetry/n060/event", event, seal.stamp("telemetry/n060/event", event))
     forged = [("telemetry/n060/event", event, None), good, ("**", b"", None), ("control/end", b"3", None)]
-    listener = arrived(plan, good, *forged, seal=Seal(b"secret"))
+    listener = arrived(plan, start, good, *forged, seal=Seal(b"secret"))
     assert listener.ledger._told_by == {"n060": 1}
     assert listener.ledger.interference() == {"frames": 0, "telemetry": 3, "answers": 0}
     assert listener.ledger.run.end_ns == plan.run.end_ns
@@ -168,3 +173,13 @@ def test_more_than_a_process_says_it_sent_is_interference(listener: Listener) ->
     assert listener.ledger.interference() == {"frames": 2, "telemetry": 2, "answers": 4}
     listener.take("telemetry/n060/final", msgpack.packb({**FINAL, "cpu_s": 9.0}), None, NOW)
     assert listener.ledger.interference()["telemetry"] == 3
+
+
+def test_before_the_start_nothing_can_have_been_sent(plan: Plan) -> None:
+    """Frames that only overtook the order to start are entered when it comes."""
+    frame = ("data/field/to/fusion/n060/doa", REPORT)
+    listener = arrived(plan, *((*frame, Envelope(t).pack()) for t in (1, NOW + NS, 2**62)))
+    assert not listener.ledger.sent_by
+    listener.take("control/start", b"0", None)
+    assert listener.ledger.sent_by == {"n060": 1}
+    assert listener.ledger.refused == {"future": 2}

@@ -34,6 +34,10 @@ SILENT: Final = ("reached", "stored", "status")
 """Telemetry that is for others than a recorder."""
 
 
+Arrived = tuple[int, str, bytes, bytes | None]
+"""A sample: when it arrived (host's monotonic clock, ns), its key, payload and attachment."""
+
+
 class Listener:
     """Takes samples from Zenoh's thread and feeds the ledger; ``received`` counts them."""
 
@@ -49,7 +53,7 @@ class Listener:
         self._start_ns: int | None = None
         self._seen = Seen()
         self._refusals = Refusals()
-        self._waiting: list[tuple[str, bytes, bytes | None]] = []
+        self._waiting: list[tuple[Arrived, WireError]] = []
         self._early_ns = round(EARLY_NS * plan.run.speed)
         self._held: list[Any] = []
 
@@ -84,12 +88,12 @@ class Listener:
                     self.seal.check(key, payload, attachment)
                 self.take(key, payload, attachment, self._emulated_ns(arrived_ns))
             except WireError as error:
-                self._refuse(key, payload, attachment, error)
+                self._refuse((arrived_ns, key, payload, attachment), error)
 
     def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
         """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.
 
-        ``now_ns`` is the emulated time at which it arrived, if that is known.
+        ``now_ns`` is the emulated time at which it arrived (None: before the start, as far as that is known).
         """
         if key.startswith("data/"):
             self._data(key, payload, attachment, now_ns)
@@ -97,6 +101,7 @@ class Listener:
             self._telemetry(key, payload, now_ns)
         elif key == keys.START:
             self._start_ns = begun(self._start_ns, payload)
+            self._retry()
         elif key == keys.END:
             self.ledger.end(nanoseconds(payload))
         elif key == keys.LIFE:
@@ -105,26 +110,30 @@ class Listener:
         else:
             raise WireError("key", "nothing of a run")
 
-    def _refuse(self, key: str, payload: bytes, attachment: bytes | None, error: WireError) -> None:
-        """Count a sample that is refused; one of an unknown life may have come before the order that announces it."""
-        if error.reason == "life" and len(self._waiting) < MAX_WAITING:
-            self._waiting.append((key, payload, attachment))
+    def _refuse(self, arrived: Arrived, error: WireError) -> None:
+        """Count a sample that is refused.
+
+        One of an unknown life, or from before the start, may only have overtaken the order that tells of it.
+        """
+        waits = error.reason == "life" or (error.reason == "future" and self._start_ns is None)
+        if waits and len(self._waiting) < MAX_WAITING:
+            self._waiting.append((arrived, error))
             return
-        self._refusals.add(key, error)
-        self.ledger.refuse(key, error.reason)
+        self._refusals.add(arrived[1], error)
+        self.ledger.refuse(arrived[1], error.reason)
 
     def _retry(self) -> None:
         waiting, self._waiting = self._waiting, []
-        for sample in waiting:
+        for arrived, _ in waiting:
             try:
-                self.take(*sample)
+                self.take(*arrived[1:], self._emulated_ns(arrived[0]))
             except WireError as error:
-                self._refuse(*sample, error)
+                self._refuse(arrived, error)
 
     def give_up(self) -> None:
-        """Refuse what still waits for its life to be announced."""
-        for key, *_ in self._waiting:
-            self.ledger.refuse(key, "life")
+        """Refuse what still waits for such an order."""
+        for (_, key, *_), error in self._waiting:
+            self.ledger.refuse(key, error.reason)
         self._waiting.clear()
 
     def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
@@ -132,10 +141,17 @@ class Listener:
         self.ledger.check(frame)
         if attachment is None:
             return  # its receivers stamp it
-        if now_ns is not None and now_ns + self._early_ns < frame.sent_ns < self.ledger.run.end_ns:
-            raise WireError("future", "sent later than now")
+        self._check_time(frame.sent_ns, now_ns)
         if not self._seen.again(frame):  # its receivers count it as a duplicate
             self.ledger.sent(frame)
+
+    def _check_time(self, t_ns: int, now_ns: int | None) -> None:
+        """Raise ``WireError`` (``future``) for what cannot have happened yet.
+
+        At the end of a run all processes also send the frames that wait for their radios.
+        """
+        if now_ns is None or (t_ns > now_ns + self._early_ns and now_ns < self.ledger.run.end_ns):
+            raise WireError("future", "later than now")
 
     def _foreign(self) -> Envelope:
         """In place of the envelope that a foreign device's frame does not have, where it may have none."""
@@ -148,8 +164,7 @@ class Listener:
         self.ledger.check_life(process)
         if what == "event":
             event = event_of(data)
-            if now_ns is not None and event.key[0] > now_ns + self._early_ns:
-                raise WireError("future", "told before it can have happened")
+            self._check_time(event.key[0], now_ns)
             self.ledger.told(process, event)
         elif what == "counts":
             self.ledger.counts[process] = counts_of(data)

@@ -36,12 +36,13 @@ def join(session: zenoh.Session, name: str, factory: str, seal: Seal, refused: R
     Raises ``JoinError``; answers that are not the launcher's are ``refused``.
     """
     try:
-        return read(_joined, ask(session, keys.JOIN, name.encode(), seal, refused), name, factory)
+        return read(joined, ask(session, keys.JOIN, name.encode(), seal, refused), name, factory)
     except (JoinError, WireError) as error:
         raise JoinError(f"{name}: {error}") from None
 
 
-def _joined(answer: Mapping[str, Any], name: str, factory: str) -> Joined:
+def joined(answer: Mapping[str, Any], name: str, factory: str) -> Joined:
+    """The launcher's answer in plain form. Raises ``WireError``, or whatever is wrong with it."""
     process = ProcessSpec.from_plain(answer["process"], factory)
     start_ns, stored = answer["start_ns"], answer["stored"]
     if process.name != name or type(start_ns) not in (int, type(None)) or type(stored) not in (bytes, type(None)):
