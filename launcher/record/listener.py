@@ -14,11 +14,13 @@ from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
 from launcher.record.samples import counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
+from trackfield.drivers.frames import Queued, Told
 from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import role_factory
-from trackfield.role import NS
+from trackfield.drivers.telemetry import Telemetry
+from trackfield.role import NS, Publish
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -108,6 +110,8 @@ class Intake:
         if what == "event":
             event = event_of(data)
             self._check_time(event.key[0], now_ns)
+            if latest(event) > self.plan.run.end_ns:
+                raise WireError("future", "after the end of the run")
             self.ledger.told(process, event)
         elif what == "counts":
             self.ledger.counts[process] = counts_of(data)
@@ -115,6 +119,16 @@ class Intake:
             self.ledger.final(process, final_of(data))
         elif what not in SILENT:
             raise WireError("key", "no telemetry of a process")
+
+
+def latest(event: Telemetry) -> int:
+    """The latest instant that a piece of telemetry is about (ns)."""
+    match event:
+        case Told(key, Publish(point)):
+            return max(key[0], point.at_ns)
+        case Told(key, Queued(_, sent_ns, waited_ns)):
+            return max(key[0], sent_ns - waited_ns)
+    return int(event.key[0])
 
 
 class Listener(Intake):
