@@ -123,12 +123,13 @@ class Intake:
 
 def latest(event: Telemetry) -> int:
     """The latest instant that a piece of telemetry is about (ns)."""
+    t_ns: int = event.key[0]
     match event:
-        case Told(key, Publish(point)):
-            return max(key[0], point.at_ns)
-        case Told(key, Queued(_, sent_ns, waited_ns)):
-            return max(key[0], sent_ns - waited_ns)
-    return int(event.key[0])
+        case Told(_, Publish(point)):
+            return max(t_ns, point.at_ns)
+        case Told(_, Queued(_, sent_ns, waited_ns)):
+            return max(t_ns, sent_ns - waited_ns)
+    return t_ns
 
 
 class Listener(Intake):
