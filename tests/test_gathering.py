@@ -66,6 +66,15 @@ def router(tmp_path: Path) -> Iterator[str]:
         assert router.wait(10) == 0
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_router_ends_when_it_is_told(number: int, tmp_path: Path) -> None:
+    said = tmp_path / "router"
+    with process("launcher", "router", "--listen", f"unixsock-stream/{tmp_path}/s", said=said) as router:
+        until(lambda: said.read_text().startswith("router at "))
+        router.send_signal(number)
+        assert router.wait(10) == 0
+
+
 def test_everybody_finds_the_run_and_a_place_in_it(router: str, start: Start, tmp_path: Path) -> None:
     """Five wait for a run, before there is one; one too many waits on, and is not in the way."""
     processes = [start("fusion"), *(start("node") for _ in range(5))]
