@@ -50,7 +50,8 @@ def check_values(values: Mapping[str, Any], file: str = "") -> None:
             expected = f"no value more than {DEEPEST} deep in tables and lists"
             raise ScenarioError("is too deep", file=file, key=key, expected=expected)
         if isinstance(value, int) and value.bit_length() > _BITS:
-            raise ScenarioError(f"is {quoted(value)}", file=file, key=key, expected=f"at most {_BITS + 1} bits")
+            expected = f"a whole number from -2^{_BITS} to 2^{_BITS} - 1"
+            raise ScenarioError(f"is {quoted(value)}", file=file, key=key, expected=expected)
         if isinstance(value, Mapping):
             left += ((_within(key, name, file), one, depth + 1) for name, one in value.items())
         elif isinstance(value, list | tuple):
