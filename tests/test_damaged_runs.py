@@ -251,6 +251,14 @@ def test_a_run_that_goes_on_or_was_killed_is_named_as_such(trackfield: Call, bad
     assert_said(trackfield, said)
 
 
+def test_figures_of_a_run_whose_recorder_died_name_what_finishes_it(trackfield: Call, bad: Path) -> None:
+    with_json(bad / "metrics.json", lambda metrics: metrics["frames"].update(sent=None))
+    (bad / "record.log").write_bytes(b"")
+    figures = "the figures of a run by this version, whose recorder did not die"
+    said = f"bad/metrics.json: frames.sent: is None; expected {figures}; trackfield recover bad finishes it"
+    assert_said(trackfield, said)
+
+
 # --- what a run leaves is what is read --------------------------------------------------------------------------------
 
 
