@@ -45,13 +45,10 @@ def start(router: str, tmp_path: Path) -> Iterator[Start]:
         yield call
 
 
-@pytest.fixture(params=["with a token", "without one"])
-def trust(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
-    """Whether launcher and processes share a secret."""
-    sealed = bool(request.param == "with a token")
-    if sealed:
-        monkeypatch.setenv(TOKEN, "a secret of the field")
-    return sealed
+@pytest.fixture
+def token(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Launcher and processes share a secret."""
+    monkeypatch.setenv(TOKEN, "a secret of the field")
 
 
 @contextmanager
@@ -85,7 +82,7 @@ def check(run: Run, twin: Path) -> str:
     return said
 
 
-def test_who_only_claims_places_keeps_nobody_from_them(router: str, start: Start, trust: bool, tmp_path: Path) -> None:
+def test_who_only_claims_places_keeps_nobody_from_them(router: str, start: Start, tmp_path: Path) -> None:
     with gathering(router, tmp_path / "run") as (run, stranger):
         for i in range(20):
             question = msgpack.packb(["fusion" if i % 5 == 0 else "node", f"host{i}"])
@@ -97,8 +94,8 @@ def test_who_only_claims_places_keeps_nobody_from_them(router: str, start: Start
     assert (tmp_path / "log").read_text() == ""
 
 
-def test_forged_tokens_start_no_run(router: str, start: Start, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv(TOKEN, "a secret of the field")
+@pytest.mark.usefixtures("token")
+def test_forged_tokens_start_no_run(router: str, start: Start, tmp_path: Path) -> None:
     with gathering(router, tmp_path / "run") as (run, stranger):
         ends = [f"{name}{end}" for name in ("fusion", *NODES) for end in ("", "/x")]
         held = [stranger.liveliness().declare_token(f"live/{name}") for name in ends]
@@ -112,7 +109,8 @@ def test_forged_tokens_start_no_run(router: str, start: Start, monkeypatch: pyte
         assert len(held) == 10
 
 
-def test_a_living_process_keeps_its_id(router: str, start: Start, trust: bool, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("token")
+def test_a_living_process_keeps_its_id(router: str, start: Start, tmp_path: Path) -> None:
     """Another that asks for it is refused, at the start and during the run."""
     with gathering(router, tmp_path / "run") as (run, _):
         for name in NODES:
