@@ -12,10 +12,10 @@ import zenoh
 from launcher.record.listener import Listener
 from launcher.records import Plan
 from tests.simulated import spcpf
-from trackfield.drivers.frames import Told
+from trackfield.drivers.frames import Queued, Told
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.telemetry import pack
-from trackfield.role import NS, State
+from trackfield.role import NS, Publish, State, TrackPoint
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -100,6 +100,8 @@ def test_the_same_frame_with_another_payload_is_a_forgery(listener: Listener) ->
         ("telemetry/n060/counts", msgpack.packb({"delivered": 1.5}), "malformed"),
         ("telemetry/n060/event", msgpack.packb(["state", [1, 3], 5, ""]), "malformed"),
         ("telemetry/n060/event", pack(Told((NOW + NS, 3), State("lost"))), "future"),
+        ("telemetry/n060/event", pack(Told((1, 3), Queued("doa", 2**61, 1, 1))), "future"),
+        ("telemetry/fusion/event", pack(Told((1, 3), Publish(TrackPoint("t", "x", 2**61, "waiting")))), "future"),
         ("telemetry/n060/rumour", b"", "key"),
         ("telemetry/**", b"", "key"),
         ("**", b"", "key"),
@@ -126,8 +128,8 @@ def test_a_life_may_be_announced_after_its_first_frame(plan: Plan) -> None:
     listener = arrived(plan, *told)
     assert not listener.ledger.sent_by
     life = next(p for p in plan.processes if p.id == "n060")
-    listener.take("control/start", b"0", None)
-    listener.take("control/recorder/life", msgpack.packb(replace(life, incarnation=1, start_ns=NS).plain()), None)
+    order = msgpack.packb(replace(life, incarnation=1, start_ns=NS).plain())
+    come(listener, ("control/start", b"0", None), ("control/recorder/life", order, None))
     assert listener.ledger.sent_by == {"n060~1": 1}
     listener.give_up()
     assert listener.ledger.refused == {"life": 1}
@@ -138,10 +140,14 @@ def arrived(plan: Plan, *samples: tuple[str, bytes, bytes | None], seal: Seal | 
     """A listener that has processed these samples, as if they had come through Zenoh."""
     no_session: Any = None
     listener = Listener(no_session, plan, seal or Seal())
+    come(listener, *samples)
+    return listener
+
+
+def come(listener: Listener, *samples: tuple[str, bytes, bytes | None]) -> None:
     for key, payload, attachment in samples:
         listener._inbox.append((NOW, _Sample(key, payload, attachment)))  # type: ignore[arg-type]
     listener.drain()
-    return listener
 
 
 class _Sample:
@@ -180,6 +186,6 @@ def test_before_the_start_nothing_can_have_been_sent(plan: Plan) -> None:
     frame = ("data/field/to/fusion/n060/doa", REPORT)
     listener = arrived(plan, *((*frame, Envelope(t).pack()) for t in (1, NOW + NS, 2**62)))
     assert not listener.ledger.sent_by
-    listener.take("control/start", b"0", None)
+    come(listener, ("control/start", b"0", None))
     assert listener.ledger.sent_by == {"n060": 1}
     assert listener.ledger.refused == {"future": 2}

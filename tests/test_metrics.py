@@ -24,7 +24,7 @@ from trackfield.wire.messages import Doa
 DOCUMENT = FilePath(__file__).parents[1] / "docs" / "metrics.md"
 
 KEYS = """
-scenario seed driver end_s wall_s cpu_s
+scenario seed driver ended_s complete end_reason wall_s cpu_s
 trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,steps,bound_m,times_bound}
 trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_blackout_s}
 trackers.<name>.gap.{rmse,steps} trackers.<name>.association
@@ -43,7 +43,7 @@ energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
 lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
-recorder.{messages,dropped} interference.{frames,telemetry,answers,orders,tokens}
+recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens}
 """
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),

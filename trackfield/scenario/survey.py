@@ -22,6 +22,10 @@ from trackfield.world.windows import Array, Windows, distances, merged, windows
 
 Leg = tuple[int, float, float]
 
+MOST_POINTS: Final = 500_000
+"""Steps times targets."""
+MOST_HEARERS: Final = 2_000_000
+"""Sensors times targets."""
 _NS: Final = 1_000_000_000
 
 
@@ -66,6 +70,9 @@ def survey(scenario: Scenario) -> Site:
     """
     steps, found = target_paths(scenario)
     sensors, place = _stand(scenario, tuple(found.values()))
+    if len(sensors) * len(found) > MOST_HEARERS:
+        what = f"{len(sensors)} sensors may hear {len(found)} targets"
+        raise ScenarioError(what, key="targets", expected=f"at most {MOST_HEARERS} pairs of the two")
     check(scenario, sensors, tuple(found.values()))
     positions = np.array([place[1:] for place in sensors])
     awake_m, _ = scenario.sensor.reach_m()
@@ -129,6 +136,11 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     runs = together(partial(target.run, course(key)) for key, target in targets)
     longest = max(steps for steps, _ in runs)
     steps = min(longest, scenario.steps or longest)
+    if steps * len(runs) > MOST_POINTS:
+        what = f"the run would have {steps} steps of {len(runs)} targets"
+        raise ScenarioError(
+            what, key="targets", expected=f"at most {MOST_POINTS} points of paths: fewer targets or steps"
+        )
     if steps > MAX_STEPS:
         what, key = f"the run would have {steps} steps", f"{targets[0][0]}.steps"
         raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, the highest step that a report can hold")
