@@ -18,7 +18,7 @@ from zenoh.handlers import Callback
 
 from launcher.processes.children import Children
 from launcher.processes.deployment import GOOD_END, Deployment
-from launcher.processes.registry import Registry
+from launcher.processes.open_registry import OpenRegistry
 from trackfield.drivers.intake import opened
 from trackfield.drivers.seal import token_from
 from trackfield.drivers.spec import ProcessSpec
@@ -37,7 +37,7 @@ LOST: Final = "gone: its token was lost"
 class Guests(Children):
     """The recorder, which is a child process, and guests, which are not: a guest out of reach counts as stopped."""
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: OpenRegistry) -> None:
         super().__init__(1)
         self._registry = registry
         self._expected: dict[str, None] = {}
@@ -96,8 +96,10 @@ class Gathering(Deployment):
     stopped = "was out of reach"
     _refresh_at = 0.0
 
-    def _registry(self) -> Registry:
-        return Registry(self.plan, self.seal, self.alarms, open=True)
+    registry: OpenRegistry
+
+    def _registry(self) -> OpenRegistry:
+        return OpenRegistry(self.plan, self.seal, self.alarms)
 
     def _token(self) -> bytes:
         """As in the environment, which all processes of the run share; without one, they trust their router."""
