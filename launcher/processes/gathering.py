@@ -32,6 +32,9 @@ STOP_TIMEOUT_S: Final = 60.0
 REFRESH_S: Final = 5.0
 """How often to ask which processes are alive, besides being notified."""
 LOST: Final = "gone: its token was lost"
+UNTOLD: Final = "left without its final record"
+FINAL_S: Final = 2.0
+"""How long a final record may come after the end of the process that sent it."""
 
 
 class Guests(Children):
@@ -44,6 +47,7 @@ class Guests(Children):
         self._came: set[str] = set()
         self._left: set[str] = set()
         self._dismissed: set[str] = set()
+        self._gone_at: dict[str, float] = {}
         self._ended: list[tuple[str, str]] = []
 
     def expect(self, name: str) -> None:
@@ -56,7 +60,7 @@ class Guests(Children):
         self._ended.append((name, GOOD_END))
 
     def dismiss(self, names: Iterable[str]) -> None:
-        """These have nothing left to do: from now on, those that are gone count as having left."""
+        """These have nothing left to do: from now on, those that are gone are not out of reach, but have left."""
         self._dismissed.update(names)
 
     def names(self) -> list[str]:
@@ -78,7 +82,9 @@ class Guests(Children):
             self._came.add(name)
             return False
         if name in self._dismissed:
-            self.left(name)
+            if time.monotonic() - self._gone_at.setdefault(name, time.monotonic()) > FINAL_S:
+                self._left.add(name)
+                self._ended.append((name, UNTOLD))
             return False
         return name in self._came
 
@@ -154,7 +160,7 @@ class Gathering(Deployment):
         return False
 
     def finish(self) -> None:
-        """As in any deployment, but without waiting for processes that never joined, or for final records."""
+        """As in any deployment, but without waiting for processes that never joined."""
         self._guests.dismiss(self._reached)
         if self.registry.start_ns is None:
             self._watch.gone.update(set(self._lives) - self.registry.live)

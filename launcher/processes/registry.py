@@ -15,7 +15,7 @@ from zenoh.handlers import Callback
 from launcher.processes.alarms import QUESTIONS, TOKENS, Alarms
 from launcher.processes.tickets import LENGTH, Tickets
 from launcher.records import LIVE, RECORDER, Plan
-from trackfield.drivers.ask import REFUSED, answer, question_of
+from trackfield.drivers.ask import REFUSED, UNSEALED, answer, question_of
 from trackfield.drivers.intake import opened, printable, read, unpacked
 from trackfield.drivers.join import token
 from trackfield.drivers.seal import TOKEN, Seal
@@ -138,8 +138,9 @@ class Registry:
         except LookupError as error:
             told = {REFUSED: str(error)}
         except WireError as error:
-            told = {REFUSED: NO_SEAL if error.reason == "seal" else str(error)}
+            told = {REFUSED: str(error)}
             if error.reason == "seal":
+                told = {REFUSED: NO_SEAL, UNSEALED: True}
                 self._alarms.add(QUESTIONS)
         with suppress(zenoh.ZError):  # who asked is gone
             answer(query, key, told, self._seal)

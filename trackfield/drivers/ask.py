@@ -19,6 +19,8 @@ ASK_TIMEOUT_S: Final = 10.0
 RETRY_S: Final = 0.2
 REFUSED: Final = "refused"
 """The key under which an answer says why there is none."""
+UNSEALED: Final = "unsealed"
+"""The key of an answer to a question without the run's seal."""
 
 
 MAX_QUESTION: Final = 1000
@@ -58,7 +60,7 @@ def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: 
             for error in wrong:
                 refused.add(key, error)
             if REFUSED in told:
-                raise RefusedError(printable(told[REFUSED], MAX_WHY))
+                raise (TokenError if UNSEALED in told else RefusedError)(printable(told[REFUSED], MAX_WHY))
             return told
         rounds += len(wrong) > before
         if seal.token and rounds >= STRANGE_ROUNDS:
