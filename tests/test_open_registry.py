@@ -275,19 +275,30 @@ def test_with_a_token_that_the_run_does_not_have_there_is_no_place(trusting: Run
         trusting.guest(token=b"other").__enter__()
 
 
-def test_a_question_that_was_heard_is_no_question_of_who_repeats_it(sealed: Run) -> None:
+def test_who_repeats_a_question_that_it_heard_gets_no_place(sealed: Run) -> None:
+    """It learns the ticket, as anyone may; the token needs the seal."""
     question = msgpack.packb(["n000", b"12345678"])
     stamp = Seal(SECRET).stamp(f"{keys.JOIN}!{question.hex()}", question)
     with sealed.session() as session:
-        told = [
-            msgpack.unpackb(
-                next(iter(session.get(keys.JOIN, payload=question, attachment=stamp))).ok.payload.to_bytes()
-            )
-            for _ in range(2)
-        ]
-    assert [sorted(one) for one in told][1:] == [["refused"]]
-    assert "ticket" in told[0]
-    assert sealed.alarm("questions") == 1
+        [reply] = session.get(keys.JOIN, payload=question, attachment=stamp)
+        ticket = msgpack.unpackb(reply.ok.payload.to_bytes())["ticket"]
+        for mark in (ticket, ticket + 32 * "0"):
+            held = session.liveliness().declare_token(keys.live("n000", mark))
+            until(lambda: sealed.alarm("tokens") >= 1)
+            held.undeclare()
+        until(lambda: sealed.alarm("tokens") == 2)
+        assert not sealed.registry.live
+
+
+def test_waiting_processes_cost_the_launcher_no_memory(sealed: Run) -> None:
+    """They claim every second, for as long as the run goes."""
+    with sealed.session() as session:
+        refused, seal, sizes = Refusals(), Seal(SECRET), []
+        for _ in range(3):
+            for _ in range(100):
+                claim(session, "node", "waiting", "", seal, refused)
+            sizes.append(sum(len(key) for key in sealed.registry._seal._latest))
+    assert sizes == [0, 0, 0]
 
 
 # --- whatever is asked ----------------------------------------------------------------------------------------------

@@ -80,6 +80,7 @@ class Guests(Children):
             return False
         if name in self._registry.live:
             self._came.add(name)
+            self._gone_at.pop(name, None)
             return False
         if name in self._dismissed:
             if time.monotonic() - self._gone_at.setdefault(name, time.monotonic()) > FINAL_S:

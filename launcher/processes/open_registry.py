@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import Final
+from typing import Any, Final
+
+import zenoh
+from zenoh.handlers import Callback
 
 from launcher.processes.alarms import Alarms
 from launcher.processes.claims import Claims
@@ -17,6 +20,7 @@ from launcher.records import Plan
 from trackfield.drivers.intake import printable
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec
+from trackfield.wire import keys
 from trackfield.wire.error import WireError
 
 LEAD_S: Final = 1.0
@@ -39,13 +43,31 @@ class OpenRegistry(Registry):
         self._offers: dict[str, str] = {}  # the place of each life that does not exist yet
         self._came_ns: dict[str, int] = {}
 
+    def _more(self, session: zenoh.Session) -> list[Any]:
+        return [session.declare_queryable(keys.CONFIRM, Callback(self._on_confirm, indirect=False))]
+
+    def _on_claim(self, query: zenoh.Query) -> None:
+        self._reply(query, keys.CLAIM, 3, self._claim)
+
+    def _on_confirm(self, query: zenoh.Query) -> None:
+        self._reply(query, keys.CONFIRM, 3, self._confirm)
+
+    def _claim(self, role: str, host: str, place: str) -> dict[str, Any]:
+        return {"name": self._offer(role, printable(host), place)}
+
+    def _confirm(self, name: str, ticket: str, host: str) -> dict[str, Any]:
+        return {"live": self._confirmed(name, ticket, printable(host))}
+
     def _now_ns(self, at_ns: int) -> int:
         """Emulated time at this monotonic time."""
         assert self.start_ns is not None
         return round((at_ns - self.start_ns) * self.run.speed)
 
     def _offer(self, role: str, host: str, place: str) -> str:
-        """While emulated time runs, a process that takes a place after another is a new life."""
+        """The name to join under, for a process of this role on this host. Raises ``LookupError`` if there is none.
+
+        While emulated time runs, a process that takes a place after another is a new life.
+        """
         if self.start_ns is not None and self._now_ns(time.monotonic_ns()) >= self.run.end_ns:
             raise LookupError("the run is over")
         with self._lock:
@@ -116,6 +138,7 @@ class OpenRegistry(Registry):
             self._claims.went(place, time.monotonic())
 
     def _confirmed(self, name: str, ticket: str, host: str) -> bool:
+        """Whether a process has its place: False if it was not seen yet. Raises ``LookupError`` if another has it."""
         with self._lock:
             try:
                 given_ns = self._tickets.given_ns(name, ticket)

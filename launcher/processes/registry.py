@@ -28,6 +28,8 @@ RECORDERS: Final = (RECORDER, LIVE)
 REFRESH_TIMEOUT_S: Final = 2.0
 NO_SEAL: Final = f"the question lacks the seal of this run: set {TOKEN} as it is set for the launcher"
 
+NO_PLACES: Final = "the launcher starts all processes of this run itself: it gives places with --external only"
+
 
 class Registry:
     """The lives of a run by name, planned ones and those added during the run.
@@ -59,13 +61,17 @@ class Registry:
         self._held = [
             session.declare_queryable(keys.JOIN, Callback(self._on_join, indirect=False)),
             session.declare_queryable(keys.CLAIM, Callback(self._on_claim, indirect=False)),
-            session.declare_queryable(keys.CONFIRM, Callback(self._on_confirm, indirect=False)),
+            *self._more(session),
             session.declare_subscriber(keys.telemetry_of_all("stored"), Callback(self._on_stored, indirect=False)),
             liveliness.declare_subscriber(keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True),
             liveliness.declare_subscriber(launchers, Callback(self._on_launcher, indirect=False), history=True),
             # last: processes that see it may ask at once
             liveliness.declare_token(self._own),
         ]
+
+    def _more(self, session: zenoh.Session) -> list[Any]:
+        """What else is declared."""
+        return []
 
     def end(self, end_ns: int) -> None:
         """The run ends early, at this emulated time; processes that join later are told so."""
@@ -95,10 +101,6 @@ class Registry:
 
     # --- what differs if processes are started elsewhere ----------------------------------------------------------
 
-    def _offer(self, role: str, host: str, place: str) -> str:
-        """The name to join under, for a process of this role on this host. Raises ``LookupError`` if there is none."""
-        raise LookupError("the launcher starts all processes of this run itself: it gives places with --external only")
-
     def _life(self, name: str, now_ns: int) -> ProcessSpec:
         """The life of a process that joins under this name now (monotonic). Raises ``LookupError`` if it may not."""
         if name not in self._lives:
@@ -115,20 +117,15 @@ class Registry:
     def _left(self, name: str) -> None:
         """The process of this name is gone; under the lock."""
 
-    def _confirmed(self, name: str, ticket: str, host: str) -> bool:
-        """Whether a process has its place: False if it was not seen yet. Raises ``LookupError`` if another has it."""
-        raise LookupError("the launcher starts all processes of this run itself")
-
     # --- Zenoh's threads: questions -------------------------------------------------------------------------------
 
     def _on_join(self, query: zenoh.Query) -> None:
         self._reply(query, keys.JOIN, 1, self._join)
 
     def _on_claim(self, query: zenoh.Query) -> None:
-        self._reply(query, keys.CLAIM, 3, self._claim)
-
-    def _on_confirm(self, query: zenoh.Query) -> None:
-        self._reply(query, keys.CONFIRM, 3, self._confirm)
+        """Give no place, to nobody, which needs no seal."""
+        with suppress(zenoh.ZError):
+            answer(query, keys.CLAIM, {REFUSED: NO_PLACES}, self._seal)
 
     def _reply(self, query: zenoh.Query, key: str, count: int, tell: Callable[..., dict[str, Any]]) -> None:
         """Answer with what ``tell`` makes of the ``count`` texts of a question, or say why not."""
@@ -156,12 +153,6 @@ class Registry:
             "stored": self._stored.get(life.id, b"") if taken_over else None,
             "ticket": self._tickets.give(name, now_ns),
         }
-
-    def _claim(self, role: str, host: str, place: str) -> dict[str, Any]:
-        return {"name": self._offer(role, printable(host), place)}
-
-    def _confirm(self, name: str, ticket: str, host: str) -> dict[str, Any]:
-        return {"live": self._confirmed(name, ticket, printable(host))}
 
     # --- Zenoh's threads: tokens, and what processes store --------------------------------------------------------
 

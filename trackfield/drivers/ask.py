@@ -17,6 +17,8 @@ ANSWER_TIMEOUT_S: Final = 60.0
 ASK_TIMEOUT_S: Final = 10.0
 """For one query: if thousands ask at once, a query or its reply may get lost."""
 RETRY_S: Final = 0.2
+LOOKS: Final = 5
+"""How often to look for the launcher's token, which may come a moment after its run is known."""
 REFUSED: Final = "refused"
 """The key under which an answer says why there is none."""
 UNSEALED: Final = "unsealed"
@@ -101,21 +103,24 @@ def answers(
 
 
 def question_of(query: zenoh.Query, key: str, seal: Seal) -> bytes:
-    """What a process of the run asks at this key. Raises ``WireError`` (``key``, ``size``, ``seal``)."""
+    """What a process of the run asks at this key. Raises ``WireError`` (``key``, ``size``, ``seal``).
+
+    Whoever heard a question can ask it again: it must do no harm.
+    """
     question, attachment = query.payload, query.attachment
     if str(query.key_expr) != key:
         raise WireError("key", "a question to many")
     if question is None or not 0 < len(question) <= MAX_QUESTION:
         raise WireError("size", f"a question has up to {MAX_QUESTION} bytes")
     asked = question.to_bytes()
-    seal.check(_asking(key, asked), asked, attachment.to_bytes() if attachment else None)
+    seal.known(_asking(key, asked), asked, attachment.to_bytes() if attachment else None)
     return asked
 
 
 def answer(query: zenoh.Query, key: str, told: dict[str, Any], seal: Seal) -> None:
     """Answer a question at this key, as the launcher."""
     payload = msgpack.packb(told)
-    about = subject(key, query.payload.to_bytes() if query.payload else b"")
+    about = subject(key, query.payload.to_bytes()[:MAX_QUESTION] if query.payload else b"")
     query.reply(key, payload, attachment=seal.stamp(about, payload))
 
 
@@ -150,10 +155,12 @@ def session_of(answer: zenoh.Reply) -> str:
 
 def _launcher(session: zenoh.Session) -> str:
     """The id of the launcher's session, as its token names it. Raises ``JoinError`` unless there is exactly one."""
-    found = session.liveliness().get(f"{keys.LAUNCHER}/*", timeout=ASK_TIMEOUT_S)
-    sessions = sorted(str(token.ok.key_expr).rpartition("/")[2] for token in found if token.ok)
-    if not sessions:
-        raise JoinError("no launcher answers in this run")
-    if len(sessions) > 1:
-        raise JoinError(f"{len(sessions)} launchers claim this run: somebody pretends to be one")
-    return sessions[0]
+    for _ in range(LOOKS):
+        found = session.liveliness().get(f"{keys.LAUNCHER}/*", timeout=ASK_TIMEOUT_S)
+        sessions = sorted(str(token.ok.key_expr).rpartition("/")[2] for token in found if token.ok)
+        if len(sessions) > 1:
+            raise JoinError(f"{len(sessions)} launchers claim this run: somebody pretends to be one")
+        if sessions:
+            return sessions[0]
+        time.sleep(RETRY_S)
+    raise JoinError("no launcher answers in this run")
