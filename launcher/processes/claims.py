@@ -1,4 +1,8 @@
-"""Assigns the places of a run to processes that are started elsewhere and do not say which one they want."""
+"""Offers the places of a run to processes that are started elsewhere.
+
+An offer keeps no place: many processes may be offered the same one, and the first to be seen alive there has it. So
+whoever only asks takes nothing, and what is remembered does not grow with the number of questions.
+"""
 
 from __future__ import annotations
 
@@ -8,65 +12,79 @@ from typing import Final
 
 GRACE_S: Final = 10.0
 """How long a place is kept for a host whose process is gone."""
-STARTING_S: Final = 30.0
-"""How long a process that was given a place may take until it is seen alive there."""
+OFFERED_S: Final = 10.0
+"""How long other places are offered first, while one that was offered has no process yet."""
 
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """The host that has a place; ``since`` is when it was given, or when its process came or went last (s, any clock).
-
-    There is no ``host`` if its process asked for the place by name.
-    """
+    """The process that has or had a place, and its ``host``, if known; ``since`` is when it came or went (s)."""
 
     host: str | None
     since: float
-    arrived: bool = False
-    live: bool = False
+    live: bool = True
 
     def yields_to(self, host: str, now: float) -> bool:
         """Whether a process on this host may have the place."""
-        if self.live:
-            return False
-        if not self.arrived:
-            return now - self.since > STARTING_S
-        return host == self.host or now - self.since > GRACE_S
+        return not self.live and (host == self.host or now - self.since > GRACE_S)
 
 
 class Claims:
-    """Gives places, each to one process at a time: a host gets its own back, then come free ones, then abandoned ones.
+    """Offers places: a host gets its own back, then come free ones, then abandoned ones.
 
-    ``places`` has the role of each, in the order in which they are given. Times are seconds of any one clock.
+    ``places`` has the role of each, in the order in which they are offered. Times are seconds of any one clock.
     """
 
     def __init__(self, places: Mapping[str, str]) -> None:
         self._places = dict(places)
         self._holders: dict[str, Holder] = {}
+        self._offered: dict[str, float] = {}
 
-    def take(self, role: str, host: str, now: float) -> tuple[str, bool] | None:
-        """A place of this role for a process on this host, and whether another process had it before.
+    def offer(self, role: str, host: str, now: float, wanted: str = "") -> str | None:
+        """A place of this role for a process on this host: the ``wanted`` one, if any. None if all are taken.
 
-        None if all are taken. Raises ``LookupError`` if there is no such role.
+        Raises ``LookupError`` if there is no such role, or no such place of it.
         """
         places = [place for place, its_role in self._places.items() if its_role == role]
         if not places:
             raise LookupError(f"no process of this run has the role {role!r}")
-        free = [p for p in places if p not in self._holders or self._holders[p].yields_to(host, now)]
+        if wanted:
+            if wanted not in places:
+                raise LookupError(f"no process of this run with the role {role!r} is named {wanted!r}")
+            places = [wanted]
+        free = [p for p in places if p not in self._holders or self._may_have(p, host, now, named=bool(wanted))]
         if not free:
             return None
-        place = min(free, key=lambda p: self._rank(p, host))
-        before = self._holders.get(place)
-        self._holders[place] = Holder(host, now)
-        return place, before is not None and before.arrived
+        place = min(free, key=lambda p: self._rank(p, host, now))
+        self._offered[place] = now
+        return place
 
-    def _rank(self, place: str, host: str) -> int:
+    def _may_have(self, place: str, host: str, now: float, *, named: bool) -> bool:
+        holder = self._holders[place]
+        return not holder.live if named else holder.yields_to(host, now)
+
+    def _rank(self, place: str, host: str, now: float) -> tuple[bool, int, float]:
+        holder, offered = self._holders.get(place), self._offered.get(place)
+        kind = 1 if holder is None else 0 if holder.host == host else 2
+        recent = offered is not None and now - offered < OFFERED_S
+        return recent, kind, offered if recent and offered is not None else 0.0
+
+    def had(self, place: str) -> bool:
+        """Whether a process has or had this place."""
+        return place in self._holders
+
+    def came(self, place: str, now: float) -> None:
+        """A process was seen alive at this place."""
         holder = self._holders.get(place)
-        if holder is None:
-            return 1
-        return 0 if holder.host == host else 2
+        self._holders[place] = replace(holder or Holder(None, now), since=now, live=True)
+        self._offered.pop(place, None)
 
-    def seen(self, place: str, *, live: bool, now: float) -> None:
-        """The process at this place appeared, or ended."""
-        if place in self._places:
-            holder = self._holders.get(place, Holder(None, now))
-            self._holders[place] = replace(holder, since=now, live=live, arrived=holder.arrived or live)
+    def went(self, place: str, now: float) -> None:
+        """The process at this place is gone."""
+        if place in self._holders:
+            self._holders[place] = replace(self._holders[place], since=now, live=False)
+
+    def known(self, place: str, host: str) -> None:
+        """The process at this place says that it runs on this host."""
+        if place in self._holders:
+            self._holders[place] = replace(self._holders[place], host=host)
