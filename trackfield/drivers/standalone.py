@@ -52,6 +52,8 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
             break
         except ScenarioError as error:
             sys.exit(f"{role}: {error} (--own tells this process where a class of yours is)")
+        except (TypeError, ValueError, LookupError, AttributeError) as error:
+            sys.exit(f"{role}: cannot be what the launcher says: {type(error).__name__}: {error}")
         except (JoinError, zenoh.ZError) as error:
             which = " ".join(filter(None, ["the run", arguments.run]))
             why = f"{role}: cannot join {which} through {arguments.connect}: {error}"
