@@ -86,3 +86,16 @@ def test_a_role_that_stands_alone_needs_no_streams_either(tmp_path: Path) -> Non
     command = f"{sys.executable} -m node --connect tcp/127.0.0.1:9 --run r --id n001"
     assert shell(f"{command} >&- 2>&-", tmp_path).returncode == 1
     assert shell(f"{command} 2>/dev/full", tmp_path).returncode == 1
+
+
+def test_a_script_without_streams_runs_processes(tmp_path: Path) -> None:
+    """What it opens gets the numbers of the streams, and is not for its processes."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, trackfield as tf\n"
+        "held = [os.open(os.devnull, os.O_RDONLY) for _ in range(3)]\n"
+        "field = tf.Scenario.load('zhai-spcpf', {'target.steps': 2, 'field.nodes': 9})\n"
+        "tf.run(field, driver='processes', out='mine')\n"
+    )
+    assert shell(f"{sys.executable} {script} <&- >&- 2>&-", tmp_path).returncode == 0
+    assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
