@@ -30,7 +30,7 @@ def straight(end_s: float, far_m: float) -> dict[str, Any]:
             "target: the path has 7.87e+08 pieces of 0.0212 m, which a sensor hears or not",
         ),
         (
-            {"targets": [{"path": "s1", "id": f"t{i}"} for i in range(100)], "target": {"path": "s1", "steps": 9000}},
+            {"targets": [{"path": "s3", "id": f"t{i}"} for i in range(100)], "target": {"path": "s3", "steps": 9000}},
             "targets: the paths of 101 targets have more than 500000 steps in all; expected fewer targets",
         ),
         (
