@@ -53,7 +53,7 @@ def straight(end_s: float, far_m: float) -> dict[str, Any]:
             {"faults": [{"kind": "deaf", "share": 1.0, "at_s": 1.0}] * 5000},
             "faults: 5000 faults affect 605000 processes in all; expected at most 500000, each counted once for",
         ),
-        ({"faults": [{"kind": "kill", "share": 1.0, "at_s": 1.0}] * 10_001}, "faults: has more than 10000 entries; expected fewer"),
+        ({"faults": [{"kind": "kill", "share": 1.0, "at_s": 1.0}] * 10_001}, "faults: has more than 10000 entries"),
         ({"fusion": {"trackers": ["a" * 101]}}, "fusion.trackers: has more than 100 characters; expected fewer"),
         ({"seed": 2**63}, "seed: is 9223372036854775808; expected a whole number from 0 to 9223372036854775807"),
         ({"seed": 2**64}, "seed: is 18446744073709551616; expected a whole number from 0 to 9223372036854775807"),
