@@ -49,7 +49,7 @@ def test_each_damage_is_one_message_or_no_matter(home: Path, part: int) -> None:
     said = []
     for seed in range(1 + part * TRIES // 4, 1 + (part + 1) * TRIES // 4):
         done, end = attempt(home, seed)
-        if bad := wrong(end):
+        if bad := wrong(end, done):
             said.append(f"python -m tests.damaged_runs --tries 1 --seed {seed}: {done}: {bad}")
     assert not said, "\n".join(said)
 
@@ -66,6 +66,7 @@ def test_each_damage_is_one_message_or_no_matter(home: Path, part: int) -> None:
         (Ended(2, "", "trackfield: \x1b[31m"), "control characters"),
         (Ended(0, "", "", "KeyError"), "KeyError"),
         (Ended(-11, "", ""), "exit code -11"),
+        (Ended(1, "", "failed"), "exit code 1: failed"),
     ],
 )
 def test_what_is_wrong_is_found(end: Ended, what: str) -> None:
