@@ -86,7 +86,9 @@ def _left(mark: str, temporary: Path) -> Iterator[str]:
         with suppress(psutil.Error):
             yield f"left behind: {' '.join(process.cmdline())}"
     _clear(mark)
-    if list(temporary.iterdir()):  # of a launcher and a recorder that were killed: the next run removes it
+    if remains := list(temporary.iterdir()):  # of a launcher that was killed: the next run removes it, a minute later
+        for folder in remains:
+            os.utime(folder, (0, 0))
         _started(temporary.parent / "next", NEXT, temporary, "").finish()
     if names := sorted(file.name for file in temporary.iterdir()):
         yield f"left behind in the folder for temporary files: {names}"

@@ -57,7 +57,7 @@ def complaints(run: Attacked) -> Iterator[str]:
 
 
 def _figures(run: Attacked, alarm: bool) -> Iterator[str]:
-    interference = run.metrics.get("interference")
+    interference = {kind: n for kind, n in (run.metrics.get("interference") or {}).items() if n}
     if alarm and not interference:
         yield "says that it was interfered with, and metrics.json has no interference"
     if run.code == 0 and interference:
