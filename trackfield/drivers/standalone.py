@@ -16,7 +16,7 @@ from setproctitle import setproctitle
 
 from trackfield.drivers.ask import JoinError, RefusedError, TokenError
 from trackfield.drivers.claim import claim, find_run
-from trackfield.drivers.intake import Refusals
+from trackfield.drivers.intake import Refusals, printable
 from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
@@ -100,6 +100,10 @@ def _take_place(session: zenoh.Session, role: str, factory: str, place: str) -> 
         process.confirm(host)
     except RefusedError as error:
         raise _TakenError(str(error)) from None
+    except (TypeError, LookupError, AttributeError, ArithmeticError, WireError) as error:
+        why = printable(f"{type(error).__name__}: {error}")
+        what = f"what the launcher tells makes no {role} here ({why})"
+        raise JoinError(f"{what}: it is of another version of Trackfield, or no launcher") from None
     return process
 
 
