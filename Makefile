@@ -30,8 +30,10 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
-study: $(VENV)/dev.stamp  ## 200 small fields under faults drawn from seeds, the tables of docs/studies.md, those of docs/papers.md (half an hour)
+study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn from seeds, the tables of docs/studies.md and docs/papers.md (an hour)
 	$(BIN)/python -m tests.campaign
+	$(BIN)/python -m tests.chaos
+	$(BIN)/python -m tests.hostile
 	$(BIN)/python -m tests.studies
 	$(BIN)/trackfield reproduce zhai --runs 300
 

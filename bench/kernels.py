@@ -194,7 +194,7 @@ def hundred_runs() -> tuple[float, float]:
     begun = time.perf_counter()
     runs = study(scenario, range(1, 101)).results
     wall = time.perf_counter() - begun
-    return wall, sum(run.metrics.cpu_s for run in runs)
+    return wall, sum(run.metrics.cpu_s or 0.0 for run in runs)
 
 
 def main() -> None:

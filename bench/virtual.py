@@ -130,7 +130,8 @@ def measure(nodes: int, link: str, seconds: int, seed: int) -> dict[str, Any]:
         virtual.run(stop=probe)
         probe.look()
         laps.lap("run")
-        metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
+        metrics = journal.tables([], messages=sum(ledger.sent_kinds.values()))
+        journal.draw()
         laps.lap("close")
     return {
         "nodes": len(plan.info.places) - 1,

@@ -39,8 +39,8 @@ class Bank:
     reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one motion model; a
     track that began without a prior is given up if its sd exceeds ``lost_m``. All randomness is keyed by ``seed``, the
     tracker and the step, and by ``draws``, which differs between processes that track. Each track is also smoothed over
-    ``smooth_lag`` steps, unless that is 0. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's ``sensor`` (the arguments of
-    ``make_sensor``). ``target`` is the id of the target.
+    ``smooth_lag`` steps, unless that is 0. Reports are bearings with noise of sd ``doa_sd_deg``, or those of a user's
+    ``sensor`` (the arguments of ``make_sensor``). ``target`` is the id of the target.
     """
 
     def __init__(

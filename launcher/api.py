@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,17 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
+from launcher.processes.limits import check_machine
 from launcher.record.folder import keep, prepare_folder
-from launcher.record.journal import METRICS
 from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
+from launcher.record.reading.files import MESSAGES, TRACKS, check_run, read_figures, read_table
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
-from launcher.study.compare import check_runs
 from launcher.study.comparison.runs import Compared, read_runs
 from launcher.study.results import figures_table
 from launcher.study.studies import Study
@@ -49,19 +47,18 @@ class Result:
 
     @cached_property
     def metrics(self) -> RunFigures:
-        """The figures of metrics.json, by its keys. Raises ``ScenarioError`` if some are missing."""
-        file = self.path / METRICS
-        return RunFigures.of(json.loads(file.read_text()), str(file))
+        """The figures of metrics.json, by its keys. Raises ``ScenarioError`` if some are missing or damaged."""
+        return read_figures(self.path)
 
     @cached_property
     def tracks(self) -> pa.Table:
-        """tracks.parquet: a row for each tracker, target and step."""
-        return pq.read_table(self.path / "tracks.parquet")
+        """tracks.parquet: a row for each tracker, target and step. Raises ``ScenarioError`` if it is damaged."""
+        return read_table(self.path, TRACKS)
 
     @cached_property
     def messages(self) -> pa.Table:
-        """messages.parquet: a row for each frame and receiver."""
-        return pq.read_table(self.path / "messages.parquet")
+        """messages.parquet: a row for each frame and receiver. Raises ``ScenarioError`` if it is damaged."""
+        return read_table(self.path, MESSAGES)
 
     def view(self, *, web: bool = False) -> None:
         """Open the timeline in the viewer, or in a browser, and wait until it is closed."""
@@ -155,6 +152,7 @@ def run(
         plan = warned(planned(chosen, speed))
         if driver == "processes":
             check_importable(plan)
+            check_machine(plan, router=True, external=False)
         inside = isinstance(out, str) and out.endswith("/")
         folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)
@@ -191,7 +189,7 @@ def open(folder: Folder) -> Result:
     Raises ``ScenarioError`` if it is not the folder of a finished run.
     """
     path = run_folder(folder)
-    check_runs([path])
+    check_run(path)
     return Result(path)
 
 

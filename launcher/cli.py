@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
+import signal
 import sys
+from errno import EPIPE
 from functools import partial
 from typing import Annotated, NoReturn
 
 import typer
 
 from launcher import INTERRUPTED
-from launcher.commands import choices, compare, listing, new, replay, reproduce, router, run, study, validate, view
+from launcher.commands import (
+    choices,
+    compare,
+    listing,
+    new,
+    recover,
+    replay,
+    reproduce,
+    router,
+    run,
+    study,
+    validate,
+    view,
+)
+from launcher.files import check_text
 from launcher.processes.garbage import look_seldom
+from launcher.signals import handling
 from trackfield.errors import ScenarioError, TrackfieldError
+from trackfield.streams import steady, unheard
 
 app = typer.Typer(
     name="trackfield",
@@ -28,6 +46,7 @@ command("view")(view.view)
 command("report")(view.report)
 command("compare")(compare.compare)
 command("replay")(replay.replay)
+command("recover")(recover.recover)
 command("study")(study.study)
 command("reproduce")(reproduce.reproduce)
 command("router")(router.router)
@@ -52,26 +71,54 @@ def program(
 
 def main() -> NoReturn:
     """The program: exit 2 with one message for bad input, 1 for a failed run, never a traceback for either."""
+    steady()
     look_seldom()
+    came: list[int] = []
+
+    def interrupt(number: int) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    with handling(interrupt, (signal.SIGTERM, signal.SIGHUP)):
+        code = _called()
+    if came and code in (0, INTERRUPTED):
+        code = 128 + came[0]
+    raise SystemExit(code or _lost())
+
+
+def _called() -> int:
+    """Do what the command line says; the exit code."""
     try:
-        raise SystemExit(app(prog_name="trackfield", standalone_mode=False))
+        check_text(sys.argv[1:])
+        return app(prog_name="trackfield", standalone_mode=False) or 0
     except typer.TyperException as error:  # an unknown or incomplete command or option
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "trackfield"
         if message := error.format_message().rstrip("."):
-            _end(f"{message}; see {command} --help", 2)
-        raise SystemExit(2) from None  # nothing was asked for, and typer has shown the help
-    except ScenarioError as error:
-        _end(str(error), 2)
+            return _told(f"{message}; see {command} --help", 2)
+        return 2  # nothing was asked for, and typer has shown the help
     except TrackfieldError as error:
-        _end(str(error), 1)
+        return _told(str(error), 2 if isinstance(error, ScenarioError) else 1)
+    except (OSError, MemoryError, UnicodeEncodeError) as error:  # the disk, the machine's limits, a folder's name
+        where, what = getattr(error, "filename", None), getattr(error, "strerror", None)
+        return _told(f"{where or 'the machine'}: {what or error or 'out of memory'}", 1)
     except KeyboardInterrupt:
-        raise SystemExit(INTERRUPTED) from None
+        return INTERRUPTED
 
 
-def _end(message: str, code: int) -> NoReturn:
+def _told(message: str, code: int) -> int:
     print(f"trackfield: {message}", file=sys.stderr)
-    raise SystemExit(code)
+    return code
+
+
+def _lost() -> int:
+    """The exit code of a command that did all it should, but may have printed it for nobody."""
+    lost = unheard()
+    if lost is None:
+        return 0
+    if lost.errno == EPIPE:  # whoever read it has seen enough
+        return 128 + signal.SIGPIPE
+    return _told(f"what should go to stdout was lost ({lost.strerror})", 1)
 
 
 if __name__ == "__main__":

@@ -73,7 +73,9 @@ def _forked() -> ProcessPoolExecutor:
 
 def _begin() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the run early, and its report is still drawn
+    for number in (signal.SIGINT, signal.SIGHUP):  # from the terminal: they end the run early; its report is drawn
+        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     setproctitle(_TITLE)
 
 

@@ -36,6 +36,6 @@ def check_driver(*, virtual: bool, external: bool, live: bool, connect: str, spe
 
 def check_viewer() -> None:
     """Raise ``RunFailed`` if there is no viewer for a live view."""
-    from launcher.timeline.view import program  # loads Rerun
+    from launcher.timeline.program import program
 
     program()

@@ -16,19 +16,23 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.drawing import write_here
+from launcher.files import LOG, patiently
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.gathering import Gathering
 from launcher.processes.live import LiveView
 from launcher.processes.watch import Death, Stop
 from launcher.record.folder import write_manifest
-from launcher.record.journal import METRICS, Journal, write_json
+from launcher.record.journal import METRICS, TIMELINE_FAILED, Journal, write_json
+from launcher.record.kept.recovery import recovered
 from launcher.record.ledger import Ledger
-from launcher.record.metrics import Metrics, run_metrics
-from launcher.records import SENSES, Plan
+from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE_END, Metrics, ended_because
+from launcher.record.words import interference
+from launcher.records import RECORDER, SENSES, Plan
+from launcher.signals import handling
 from trackfield.drivers.virtual import Virtual
+from trackfield.errors import RunFailed
 from trackfield.role import NS
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 TICK_S: Final = 0.1
 """How often a run in virtual time reports its time."""
 PSS_SAMPLE: Final = 20
@@ -49,8 +53,7 @@ class Observer(Protocol):
 class Outcome:
     """A finished run: its folder, its metrics, what went wrong, and the signal that ended it early, if any.
 
-    ``unreported`` says why there is no report; the run itself did not fail. ``complete``: the signal came after the end
-    of the run.
+    ``unreported`` says why there is no report; the run itself did not fail.
     """
 
     folder: Path
@@ -58,7 +61,11 @@ class Outcome:
     complaints: tuple[str, ...]
     signal: int | None = None
     unreported: str = ""
-    complete: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end; a signal may have come after it."""
+        return bool(self.metrics["complete"])
 
     @property
     def exit_code(self) -> int:
@@ -98,8 +105,10 @@ def run_virtual(
         virtual.run(stop)
         tick(None)
         ledger.end(virtual.end_ns)
-        metrics = journal.close([], messages=sum(ledger.sent_kinds.values()))
+        metrics = journal.tables([], messages=sum(ledger.sent_kinds.values()))
+        metrics["recorder"]["complaints"] = list(filter(None, [journal.draw()]))
         metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
+        metrics |= ended_because(_why(plan, metrics, ended))
         metrics["timing"]["speed"] = None
         return close_folder(plan, folder, metrics, [], ended, write)
 
@@ -144,8 +153,9 @@ def run_processes(
 
                 field.watch(tick)
             field.finish()
-        metrics = _recorded(plan, folder)
-        cpu_s = (metrics["cpu_s"] or 0.0) + time.process_time() - own_cpu_s + field.router_cpu_s
+        metrics = _recorded(plan, folder, field.deaths)
+        own_cpu_s = time.process_time() - own_cpu_s + field.router_cpu_s
+        cpu_s = None if metrics["cpu_s"] is None else metrics["cpu_s"] + own_cpu_s
         metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
         metrics["processes"] |= {
             "ready_s": ready_s,
@@ -153,24 +163,40 @@ def run_processes(
             "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
             "pss_mb_per_node": pss,
         }
-        metrics["interference"] = {kind: n + field.alarms.counts[kind] for kind, n in metrics["interference"].items()}
+        metrics |= ended_because(_why(plan, metrics, ended, field.deaths))
+        metrics["interference"] = {
+            kind: (n or 0) + field.alarms.counts[kind] for kind, n in metrics["interference"].items()
+        }
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
         return close_folder(plan, folder, metrics, complaints, ended)
 
 
-def _recorded(plan: Plan, folder: Path) -> Metrics:
-    """What the recorder wrote; every key, but no values, if it died before it wrote."""
-    file = folder / METRICS
-    if file.exists():
+def _recorded(plan: Plan, folder: Path, deaths: Sequence[Death]) -> Metrics:
+    """What the recorder wrote, or, if it died before it had, what its log says. Raises ``RunFailed`` if neither is."""
+    file, died = folder / METRICS, any(one.id == RECORDER for one in deaths)
+    if file.exists() and not (died and (folder / LOG).exists()):
         metrics: Metrics = json.loads(file.read_text())
         return metrics
-    known = run_metrics(plan, Ledger(plan.run, plan.processes), [])
-    kept = {key: known[key] for key in ("scenario", "seed", "processes")}
-    return {key: _blank(value) for key, value in known.items()} | kept
+    try:
+        metrics = recovered(plan, folder, [(one.id, one.t_s, one.why) for one in deaths])
+    except RunFailed as error:
+        again = f"; trackfield recover {folder} makes them from its {LOG}" if (folder / LOG).exists() else ""
+        raise RunFailed(f"{error}{again}") from None
+    samples, until_s = metrics["recorder"]["messages"], metrics["ended_s"]
+    said = f"the recorder did not finish: all was made from its log, {samples} messages until {until_s:.1f} s"
+    metrics["recorder"]["complaints"].insert(0, said)
+    return metrics
 
 
-def _blank(value: object) -> Any:
-    return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
+def _why(plan: Plan, metrics: Metrics, ended: list[int], deaths: Sequence[Death] = ()) -> str:
+    """Why a run ended; ``ended`` are the signals that came."""
+    if metrics["ended_s"] >= plan.info.end_s:
+        return THE_END
+    lost = {one.id for one in deaths if not one.again}
+    for name, why in ((RECORDER, RECORDER_DIED), (ROUTER, ROUTER_LOST)):
+        if name in lost:
+            return why
+    return f"{INTERRUPTED} ({signal.Signals(ended[0]).name})" if ended else RECORDER_DIED
 
 
 def close_folder(
@@ -187,18 +213,19 @@ def close_folder(
     """
     frames = metrics["frames"]
     if frames["host_lost"]:
-        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"])
+        routers = sum(died["id"] == ROUTER for died in metrics["processes"]["died"] or ())
         why = " while there was no router" if routers else ""
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
-    if strange := {kind: n for kind, n in metrics["interference"].items() if n}:
-        what = ", ".join(f"{n} {kind}" for kind, n in strange.items())
-        complaints.append(f"somebody else interfered: {what} did not come from this run (interference)")
+    if strange := interference(metrics["interference"]):
+        complaints.append(f"somebody interfered with the run: {strange} (interference)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
-    write_json(metrics, folder / METRICS)
+    complaints += metrics["recorder"]["complaints"]
+    patiently(lambda: write_json(metrics, folder / METRICS), str(folder / METRICS))
+    if not any(one.startswith(TIMELINE_FAILED) for one in complaints):
+        (folder / LOG).unlink(missing_ok=True)  # it has nothing that is not elsewhere
     unreported = _report(folder, ended, write)
-    complete = metrics["end_s"] is not None and metrics["end_s"] >= plan.info.end_s
-    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported, complete)
+    return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported)
 
 
 def _report(folder: Path, ended: list[int], write: Callable[[Path], None]) -> str:
@@ -248,33 +275,19 @@ def _pss_mb(field: Deployment) -> float | None:
 
 @contextmanager
 def _until_signal() -> Iterator[list[int]]:
-    """SIGINT and SIGTERM end the run early instead of the program; the list holds those that came."""
+    """A signal that asks the program to end ends the run early instead; the list holds those that came."""
     came: list[int] = []
-    with _handling(came.append):
+    with handling(came.append):
         yield came
 
 
 @contextmanager
 def _interruptible(came: list[int]) -> Iterator[None]:
-    """SIGINT and SIGTERM raise ``KeyboardInterrupt``, and are noted."""
+    """A signal that asks the program to end raises ``KeyboardInterrupt``, and is noted."""
 
     def interrupt(number: int) -> None:
         came.append(number)
         raise KeyboardInterrupt
 
-    with _handling(interrupt):
+    with handling(interrupt):
         yield
-
-
-@contextmanager
-def _handling(handle: Callable[[int], None]) -> Iterator[None]:
-    try:
-        old = {number: signal.signal(number, lambda number, _: handle(number)) for number in SIGNALS}
-    except ValueError:  # not the main thread: the caller handles signals
-        yield
-        return
-    try:
-        yield
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)

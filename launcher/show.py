@@ -284,6 +284,8 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
     clock, energy, lifetime = metrics["clock_error_ms"], metrics["energy_j"], metrics["lifetime_s"]
     if clock["rms"] is not None:
         yield f"clock error of sensor nodes when they sent: {clock['rms']:.2f} ms rms, {clock['max']:.2f} ms at most"
+    if refused := metrics["frames"]["refused"]:
+        yield f"refused, as no frames of this field: {', '.join(f'{n} ({why})' for why, n in refused.items())}"
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
         spent = joules(energy["total"]) + (f" ({by})" if by else "")

@@ -22,12 +22,12 @@ SPEEDS = (5.0, 1.0, 0.3)
 
 
 class Run:
-    """``trackfield run`` as a subprocess with its output folder."""
+    """``trackfield run`` as a subprocess with its output folder; what it says on stderr goes to the file ``said``."""
 
-    def __init__(self, folder: Path, *arguments: str) -> None:
+    def __init__(self, folder: Path, *arguments: str, said: Path | None = None) -> None:
         self.folder = folder
         command = [sys.executable, "-m", "launcher.cli", "run", *arguments, "--out", str(folder)]
-        self._said = folder.with_suffix(".stderr")
+        self._said = said or folder.with_suffix(".stderr")
         with self._said.open("w") as stderr:
             self.process = subprocess.Popen(command, stderr=stderr, env={**os.environ, "COLUMNS": "200"})
 

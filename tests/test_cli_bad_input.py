@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from launcher.timeline.view import MAGIC
+from launcher.timeline.recording import MAGIC
 from tests.command_line import Call, Said, trackfield
 
 __all__ = ["trackfield"]
@@ -72,15 +72,15 @@ def test_an_unknown_name_gets_the_nearest(
     [
         ("link.loss=2", ["link.loss: is 2", "a number from 0 to 1"]),
         ("link.loss=high", ['link.loss: is "high"', "a number from 0 to 1"]),
-        ("sensor.doa_sd_deg=-1", ["sensor.doa_sd_deg: is -1", "a number from 0 to 180"]),
-        ("sensor.doa_sd_deg=nan", ["sensor.doa_sd_deg: is NaN", "a number from 0 to 180"]),
-        ("field.spacing_m=0", ["field.spacing_m: is 0", "a number above 0"]),
+        ("sensor.doa_sd_deg=-1", ["sensor.doa_sd_deg: is -1", "a number from 0.001 to 180"]),
+        ("sensor.doa_sd_deg=nan", ["sensor.doa_sd_deg: is NaN", "a number from 0.001 to 180"]),
+        ("field.spacing_m=0", ["field.spacing_m: is 0", "a number from 0.001 to 10000000"]),
         ("field.jitter=1.5", ["field.jitter: is 1.5", "a number from 0 to 1"]),
-        ("field.radius_m=0", ["field.radius_m: is 0", "a number above 0"]),
+        ("field.radius_m=0", ["field.radius_m: is 0", "a number from 0.001 to 10000000"]),
         ("sensor.position_error_m=-1", ["sensor.position_error_m: is -1", "a number from 0 to 10000"]),
         ("field.file=", ['field.file: is ""', "a text"]),
         ("target.steps=1.5", ["target.steps: is 1.5", "a whole number"]),
-        ("seed=-1", ["seed: is -1", "a whole number of at least 0"]),
+        ("seed=-1", ["seed: is -1", "a whole number from 0 to 9223372036854775807"]),
         ("field=3", ["field", "is 3"]),
         ("sensor.alpha.x=3", ["sensor.alpha: is 2.0", "expected a section"]),
         ("fusion.trackers=[]", ["fusion.trackers: is []", "a list of at least 1"]),
@@ -313,7 +313,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_it_is_made(trackfiel
 @pytest.mark.parametrize("speed", ["0", "-1", "101", "inf", "nan"])
 def test_a_speed_out_of_range_is_refused(trackfield: Call, tmp_path: Path, speed: str) -> None:
     said = trackfield("run", "spcpf", "--speed", speed)
-    assert_refused(said, f"--speed: is {float(speed)}", "more than 0, at most 100")
+    assert_refused(said, f"--speed: is {float(speed)}", "more than 0: from 0.001 to 100")
     assert everything(tmp_path) == set()
 
 

@@ -16,9 +16,10 @@ from launcher.plan.prepare import load, planned
 from launcher.record.folder import keep
 from launcher.record.journal import write_json
 from launcher.record.metrics import run_metrics
+from launcher.record.reading.files import check_run
 from launcher.record.tables import TrackRow, write_messages, write_tracks
 from launcher.records import MessageRow
-from launcher.study.compare import check_runs, differences
+from launcher.study.compare import differences
 from launcher.study.comparison.remarks import remarks
 from launcher.study.comparison.rows import Row
 from launcher.study.comparison.runs import read_runs
@@ -163,7 +164,7 @@ def finished(
     metrics = run_metrics(plan, ledger, tracks) | {
         "driver": "virtual",
         "wall_s": 1.0,
-        "recorder": {"messages": len(ledger.rows), "dropped": 0},
+        "recorder": {"messages": len(ledger.rows), "dropped": 0, "complaints": []},
     }
     change(metrics)
     write_json(metrics, folder(at, tracks, ledger.rows) / "metrics.json")
@@ -367,7 +368,7 @@ def test_as_many_runs_as_one_likes(tmp_path: Path) -> None:
 
 def test_what_is_no_run_is_named(tmp_path: Path) -> None:
     a = finished(tmp_path / "a")
-    check_runs([a, a])
+    check_run(a)
     for name, content, what in (
         ("metrics.json", b"{", "its metrics.json is damaged"),
         ("tracks.parquet", b"PAR1", "its tracks.parquet is damaged"),
@@ -380,7 +381,7 @@ def test_what_is_no_run_is_named(tmp_path: Path) -> None:
         else:
             (broken / name).write_bytes(content)
         with pytest.raises(ScenarioError) as failure:
-            check_runs([a, broken])
+            check_run(broken)
         assert (failure.value.file, failure.value.what) == (str(broken), what)
 
 

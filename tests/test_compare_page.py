@@ -306,7 +306,7 @@ def test_the_recording_has_both_runs_on_one_timeline(trackfield: Call, tmp_path:
 
 def test_a_recording_is_a_timeline_that_view_takes(trackfield: Call, tmp_path: Path, home: Path) -> None:
     assert trackfield("compare", home / "a", home / "out", "--rrd", "both.rrd").code == 0
-    from launcher.timeline.view import timeline_of
+    from launcher.timeline.recording import timeline_of
 
     assert timeline_of(tmp_path / "both.rrd") == tmp_path / "both.rrd"
     assert timeline_of(home / "a") == home / "a" / "run.rrd"

@@ -67,7 +67,7 @@ def test_bash_completes_commands_and_what_can_be_chosen(home: Path) -> None:
         "trackfield list li",
         "trackfield run ./",
     )
-    assert commands == ["report", "replay", "reproduce"]
+    assert commands == ["report", "replay", "recover", "reproduce"]
     assert scenarios == list(names())
     assert links == ["gilbert_elliott"]
     assert trackers == [name for name in TRACKERS if name.startswith("fix")]

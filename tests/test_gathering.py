@@ -11,13 +11,22 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.command_line import Call, trackfield
-from tests.outside import OPTIONS, Start, join, router, start
+from tests.outside import OPTIONS, Start, join, process, router, start
 from tests.running import Run, until
 
 __all__ = ["router", "start", "trackfield"]
 LEASE_S = 10.0
 """After which Zenoh gives up a session of which nothing is heard."""
 LONGER = tuple(option.replace("target.steps=12", "target.steps=30") for option in OPTIONS)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_router_ends_when_it_is_told(number: int, tmp_path: Path) -> None:
+    said = tmp_path / "router"
+    with process("launcher", "router", "--listen", f"unixsock-stream/{tmp_path}/s", said=said) as router:
+        until(lambda: said.read_text().startswith("router at "))
+        router.send_signal(number)
+        assert router.wait(10) == 0
 
 
 def test_everybody_finds_the_run_and_a_place_in_it(router: str, start: Start, tmp_path: Path) -> None:

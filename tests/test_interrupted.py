@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -12,20 +14,22 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
+from launcher.signals import handling
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at
 from tests.reporting import read
+from tests.running import until
 
 __all__ = ["trackfield"]
 
 RUN = ("run", "zhai-spcpf", "--virtual", "--out", "mine")
 
 
-def interrupt_in(module: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have SIGINT come as soon as this function is called."""
+def interrupt_in(module: str, name: str, monkeypatch: pytest.MonkeyPatch, number: int = signal.SIGINT) -> None:
+    """Have this signal come as soon as this function is called."""
 
     def interrupted(*arguments: Any, **options: Any) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
 
     monkeypatch.setattr(f"{module}.{name}", interrupted)
 
@@ -41,7 +45,7 @@ def test_a_run_ends_early_and_leaves_a_whole_folder(
     monkeypatch.chdir(tmp_path)
     folder = Path("mine")
     metrics = json.loads((folder / "metrics.json").read_text())
-    assert 10 < metrics["end_s"] < 40
+    assert 10 < metrics["ended_s"] < 40
     assert pq.read_table(folder / "tracks.parquet")["step"].to_pylist()[-1] < 40
     assert pq.read_table(folder / "messages.parquet").num_rows == metrics["frames"]["expected"] == 100
     assert "The run ended early, " in read(folder).text
@@ -60,12 +64,13 @@ def test_a_replay_without_late_reports_says_that_there_were_none(trackfield: Cal
     assert "note: no report of the run was late (frames.late): --drop-late changes nothing" in said.err
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_one_while_the_run_is_planned_leaves_nothing(
-    trackfield: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    number: int, trackfield: Call, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    interrupt_in("launcher.plan.prepare", "make_plan", monkeypatch)
+    interrupt_in("launcher.plan.prepare", "make_plan", monkeypatch, number)
     said = trackfield(*RUN)
-    assert (said.code, said.out) == (130, "")
+    assert (said.code, said.out) == (128 + number, "")
     assert said.err == "trackfield: interrupted before the run began; there is no run folder\n"
     assert list(tmp_path.iterdir()) == []
 
@@ -97,3 +102,33 @@ def test_one_while_the_report_is_drawn_leaves_the_run_without_it(
     assert {file.name for file in Path("mine").iterdir()} == {
         "scenario.toml", "manifest.json", "run.rrd", "messages.parquet", "tracks.parquet", "metrics.json", "logs",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_closed_terminal_ends_a_run_as_any_other_signal_does(number: int, tmp_path: Path) -> None:
+    """It reaches the whole process group, with the process that draws the report."""
+    command = [sys.executable, "-m", "launcher", *RUN, "--set", "target.steps=4000"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, process_group=0, env={**os.environ, "COLUMNS": "200"}
+    ) as run:
+        until((tmp_path / "mine" / "manifest.json").exists)
+        time.sleep(0.5)
+        os.killpg(run.pid, number) if number == signal.SIGHUP else run.send_signal(number)
+        _, said = run.communicate(timeout=60)
+    assert run.returncode == 128 + number, said
+    assert "ended early; everything up to then is in the run folder" in said
+    assert (tmp_path / "mine" / "report.html").exists()
+
+
+def test_a_closed_terminal_that_is_ignored_stays_ignored() -> None:
+    """As under nohup."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with handling(lambda _: None):
+            assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+            assert signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    with handling(lambda _: None):
+        assert signal.getsignal(signal.SIGHUP) != before
+    assert signal.getsignal(signal.SIGHUP) == before

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from launcher.record.ledger import Ledger, describe
 from launcher.records import MessageRow
 from trackfield.drivers.frames import EventKey, Frame, Refused, Told, Undone
-from trackfield.drivers.spec import ProcessSpec, RunSpec, places_of
+from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.role import NEIGHBOURHOOD, NS, Note, Publish, Radio, State, TrackPoint
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa
@@ -26,9 +26,7 @@ IDEAL: dict[str, Any] = {"model": "ideal"}
 def processes() -> list[ProcessSpec]:
     """``a`` to ``c`` hear broadcasts in their cell, ``far`` those in another; ``deaf`` none."""
     near = [ProcessSpec(name, "toy", "none", cells=("c0",), media=("field", "backbone")) for name in ("a", "b", "c")]
-    far, deaf = ProcessSpec("far", "toy", "none", cell="c1", cells=("c1",)), ProcessSpec("deaf", "toy", "none")
-    everybody = [*near, far, deaf]
-    return [replace(one, peers=places_of(p for p in everybody if p is not one)) for one in everybody]
+    return [*near, ProcessSpec("far", "toy", "none", cell="c1", cells=("c1",)), ProcessSpec("deaf", "toy", "none")]
 
 
 def ledger(link: dict[str, Any] = IDEAL) -> Ledger:

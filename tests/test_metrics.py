@@ -24,7 +24,7 @@ from trackfield.wire.messages import Doa
 DOCUMENT = FilePath(__file__).parents[1] / "docs" / "metrics.md"
 
 KEYS = """
-scenario seed driver end_s wall_s cpu_s
+scenario seed driver ended_s complete end_reason wall_s cpu_s
 trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,steps,bound_m,times_bound}
 trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_blackout_s}
 trackers.<name>.gap.{rmse,steps} trackers.<name>.association
@@ -33,7 +33,7 @@ bound.{position,trajectory}
 processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
-frames.host_lost frames.by_kind.<kind>.{sent,payload_bytes_max}
+frames.host_lost frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
 bytes.{payload,on_air}
 latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
 host_latency_ms.{p50,p99}
@@ -43,7 +43,7 @@ energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
 lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
-recorder.{messages,dropped}
+recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens}
 """
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),
@@ -64,6 +64,7 @@ NAMES = {
     "trackers.<name>.sources.": "<id>",
     "trackers.<name>.views.": "<view>",
     "frames.by_kind.": "<kind>",
+    "frames.refused.": "<reason>",
 }
 """What stands for the names that a run gives, by where they are."""
 
@@ -83,7 +84,9 @@ def paths(metrics: Metrics, before: str = "") -> Iterator[str]:
 
 def test_every_key_is_there_and_no_other() -> None:
     plan = spcpf(1, ["target.steps=5", "targets=[{id='second', path='s3'}]"])
-    metrics = run_metrics(plan, *simulated(plan))
+    ledger, tracks = simulated(plan)
+    ledger.refuse("data/field/to/fusion/nobody/doa", "sender")
+    metrics = run_metrics(plan, ledger, tracks)
     assert set(paths(metrics)) == set(expanded(KEYS))
     assert metrics["trackers"].keys() == {"fix-imm-ukf", "spcpf"}
     assert metrics["frames"]["by_kind"].keys() == {"doa"}
@@ -97,7 +100,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     plan = tiny()
     metrics = run_metrics(plan, Ledger(plan.run, plan.processes), [])
     named = set(expanded("trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id>"))
-    by_kind = set(expanded("frames.by_kind.<kind>.{sent,payload_bytes_max}"))
+    by_kind = set(expanded("frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}"))
     assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind
     assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
@@ -181,7 +184,7 @@ def test_a_whole_tiny_run() -> None:
     slip.add(2 * MS)
     latency.add(MS)
     both = {"slip": dict(slip.counts), "latency": dict(latency.counts)}
-    ledger.final("fusion", {"delivered": 3, "late": 1, "inversions": 2, "duplicate": 1, "malformed": 4, **both})
+    ledger.final("fusion", {"delivered": 3, "late": 1, "inversions": 2, "duplicate": 1, **both})
     ledger.final("n0", {"sent": 2, "inversions": 1, **both})
     ledger.final("n1", {"sent": 5, "host_late": 3, **both})
     ledger.close()
@@ -190,9 +193,10 @@ def test_a_whole_tiny_run() -> None:
     assert (metrics["scenario"], metrics["seed"]) == ("tiny-scenario", 7)
     assert metrics["processes"]["started"] == 3
     assert metrics["frames"] == {
-        "sent": 4, "expected": 4 + 3, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 4,
+        "sent": 4, "expected": 4 + 3, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 0,
         "lost": {"radio": 0, "partition": 0, "in_flight": 1, "asleep": 0, "frozen": 0, "dead": 0, "overflow": 0},
         "host_lost": 3,  # n1 sent five, of which the recorder saw two
+        "refused": {},
         "by_kind": {"doa": {"sent": 4, "payload_bytes_max": len(payload)}},
     }  # fmt: skip
     assert metrics["bytes"]["payload"] == 4 * len(payload)

@@ -24,6 +24,7 @@ from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.own_fix import own_fix
 from trackfield.filters.types import Model, Reports
+from trackfield.plugins import give
 from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
 from trackfield.scenario import Scenario
 from trackfield.wire import Doa, Measurement
@@ -131,14 +132,18 @@ def test_of_several_targets_the_nearest_is_measured() -> None:
     assert both.sample(20 * NS) == placed().sample(20 * NS)  # 30 m away
     assert both.sample(5 * NS) == other.sample(5 * NS)
     assert both.sample(150 * NS) == other.sample(150 * NS)  # the other is gone
-    assert own_ears(plain(both, "ranger", {}, ""), ()).sample(20 * NS) == both.sample(20 * NS)
+    assert own_ears(plain(both, "ranger", {}), ()).sample(20 * NS) == both.sample(20 * NS)
 
 
 def test_its_plain_form_makes_the_same_sensor() -> None:
-    form = plain(placed(3, blind_m=5.0), "ranger", {"blind_m": 5.0}, f"{__name__}:Ranger")
+    form = plain(placed(3, blind_m=5.0), "ranger", {"blind_m": 5.0})
     here = placed(3, blind_m=5.0)
-    SENSORS.registered.clear()  # as in another process
-    again = own_ears(form, ())
+    SENSORS.registered.clear()  # as in another process, which its parent told where that is
+    give({"sensor:ranger": f"{__name__}:Ranger"}, installed=False)
+    try:
+        again = own_ears(form, ())
+    finally:
+        give({}, installed=True)
     assert [again.sample(t * NS) for t in range(50)] == [here.sample(t * NS) for t in range(50)]
 
 
@@ -301,7 +306,7 @@ def test_what_cannot_be_registered() -> None:
 
 
 def test_the_centre_takes_reports_of_its_sensors_kind_alone() -> None:
-    sensor = {"kind": "ranger", "options": {}, "place": ""}
+    sensor = {"kind": "ranger", "options": {}}
     fusion = Fusion(trackers=["ekf"], sensors=[("a", 0.0, 0.0)], step_ns=NS, deadline_ns=NS // 2, seed=1, sensor=sensor)
     assert fusion.kinds == {"measurement", "sync-request"}
     state, _ = fusion.handle(fusion.begin(), Started(0))

@@ -21,7 +21,7 @@ from tests.command_line import Call, trackfield
 from tests.running import Run
 from tests.simulated import simulated
 from trackfield.filters.trackers import TRACKERS, make_tracker, register_tracker
-from trackfield.plugins import Plugins
+from trackfield.plugins import Plugins, give
 from trackfield.scenario import Scenario
 
 __all__ = ["trackfield"]
@@ -119,9 +119,13 @@ def test_processes_need_a_class_that_can_be_imported() -> None:
 
 
 def test_another_process_finds_it_by_its_place() -> None:
-    found = make_tracker("far", {"east": 3.0}, {"far": f"{__name__}:Still"})
-    assert found.tracker == Still(east=3.0)  # type: ignore[attr-defined]
     assert "far" not in TRACKERS
+    give({"tracker:far": f"{__name__}:Still"}, installed=False)
+    try:
+        assert make_tracker("far", {"east": 3.0}).tracker == Still(east=3.0)  # type: ignore[attr-defined]
+        assert list(TRACKERS) == [*TRACKERS.own, "far"]
+    finally:
+        give({}, installed=True)
 
 
 # --- options ---
@@ -280,7 +284,7 @@ def test_a_maker_of_an_entry_point_is_looked_at(monkeypatch: pytest.MonkeyPatch)
 
     plugins = Plugins("tracker", "nobody.has.this", {"a": Still}, methods=("init", "step"))
     entries = {"bad": EntryPoint("bad", "collections:OrderedDict", "g"), "a": EntryPoint("a", "nowhere:A", "g")}
-    monkeypatch.setitem(plugins.__dict__, "_entries", entries)
+    monkeypatch.setitem(plugins.__dict__, "_installed", entries)
     assert list(plugins) == ["a", "bad"]
     assert plugins["a"] is Still  # our own comes first
     with pytest.raises(tf.ScenarioError, match="collections:OrderedDict: tracker 'bad' has no init, step"):

@@ -138,8 +138,10 @@ def test_every_part_of_a_process_travels() -> None:
     )  # fmt: skip
     for name in ("fusion", "n060", "n060~1"):
         one = process(plan, name)
-        travelled = ProcessSpec.from_plain(msgpack.unpackb(msgpack.packb(one.plain()), strict_map_key=False))
-        assert travelled == ProcessSpec.from_plain(one.plain())
+        travelled = ProcessSpec.from_plain(
+            msgpack.unpackb(msgpack.packb(one.plain()), strict_map_key=False), one.factory
+        )
+        assert travelled == ProcessSpec.from_plain(one.plain(), one.factory)
         parts = ("power", "clock", "peers", "legs", "freezes", "jumps", "faults", "kill_ns", "start_ns", "incarnation")
         assert [getattr(travelled, part) for part in parts] == [getattr(one, part) for part in parts]
 

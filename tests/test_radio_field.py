@@ -27,8 +27,8 @@ def answer(process: ProcessSpec) -> bytes:
 
 def test_a_place_travels_in_a_join_answer() -> None:
     for process in spcpf(1, SHORT).processes[:2]:
-        travelled = ProcessSpec.from_plain(msgpack.unpackb(answer(process)))
-        assert travelled == ProcessSpec.from_plain(process.plain())
+        travelled = ProcessSpec.from_plain(msgpack.unpackb(answer(process)), process.factory)
+        assert travelled == ProcessSpec.from_plain(process.plain(), process.factory)
         assert travelled.peers == process.peers
         assert travelled.places == {**process.peers, process.id: (process.x, process.y)}
 

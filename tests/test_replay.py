@@ -13,7 +13,7 @@ import pytest
 
 import trackfield as tf
 from launcher.plan.prepare import load, planned
-from launcher.record.folder import keep, prepare_folder
+from launcher.record.folder import keep, prepare_folder, scenario_digest
 from launcher.record.journal import METRICS
 from launcher.run import run_processes, run_virtual
 from launcher.show import Quiet
@@ -181,6 +181,8 @@ def test_a_centre_that_died_unplanned_is_fused_again_as_long_as_it_tracked(tmp_p
     shutil.copytree(run, twin)
     scenario = (twin / "scenario.toml").read_text()
     (twin / "scenario.toml").write_text(scenario[: scenario.index("[[faults]]")])
+    manifest = json.loads((twin / "manifest.json").read_text()) | {"scenario": scenario_digest(twin)}
+    (twin / "manifest.json").write_text(json.dumps(manifest))
     planned_one, unplanned = (replay(one, out=tmp_path / f"again-{one.name}").folder for one in (run, twin))
     assert differences(run, planned_one, 1e-9) == []
     assert differences(planned_one, unplanned, 1e-9) == []

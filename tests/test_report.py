@@ -153,7 +153,7 @@ def test_a_run_that_has_no_tracks_has_a_report(copied: Path) -> None:
 
 
 def test_a_run_that_ended_early_says_so(copied: Path) -> None:
-    changed(copied, lambda metrics: metrics.update(end_s=9.5))
+    changed(copied, lambda metrics: metrics.update(ended_s=9.5))
     with_tracks(copied, lambda table: table.filter(pa.compute.less(table["step"], 10)))
     report.write_report(copied)
     text = read(copied).text

@@ -120,7 +120,7 @@ def test_a_smoothed_track_dies_with_the_centre_that_was_still_to_tell_of_it(tmp_
     (smoothed,) = [one for one in verdicts.verdicts(read_run(file)) if "+lag5" in one.tracker]
     assert "5 s without a track: fusion was restarted at 7 s and came back at 9 s. " in smoothed.text
     assert "arrived in time" not in read(file).text
-    early = changed(file, lambda metrics: metrics.update(end_s=4.5))
+    early = changed(file, lambda metrics: metrics.update(ended_s=4.5))
     (track,) = [one for one in early.tracks if one.lag]
     assert outages(early, replace(track, mean=track.mean * np.nan)) == []
     never = run(tmp_path / "never", KILL.replace("at_s=3", "at_s=5.2"), "fusion.smooth_lag=5", steps=12)
@@ -170,7 +170,7 @@ def test_interpolated_truth_stands_apart(gappy: Path) -> None:
 
 def test_a_run_that_ended_before_a_gap_has_none(gappy: Path, tmp_path: Path) -> None:
     copy = Path(shutil.copytree(gappy, tmp_path / "copy"))
-    early = changed(copy, lambda metrics: metrics.update(end_s=5.5))
+    early = changed(copy, lambda metrics: metrics.update(ended_s=5.5))
     assert (early.gaps, early.last_step, len(early.course.at_ns)) == ((), 5, 5)
 
 

@@ -119,8 +119,8 @@ COLUMNS = "a CSV file with columns id,x,y or id,lat,lon"
     ("content", "message"),
     [
         (b"", f": is empty; expected {COLUMNS}"),
-        (b"\xff\xfe\x00", f": not a CSV file; expected {COLUMNS}"),
-        (b"id,x,y\n\x00,1,2", ":2: id is '\\x00'; expected 1 to 32 characters of A-Z a-z 0-9 _ . -"),
+        (b"\xff\xfe\x00", f": not a CSV file (line 1: the byte 0xff is not text in UTF-8); expected {COLUMNS}"),
+        (b"id,x,y\n\x00,1,2", ": not a CSV file (line 2: the byte 0x00 is not text); expected a CSV"),
         (b"It was a dark and stormy night.", f": has the columns it was a dark and stormy night.; expected {COLUMNS}"),
         (b"id,x\na,1\n", f": has the columns id, x; expected {COLUMNS}"),
         (b"name,x,y\na,1,2\n", f": has the columns name, x, y; expected {COLUMNS}"),

@@ -137,7 +137,7 @@ def test_all_wrong_settings_are_told_at_once() -> None:
 CHANGES: list[dict[str, Any]] = [
     {},
     {"link.model": "gilbert_elliott", "link.range_m": 123.456},
-    {"target.path": "waypoints", "target.waypoints": [[0, 0, 0], [0.1, 1e-7, -1e22]]},
+    {"target.path": "waypoints", "target.waypoints": [[0, 0, 0], [0.1, 1e-7, -1e7]]},
     {"target.path": "file", "target.file": 'odd "name".gpx', "target.from": "07:50", "target.steps": 7},
     {"field.layout": "jittered", "field.jitter": 0.1, "sensor.position_error_m": 5},
     {"field.layout": "random", "field.spacing_m": 33.3},

@@ -87,7 +87,7 @@ def test_a_table_reads_back_the_same(tmp_path: Path) -> None:
         ({"steps": 4, "within": 3}, "score.lost.steps: is 4; expected at most within, which is 3"),
         ({"steps": 0}, "score.lost.steps: is 0; expected a whole number from 1 to 65535"),
         ({"within": 0.5}, "score.lost.within: is 0.5; expected a whole number from 1 to 65535"),
-        ({"beyond_m": 0}, "score.lost.beyond_m: is 0; expected a number above 0"),
+        ({"beyond_m": 0}, "score.lost.beyond_m: is 0; expected a number from 0.001 to 10000000"),
         ({"stps": 1}, "score.lost.stps: unknown; did you mean steps?; expected one of beyond_m, steps, within"),
         (3, "score.lost: is 3; expected a table, like { beyond_m = 50.0, steps = 3, within = 10 }"),
     ],

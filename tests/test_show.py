@@ -14,7 +14,7 @@ from rich.live import Live
 
 from launcher import show
 from launcher.record.ledger import Ledger
-from launcher.record.metrics import Metrics, run_metrics
+from launcher.record.metrics import Metrics, ended_because, run_metrics
 from launcher.records import Plan
 from launcher.run import Outcome
 from tests.simulated import simulated, spcpf
@@ -283,9 +283,9 @@ def test_a_run_that_nobody_recorded_still_has_its_complaint(plan: Plan, said: Sa
 
 
 def test_an_early_end_is_told(plan: Plan, said: Said) -> None:
-    show.conclude(outcome(metrics_of(plan), signal=2))
+    show.conclude(outcome(metrics_of(plan) | ended_because("interrupted (SIGINT)"), signal=2))
     assert "ended early; everything up to then is in the run folder" in said()
-    show.conclude(replace(outcome(metrics_of(plan), signal=2), complete=True))
+    show.conclude(outcome(metrics_of(plan), signal=2))
     assert "interrupted after its end; the run is complete" in said()
 
 

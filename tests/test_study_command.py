@@ -16,6 +16,7 @@ from statistics import fmean
 from typing import Any
 
 import numpy as np
+import psutil
 import pyarrow.parquet as pq
 import pytest
 from matplotlib.container import ErrorbarContainer
@@ -366,7 +367,9 @@ def test_a_study_of_a_track_goes_by_what_is_in_its_file(trackfield: Call) -> Non
     assert "from before" not in said.err
 
 
-def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfield: Call) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_terminal_that_ends_a_study_keeps_what_is_done(number: int, tmp_path: Path, trackfield: Call) -> None:
+    """Ctrl-C, or because it is closed: both reach the workers, too."""
     asked = (
         "study",
         "zhai-spcpf",
@@ -383,10 +386,10 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfi
         until = time.monotonic() + 120
         while len(list(tmp_path.rglob("0*.parquet"))) < 3 and time.monotonic() < until:
             time.sleep(0.05)
-        os.killpg(running.pid, signal.SIGINT)
+        os.killpg(running.pid, number)
         _, err = running.communicate(timeout=60)
     done = len(list(tmp_path.rglob("0*.parquet")))
-    assert running.returncode == 130
+    assert running.returncode == 128 + number
     (said,) = re.findall(
         r"interrupted: (\d+) of 4000 runs are done and kept in (\S+); the same command runs the others", err
     )
@@ -399,6 +402,20 @@ def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path, trackfi
     assert again.code == 0
     assert f"{first} of 2 runs exist already" in again.err
     assert (tmp_path / said[1] / "study.html").exists()
+
+
+def test_a_worker_that_is_killed_ends_a_study_with_one_message(tmp_path: Path) -> None:
+    asked = command("study", "zhai-spcpf", "--set", "target.steps=40", "--seeds", "2000", "--jobs", "2")
+    with subprocess.Popen(asked, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
+        until = time.monotonic() + 120
+        while len(list(tmp_path.rglob("0*.parquet"))) < 3 and time.monotonic() < until:
+            time.sleep(0.05)
+        workers = [one for one in psutil.Process(running.pid).children() if "loky" in " ".join(one.cmdline())]
+        max(workers, key=lambda one: one.cpu_times().user).kill()
+        _, err = running.communicate(timeout=60)
+    assert running.returncode == 1
+    assert err.splitlines()[-1].startswith("trackfield: a worker process was killed")
+    assert "Traceback" not in err
 
 
 def interrupt(*_: object) -> None:
@@ -466,7 +483,7 @@ def test_times_are_values(trackfield: Call) -> None:
     ("arguments", "said"),
     [
         (("--vary", "field.spacing_mm=1,2"), "field.spacing_mm: unknown; did you mean spacing_m?"),
-        (("--vary", "field.spacing_m=50,-1"), "field.spacing_m: is -1; expected a number above 0"),
+        (("--vary", "field.spacing_m=50,-1"), "field.spacing_m: is -1; expected a number from 0.001 to"),
         (("--vary", "field.spacing_m=50"), "field.spacing_m: has one value, 50; expected two values or more; --set"),
         (("--vary", "field.spacing_m=50,50.0"), "field.spacing_m: 50 is given twice; expected each value once"),
         (("--vary", "field.spacing_m"), "--vary: 'field.spacing_m' varies nothing; expected KEY=VALUE,VALUE"),

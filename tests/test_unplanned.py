@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import time
@@ -16,13 +17,17 @@ import pyarrow.parquet as pq
 import pytest
 
 from launcher.plan.prepare import load, planned
+from launcher.processes import children, patience
+from launcher.processes.children import ZYGOTE, Children
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.patience import MAX_RESTARTS
-from launcher.processes.watch import SLICES, Death, Stop, Watch
+from launcher.processes.watch import SLICES, STOOD_STILL, Death, Stop, Watch
+from launcher.processes.zygote import Child
 from launcher.records import RECORDER, Plan
 from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
 from tests.running import until
+from trackfield.errors import RunFailed
 from trackfield.role import NS
 
 
@@ -93,6 +98,7 @@ def going_on(plan: Plan, folder: Path) -> Iterator[Deployment]:
 
 
 EVERYBODY = ("n003", "n007", ROUTER, RECORDER, "fusion")
+NEEDED = {ROUTER, RECORDER, ZYGOTE}
 
 
 def test_each_death_is_seen_within_a_second(tmp_path: Path) -> None:
@@ -109,7 +115,7 @@ def test_each_death_is_seen_within_a_second(tmp_path: Path) -> None:
 
 def test_each_stop_is_seen_within_two_seconds_and_so_is_its_end(tmp_path: Path) -> None:
     with going_on(small(60), tmp_path) as field:
-        for name in EVERYBODY:
+        for name in (*EVERYBODY, ZYGOTE):
             begun = time.monotonic()
             os.kill(field.pids()[name], signal.SIGSTOP)
             until(lambda name=name: name in [stop.id for stop in field.stops], timeout=5)
@@ -118,7 +124,7 @@ def test_each_stop_is_seen_within_two_seconds_and_so_is_its_end(tmp_path: Path) 
             os.kill(field.pids()[name], signal.SIGCONT)
             until(lambda: field.stops[-1].for_s is not None, timeout=5)
             assert time.monotonic() - seen < 2.0
-    assert [stop.id for stop in field.stops] == list(EVERYBODY)
+    assert [stop.id for stop in field.stops] == [*EVERYBODY, ZYGOTE]
     assert field.deaths == []
 
 
@@ -139,16 +145,128 @@ def test_a_centre_that_stood_still_catches_up(disturbed: Callable[..., Outcome],
     assert outcome.complaints[0] == f"fusion was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s"
 
 
-def test_who_never_goes_on_does_not_hold_up_the_end(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
-    begun = time.monotonic()
-    outcome = disturbed(small(8, speed=2.0), (2, "n005", signal.SIGSTOP), (2, RECORDER, signal.SIGSTOP))
-    assert time.monotonic() - begun < 40
-    never, why = {"n005", RECORDER}, "stood still at the end, stopped from outside"
-    assert {(d["id"], d["why"]) for d in outcome.metrics["processes"]["died"]} == {(name, why) for name in never}
-    assert {(s["id"], s["s"]) for s in outcome.metrics["processes"]["stopped"]} == {(name, None) for name in never}
+def test_who_never_goes_on_does_not_hold_up_the_end(disturbed: Callable[..., Outcome]) -> None:
+    outcome = disturbed(small(8, speed=2.0), (2, "n005", signal.SIGSTOP))
+    [died], [stopped] = outcome.metrics["processes"]["died"], outcome.metrics["processes"]["stopped"]
+    assert (died["id"], died["why"]) == ("n005", "stood still at the end, stopped from outside")
+    assert (stopped["id"], stopped["s"]) == ("n005", None)
     assert outcome.exit_code == 1
-    assert outcome.metrics["frames"]["sent"] is None
-    assert (tmp_path / "run.rrd").exists()
+
+
+@pytest.mark.parametrize("name", [RECORDER, ZYGOTE])
+def test_who_cannot_be_replaced_is_continued(name: str, disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    outcome = disturbed(small(12), (2, name, signal.SIGSTOP))
+    [stop] = outcome.metrics["processes"]["stopped"]
+    assert stop["id"] == name
+    assert stop["s"] > patience.NEEDED_STILL_S - 1.0
+    assert outcome.complaints == (f"{name} was stopped from outside at {stop['t']:.1f} s, for {stop['s']:.1f} s",)
+    assert outcome.exit_code == 1
+    assert tracked_steps(tmp_path) == set(range(1, 13))
+
+
+def test_at_the_end_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both are needed once more: the one to write the tables, the other to say how the processes ended."""
+    monkeypatch.setattr(patience, "NEEDED_STILL_S", 1.0)
+    with Deployment(small(3, speed=2.0), tmp_path) as field:
+        field.wait_ready(lambda ready, of: False)
+        field.begin()
+        field.watch(lambda: False)
+        for name in (RECORDER, ZYGOTE):
+            os.kill(field.pids()[name], signal.SIGSTOP)
+        field.finish()
+    assert tracked_steps(tmp_path) == {1, 2, 3}
+    assert field.deaths == []
+
+
+def test_all_end_with_the_zygote_and_the_tables_are_there(disturbed: Callable[..., Outcome], tmp_path: Path) -> None:
+    outcome = disturbed(small(60), (3, ZYGOTE, signal.SIGKILL))
+    [death] = outcome.metrics["processes"]["died"]
+    assert (death["id"], death["why"]) == (ZYGOTE, "signal 9")
+    assert outcome.complaints == (f"zygote died at {death['t']:.1f} s: signal 9",)
+    assert outcome.exit_code == 1
+    assert {1, 2} <= tracked_steps(tmp_path)
+
+
+# --- who stands still before the start ---------------------------------------------------------------------------
+
+
+class Hampered(Deployment):
+    """Stops one of its processes as soon as it is there."""
+
+    victim = ""
+
+    def _make_children(self) -> Children:
+        children = super()._make_children()
+        fork = children.fork
+
+        def forked(name: str, *arguments: Any) -> None:
+            fork(name, *arguments)
+            if name == self.victim:
+                self._stop(children)
+
+        children.fork = forked  # type: ignore[method-assign]
+        if self.victim == ZYGOTE:
+            self._stop(children)
+        return children
+
+    def _stop(self, children: Children) -> None:
+        pid = children.pid(self.victim)
+        assert pid
+        os.kill(pid, signal.SIGSTOP)
+        self.victim = ""
+
+
+@pytest.fixture
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Little patience with those that stand still."""
+    monkeypatch.setattr(patience, "NEEDED_STILL_S", 1.0)
+    monkeypatch.setattr(patience, "STILL_S", 3.0)
+    monkeypatch.setattr(children, "ASK_S", 1.0)
+
+
+@pytest.mark.usefixtures("hasty")
+@pytest.mark.parametrize("name", sorted(NEEDED))
+def test_who_is_needed_cannot_hold_up_the_start(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Hampered, "victim", name)
+    monkeypatch.setattr(patience, "READY_TIMEOUT_S", 40.0)
+    with Hampered(small(3, speed=2.0), tmp_path) as field:
+        field.wait_ready(lambda ready, of: False)
+        field.begin()
+        field.watch(lambda: False)
+        field.finish()
+    assert field.deaths == ([Death(ROUTER, STOOD_STILL, None, again=True)] if name == ROUTER else [])
+    assert tracked_steps(tmp_path) == {1, 2, 3}
+
+
+@pytest.mark.usefixtures("hasty")
+def test_any_other_fails_it_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Hampered, "victim", "n005")
+    with (
+        Hampered(small(3), tmp_path) as field,
+        pytest.raises(RunFailed, match="n005 was stopped from outside at start, and not continued"),
+    ):
+        field.wait_ready(lambda ready, of: False)
+
+
+def test_a_zygote_that_cannot_be_is_a_failed_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+
+    monkeypatch.setattr(children.subprocess, "Popen", refused)
+    with pytest.raises(RunFailed, match="no process could be started: Resource temporarily unavailable"):
+        Children(1)
+
+
+def test_a_zygote_that_does_not_answer_is_not_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is traced, or waits for a disk: to be continued does not help it."""
+    monkeypatch.setattr(children, "ASK_S", 0.1)
+    monkeypatch.setattr(children, "ANSWER_S", 0.3)
+    monkeypatch.setattr(children, "_ZYGOTE", "import time; time.sleep(60)  # {path} {orders} {preload}")
+    some = Children(1)
+    for _ in range(2):
+        with pytest.raises(RunFailed, match="the zygote has ended or does not answer"):
+            some.fork("one", Child("any:thing", "one", os.devnull))
+    some.close()
 
 
 # --- a router that goes and comes back ---------------------------------------------------------------------------

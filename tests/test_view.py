@@ -106,11 +106,47 @@ def test_without_a_vulkan_driver_the_package_is_named(
 
 
 @with_driver
-def test_a_torn_file_fails_at_once_and_says_why(run: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kept", [0.5, 1.0])
+def test_of_a_torn_file_that_is_shown_which_is_there(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kept: float
+) -> None:
     whole = (run / "run.rrd").read_bytes()
-    (tmp_path / "run.rrd").write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(RunFailed, match=r"(?s)no picture: .*run\.rrd: Failed to decode"):
-        view.picture(tmp_path, tmp_path / "a.png")
+    torn = whole[: int(kept * len(whole)) - 1]
+    (tmp_path / "run.rrd").write_bytes(torn)
+    view.picture(tmp_path, tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 100_000
+    assert f"{tmp_path / 'run.rrd'} has no end" in capsys.readouterr().err
+    assert (tmp_path / "run.rrd").read_bytes() == torn
+    assert no_viewer_left()
+
+
+@pytest.mark.parametrize("kept", [12, 100, 1000, 1300])
+def test_a_file_in_which_nothing_happened_yet_is_refused_at_once(run: Path, tmp_path: Path, kept: int) -> None:
+    """12 bytes are the head of a file; a file that ends between two parts was waited for until the time was over."""
+    (tmp_path / "run.rrd").write_bytes((run / "run.rrd").read_bytes()[:kept])
+    (tmp_path / "record.log").touch()
+    for act in (lambda: view.open_viewer(tmp_path), lambda: view.picture(tmp_path, tmp_path / "a.png")):
+        with pytest.raises(
+            ScenarioError, match=r"run\.rrd: is damaged, .*; trackfield recover .* finishes it"
+        ) as failure:
+            act()
+        assert failure.value.file == str(tmp_path / "run.rrd")
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_a_viewer_that_does_not_answer_ends_in_time(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is stopped once it runs, so that the first call waits for ever."""
+
+    def stopped(url: str, process: subprocess.Popen[bytes]) -> object:
+        client = connect(url, process)
+        process.send_signal(signal.SIGSTOP)
+        return client
+
+    connect = view._connect
+    monkeypatch.setattr(view, "_connect", stopped)
+    monkeypatch.setattr(view, "PICTURE_S", 4.0)
+    with pytest.raises(RunFailed, match="no picture: the viewer took longer than 4 s"):
+        view.picture(run, tmp_path / "a.png")
     assert no_viewer_left()
 
 

@@ -221,7 +221,8 @@ def failure(file: Path, start: str | None = None, end: str | None = None) -> str
         "hello",
         "<html><body>",
         "\x00\x01",
-        '<gpx><trk><trkseg><trkpt lat="x" lon="1"/></trkseg></trk></gpx>',
+        "<a>" * 100_000,
+        "<!DOCTYPE gpx><gpx><trk><trkseg/></trk></gpx>",
     ],
 )
 def test_not_a_gpx_file(tmp_path: Path, content: str) -> None:
@@ -251,7 +252,48 @@ def test_points_without_a_time_are_left_out_where_others_have_one(tmp_path: Path
 
 @pytest.mark.parametrize(("lat", "lon"), [(91.0, 8.0), (50.0, 181.0), (float("nan"), 8.0)])
 def test_a_point_off_the_globe(tmp_path: Path, lat: float, lon: float) -> None:
-    assert "lies at latitude" in failure(gpx(tmp_path / "a.gpx", [(clock(0), 50.0, 8.0), (clock(1), lat, lon)]))
+    said = failure(gpx(tmp_path / "a.gpx", [(clock(0), 50.0, 8.0), (clock(1), lat, lon)]))
+    assert "a.gpx:1: l" in said
+    assert "; expected degrees from -" in said
+
+
+@pytest.mark.parametrize(
+    "when",
+    ["soon", "", "2024-05-06T08:00:01+99:99", "0001-01-01T00:00:00Z", "9999-12-31T23:59:59-01:00", "\n"],
+)
+def test_a_point_with_a_time_that_cannot_be_read(tmp_path: Path, when: str) -> None:
+    rows = [f'<trkpt lat="50" lon="8"><time>{one}</time></trkpt>\n' for one in (clock(0), when, clock(1))]
+    file = text(tmp_path / "a.gpx", f"<gpx><trk><trkseg>{''.join(rows)}</trkseg></trk></gpx>")
+    said = failure(file)
+    assert said == f"{file}:2: time is {when!r}; expected an ISO date and time of the years 1900 to 2199"
+
+
+def test_of_many_wrong_lines_the_first_are_told(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        read_track(text(tmp_path / "a.csv", "t_s,x,y\n" + "late,1,2\n" * 1000))
+    assert len(caught.value.parts) == 6
+    assert str(caught.value).endswith("a.csv: 995 more lines are wrong")
+
+
+def test_entities_are_not_followed(tmp_path: Path) -> None:
+    laughs = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
+    content = f'<!DOCTYPE gpx [<!ENTITY l0 "ha">{laughs}]><gpx><name>&l9;</name></gpx>'
+    said = failure(text(tmp_path / "a.gpx", content))
+    assert "not a GPX file (line 1: a document type, which GPX files do not have)" in said
+
+
+@pytest.mark.parametrize("apart", ["5e-324", "1e-300", "1e-9", "0.0001"])
+def test_fixes_too_near_for_a_speed(tmp_path: Path, apart: str) -> None:
+    file = text(tmp_path / "a.csv", f"t_s,x,y\n0,1,2\n{apart},900,2\n5,6,7\n")
+    assert failure(file).startswith(f"{file}:3: a fix {float(apart):g} s after the one before it; expected fixes")
+
+
+def test_a_cell_is_shown_in_brief(tmp_path: Path) -> None:
+    file = text(tmp_path / "a.csv", f"t_s,x,y\n0,1,2\n1,{'7' * 90_000}z\x1b[31m,2\n")
+    said = failure(file)
+    assert said.startswith(f"{file}:3: x is '77777")
+    assert len(said.removeprefix(str(file))) < 100
+    assert "\x1b" not in said
 
 
 def test_a_single_fix(tmp_path: Path) -> None:

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from typing import Final, TypeVar
+
+from trackfield.words import plain
+
+MOST_TOLD: Final = 20
+"""Of so many errors together, the text of each is in the message; of more, their number."""
 
 T = TypeVar("T")
 
@@ -16,7 +21,8 @@ class ScenarioError(TrackfieldError):
     """Bad input: a scenario, a target file, a command-line value (exit code 2).
 
     ``file`` and ``key`` say where (either may be empty), ``expected`` what is valid there. ``parts`` are the errors
-    that it combines, or only itself.
+    that it combines, or only itself. As text, it is one line for each part, of which very many are counted only;
+    characters that a terminal would obey are escaped.
     """
 
     parts: tuple[ScenarioError, ...]
@@ -24,12 +30,14 @@ class ScenarioError(TrackfieldError):
     def __init__(self, what: str, *, file: str = "", key: str = "", expected: str = "") -> None:
         self.what, self.file, self.key, self.expected = what, file, key, expected
         self.parts = (self,)
-        where = ": ".join(part for part in (file, key) if part)
-        super().__init__(f"{where}: {what}" if where else what)
+        super().__init__(what)
 
     def __str__(self) -> str:
-        text = super().__str__()
-        return f"{text}; expected {self.expected}" if self.expected else text
+        if len(self.parts) > 1:
+            more = [f"... and {len(self.parts) - MOST_TOLD} more errors"] if len(self.parts) > MOST_TOLD else []
+            return "\n".join([*map(str, self.parts[:MOST_TOLD]), *more])
+        text = ": ".join(plain(part) for part in (self.file, self.key, self.what) if part)
+        return f"{text}; expected {plain(self.expected)}" if self.expected else text
 
 
 class RunFailed(TrackfieldError):  # noqa: N818  users read this name
@@ -45,9 +53,14 @@ def combined(errors: Sequence[ScenarioError]) -> ScenarioError:
     parts = tuple({str(part): part for error in errors for part in error.parts}.values())
     if len(parts) == 1:
         return parts[0]
-    whole = ScenarioError("\n".join(map(str, parts)))
+    whole = ScenarioError(f"{len(parts)} errors")
     whole.parts = parts
     return whole
+
+
+def told_of(case: str, error: ScenarioError) -> ScenarioError:
+    """The same errors, each of which says in which ``case`` it is one."""
+    return combined([ScenarioError(f"{case}: {part}") for part in error.parts])
 
 
 def together(calls: Iterable[Callable[[], T]]) -> list[T]:

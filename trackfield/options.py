@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
 from types import NoneType, UnionType
-from typing import Any, Final, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, Union, get_args, get_origin
 
 from trackfield.errors import ScenarioError, together
+from trackfield.words import quoted
 
 _WORDS: Final = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+_LONGEST: Final = 100
+"""No option has a longer name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """The range of an option, both ends included: ``n: Annotated[int, Within(1, 1000)] = 200``."""
+
+    least: float
+    most: float
 
 
 def made(maker: Callable[..., Any], options: Mapping[str, Any], key: str) -> Any:
@@ -32,12 +44,12 @@ def made(maker: Callable[..., Any], options: Mapping[str, Any], key: str) -> Any
 def _check(key: str, name: str, value: object, known: Mapping[str, Any]) -> None:
     """Raise ``ScenarioError`` unless this is an option, and the value fits it."""
     if name not in known:
-        near = get_close_matches(name, known, n=1)
+        near = get_close_matches(name[:_LONGEST], known, n=1)
         hint = f"; did you mean {near[0]}?" if near else ""
         expected = f"one of {', '.join(known)}" if known else "none: it has no options"
         raise ScenarioError(f"unknown option{hint}", key=key, expected=expected)
     if not _fits(value, known[name]):
-        raise ScenarioError(f"is {value!r}", key=key, expected=_words(known[name]))
+        raise ScenarioError(f"is {quoted(value)}", key=key, expected=_words(known[name]))
 
 
 def _parameters(maker: Callable[..., Any]) -> dict[str, Any]:
@@ -51,6 +63,9 @@ def _parameters(maker: Callable[..., Any]) -> dict[str, Any]:
 
 def _fits(value: object, hint: Any) -> bool:
     """Whether a value is of an annotated type; any value passes for types that scenarios cannot express."""
+    if get_origin(hint) is Annotated:
+        base, *about = get_args(hint)
+        return _fits(value, base) and all(one.least <= value <= one.most for one in _ranges(about))
     if get_origin(hint) is Literal:
         return any(value == one and type(value) is type(one) for one in get_args(hint))
     if get_origin(hint) in (Union, UnionType):
@@ -60,7 +75,15 @@ def _fits(value: object, hint: Any) -> bool:
     return type(value) is hint if hint in _WORDS else True
 
 
+def _ranges(about: Sequence[object]) -> list[Any]:
+    """The ranges in the annotations of a type."""
+    return [one for one in about if isinstance(one, Within)]
+
+
 def _words(hint: Any) -> str:
+    if get_origin(hint) is Annotated:
+        base, *about = get_args(hint)
+        return " ".join([_words(base), *(f"from {one.least:.9g} to {one.most:.9g}" for one in _ranges(about))])
     if get_origin(hint) is Literal:
         return f"one of {', '.join(map(str, get_args(hint)))}"
     if get_origin(hint) in (Union, UnionType):

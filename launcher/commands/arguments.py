@@ -27,6 +27,7 @@ def _folders(metavar: str, what: str) -> Any:
 
 
 Run = Annotated[Path, _folders("RUN", "The folder of a finished run")]
+Unfinished = Annotated[Path, _folders("RUN", "The folder of a run that was cut off")]
 Runs = Annotated[list[Path], _folders("RUN RUN...", "Two or more folders of finished runs")]
 Name = Annotated[
     str,

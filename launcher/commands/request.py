@@ -98,6 +98,10 @@ class Request(Changed):
             seed=self.seed,
             **self.options,
         )
+        if not self.virtual:
+            from launcher.processes.limits import check_machine  # loads Zenoh
+
+            check_machine(prepared[1], router=not self.connect, external=self.external)
         if self.live:
             check_viewer()
         return prepared

@@ -39,8 +39,9 @@ def register(brought: Registered) -> None:
 def own_places(scenario: Scenario) -> dict[str, str]:
     """Where other processes find the trackers and the sensor that are users' own: ``module:attribute``.
 
-    By ``kind:name``, as ``trackfield.plugins.give`` takes them.
+    By ``kind:name``, as ``trackfield.plugins.give`` takes them. Raises ``ScenarioError`` as ``check_trackers`` does.
     """
+    check_trackers(scenario.fusion)
     kinds = sorted({kind for _, kind in _kinds(scenario.fusion)} - TRACKERS.own.keys())
     places = {f"tracker:{kind}": TRACKERS.place(kind) for kind in kinds}
     if isinstance(scenario.sensor, OwnSensor):

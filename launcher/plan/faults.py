@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -16,10 +16,15 @@ from trackfield.link.partitioned import Cut
 from trackfield.role import NS
 from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
 from trackfield.scenario.nearest import suggestion
+from trackfield.words import quoted
 
 MS: Final = 1_000_000
-LONGEST_S: Final = 1e9
-"""No run lasts that long."""
+MOST_COMPARED: Final = 10_000
+"""Of more ids, none is suggested for an unknown one: it takes long."""
+MOST_STRUCK: Final = 500_000
+"""Pairs of a fault and a process that it affects."""
+MOST_DRAWN: Final = 5_000_000
+"""Pairs of a fault and a process that it may affect, as it affects a share of them."""
 Span = tuple[int, int]
 Mark = tuple[float, str, str]
 """(t s, id, what happens)"""
@@ -98,11 +103,13 @@ def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns:
     unknown ids and roles, faults after the end, and faults that contradict each other.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
-    partitions, marks, spells, last_ns = [], [], [], end_ns - origin_ns
-    struck = together(partial(_struck, number, fault, seed, places, last_ns) for number, fault in enumerate(faults))
+    partitions, marks, spells = list[Cut](), list[Mark](), list[Spell]()
+    last_ns, field = end_ns - origin_ns, _Field.of(places)
+    field.check_number(faults)
+    struck = together(partial(_struck, number, fault, seed, field, last_ns) for number, fault in enumerate(faults))
     for number, (fault, ids) in enumerate(zip(faults, struck, strict=True)):
-        marks += [mark for id in ids for mark in _marks(fault, id, last_ns)]
-        spells += [spell for id in ids for spell in _spells(fault, id, last_ns)]
+        marks += _marks(fault, ids, last_ns)
+        spells += _spells(fault, ids, last_ns)
         if isinstance(fault, Partition):
             partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), last_ns), ids, fault.medium))
             continue
@@ -125,13 +132,49 @@ def _when(one: Numbered) -> tuple[float, bool]:
 
 
 def _ns(t_s: float) -> int:
-    return round(min(t_s, LONGEST_S) * NS)
+    return round(t_s * NS)
 
 
-def _struck(number: int, fault: Fault, seed: int, places: Sequence[Place], end_ns: int) -> tuple[str, ...]:
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """The processes that faults may affect, by id: with a sensor, without one, and of each role their places."""
+
+    sensors: Mapping[str, Place]
+    others: Mapping[str, Place]
+    roles: Mapping[str, list[Place]]
+
+    @classmethod
+    def of(cls, places: Sequence[Place]) -> _Field:
+        """That of these places."""
+        roles: dict[str, list[Place]] = {}
+        for place in places:
+            roles.setdefault(place.role, []).append(place)
+        sensors = {place.id: place for place in places if SENSES in place.tags}
+        return cls(sensors, {place.id: place for place in places if place.id not in sensors}, roles)
+
+    def concerned(self, fault: Fault) -> int:
+        """The number of processes that a fault affects, or of which it affects a share."""
+        if fault.nodes is not None:
+            return len(fault.nodes)
+        return len(self.roles.get(fault.role, ()) if fault.role else self.sensors)
+
+    def check_number(self, faults: Sequence[Fault]) -> None:
+        """Raise ``ScenarioError`` for faults of so many processes that it cannot be meant."""
+        numbers = [self.concerned(fault) for fault in faults]
+        struck = sum(number * (fault.share or 1) for number, fault in zip(numbers, faults, strict=True))
+        for number, most, what in (
+            (struck, MOST_STRUCK, "affect {} processes in all"),
+            (sum(numbers), MOST_DRAWN, "are drawn from {} processes in all"),
+        ):
+            if number > most:
+                said = f"{len(faults)} faults {what.format(round(number))}"
+                raise ScenarioError(said, key="faults", expected=f"at most {most}, each counted once for each fault")
+
+
+def _struck(number: int, fault: Fault, seed: int, field: _Field, end_ns: int) -> tuple[str, ...]:
     """The processes that the fault affects; its times are checked first."""
     _check_times(number, fault, end_ns)
-    return _ids(number, fault, seed, places)
+    return _ids(number, fault, seed, field)
 
 
 def _check_times(number: int, fault: Fault, end_ns: int) -> None:
@@ -143,38 +186,40 @@ def _check_times(number: int, fault: Fault, end_ns: int) -> None:
             raise ScenarioError(what, key=f"faults[{number}].{name}", expected=expected)
 
 
-def _ids(number: int, fault: Fault, seed: int, places: Sequence[Place]) -> tuple[str, ...]:
+def _ids(number: int, fault: Fault, seed: int, field: _Field) -> tuple[str, ...]:
     """The processes that the fault affects."""
-    sensors = [place.id for place in places if SENSES in place.tags]
-    others = [place.id for place in places if SENSES not in place.tags]
     if fault.nodes is None:
-        concerned = sensors if fault.role is None else _with_role(number, fault, places)
+        concerned = list(field.sensors) if fault.role is None else _with_role(number, fault, field)
         if fault.share is None:
             return tuple(sorted(concerned))
         drawn = sorted(concerned, key=lambda id: bits(seed, "fault", number, id))
         return tuple(sorted(drawn[: max(round(fault.share * len(concerned)), 1)]))
-    known = dict.fromkeys(sensors if isinstance(fault, SensorFault) else (*sensors, *others))
+    of_sensors = isinstance(fault, SensorFault)
     for id in fault.nodes:
-        if id in known:
-            continue
-        key, least, most = f"faults[{number}].nodes", next(iter(known)), next(reversed(known))
-        if id in others:
-            raise ScenarioError(
-                f"{id} has no sensor, and {fault.kind} is a fault of sensors", key=key, expected="ids of sensor nodes"
-            )
-        expected = f"ids of this field, like {least}" if least == most else f"ids of this field, like {least}, {most}"
-        raise ScenarioError(f"there is no {id!r}{suggestion(id, known)}", key=key, expected=expected)
+        if id not in field.sensors and (of_sensors or id not in field.others):
+            raise _no_such(number, fault, id, field)
     return fault.nodes
 
 
-def _with_role(number: int, fault: Fault, places: Sequence[Place]) -> list[str]:
+def _no_such(number: int, fault: Fault, id: str, field: _Field) -> ScenarioError:
+    """The error for an id that is none, or is not that of a sensor."""
+    key = f"faults[{number}].nodes"
+    if id in field.others:
+        what = f"{id} has no sensor, and {fault.kind} is a fault of sensors"
+        return ScenarioError(what, key=key, expected="ids of sensor nodes")
+    known = list(field.sensors if isinstance(fault, SensorFault) else (*field.sensors, *field.others))
+    like = ", ".join(dict.fromkeys((known[0], known[-1])))
+    near = suggestion(id, known) if len(known) <= MOST_COMPARED else ""
+    return ScenarioError(f"there is no {quoted(id)}{near}", key=key, expected=f"ids of this field, like {like}")
+
+
+def _with_role(number: int, fault: Fault, field: _Field) -> list[str]:
     """The ids of the processes that a fault names by their role."""
     key, role = f"faults[{number}].role", str(fault.role)
-    known = dict.fromkeys(place.role for place in places)
-    if role not in known:
-        what = f"no process has the role {role!r}{suggestion(role, known)}"
-        raise ScenarioError(what, key=key, expected=f"one of {', '.join(known)}")
-    found = [place for place in places if place.role == role]
+    if role not in field.roles:
+        what = f"no process has the role {quoted(role)}{suggestion(role, field.roles)}"
+        raise ScenarioError(what, key=key, expected=f"one of {', '.join(field.roles)}")
+    found = field.roles[role]
     if isinstance(fault, SensorFault) and any(SENSES not in place.tags for place in found):
         raise ScenarioError(
             f"a {role} has no sensor, and {fault.kind} is a fault of sensors", key=key, expected="a role with sensors"
@@ -254,19 +299,22 @@ def _plain(fault: SensorFault, end_ns: int) -> dict[str, Any]:
     return plain | ({"bias_deg": fault.bias_deg, "bias_db": fault.bias_db} if isinstance(fault, Bias) else {})
 
 
-def _marks(fault: Fault, id: str, end_ns: int) -> Iterable[Mark]:
-    """The beginning of a fault, and its end if that comes within the run."""
-    until_s = _until_s(fault, end_ns)
-    yield fault.at_s, id, _text(fault, until_s)
-    if until_s is not None:
-        yield until_s, id, "up again" if isinstance(fault, Restart) else f"{fault.kind} ends"
+def _marks(fault: Fault, ids: Sequence[str], end_ns: int) -> Iterator[Mark]:
+    """The beginning of a fault, and its end if that comes within the run, for each of its processes."""
+    at_s, until_s = fault.at_s, _until_s(fault, end_ns)
+    begins, ends = _text(fault, until_s), "up again" if isinstance(fault, Restart) else f"{fault.kind} ends"
+    for id in ids:
+        yield at_s, id, begins
+        if until_s is not None:
+            yield until_s, id, ends
 
 
-def _spells(fault: Fault, id: str, end_ns: int) -> Iterable[Spell]:
-    """How long a fault lasts; a jump of a clock is over at once."""
+def _spells(fault: Fault, ids: Sequence[str], end_ns: int) -> Iterator[Spell]:
+    """How long a fault of these processes lasts; a jump of a clock is over at once."""
     if not isinstance(fault, ClockJump):
-        until_s = _until_s(fault, end_ns)
-        yield fault.at_s, end_ns / NS if until_s is None else until_s, id, _text(fault, until_s)
+        at_s, until_s = fault.at_s, _until_s(fault, end_ns)
+        end_s, text = end_ns / NS if until_s is None else until_s, _text(fault, until_s)
+        yield from ((at_s, end_s, id, text) for id in ids)
 
 
 def _until_s(fault: Fault, end_ns: int) -> float | None:

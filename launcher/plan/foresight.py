@@ -113,9 +113,12 @@ class Foresight:
     duty: Duty | None
 
 
-def best(shares: Shares, id: str) -> float:
-    """The share of a sender's messages that arrives at its best receiver."""
-    return max((share for (src, _), share in shares.items() if src == id), default=0.0)
+def best(shares: Shares) -> dict[str, float]:
+    """The share of each sender's messages that arrives at its best receiver."""
+    found: dict[str, float] = {}
+    for (src, _), share in shares.items():
+        found[src] = max(found.get(src, 0.0), share)
+    return found
 
 
 def foresee(plan: Plan) -> Foresight:
@@ -132,7 +135,9 @@ def foresee(plan: Plan) -> Foresight:
     wait_s = _waits(plan, heard, trial)
     sent = np.isfinite(wait_s)
     leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
-    used = receptions(plan, {ids[i]: leaves_ns[heard.sensor == i].tolist() for i in senders.tolist()})
+    by_sender = np.split(leaves_ns[np.argsort(heard.sensor, kind="stable")], np.cumsum(counts)[:-1])
+    when = {ids[i]: times.tolist() for i, times in zip(senders.tolist(), by_sender, strict=False)}
+    used = receptions(plan, when)
     chance = _chances(plan, ids, heard, leaves_ns, next(iter(used.values()), {})) * sent
     use_s = max(plan.deadline_s, plan.max_age_s)
     share = chance * trial.in_time(use_s - wait_s)
@@ -243,10 +248,13 @@ def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:
 def _chances(plan: Plan, ids: list[str], heard: _Heard, leaves_ns: NDArray[np.int64], shares: Shares) -> Array:
     """(n,) the probability that each report, sent then, arrives at its best receiver; links have these ``shares``."""
     if not varies(plan):
-        return np.array([best(shares, id) for id in ids])[heard.sensor]
+        at_best = best(shares)
+        return np.array([at_best.get(id, 0.0) for id in ids])[heard.sensor]
     link, message = _link(plan), plan.flows[0].message
     kind, size = kind_of(message).name, len(encode(message))
-    receivers = {id: [dst for src, dst in shares if src == id] for id in ids}
+    receivers: dict[str, list[str]] = {}
+    for src, dst in shares:
+        receivers.setdefault(src, []).append(dst)
     return np.array(
         [
             max(link.reception(ids[i], dst, size, kind, t_ns) for dst in receivers[ids[i]])

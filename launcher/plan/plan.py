@@ -17,10 +17,14 @@ from trackfield.filters.metrics import Lost
 from trackfield.link.models import make_link
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
+from trackfield.scenario.links import GilbertElliott
 from trackfield.scenario.nearest import suggestion
 from trackfield.wire.registry import product_kinds
+from trackfield.words import quoted
 from trackfield.world.path import Path
 
+MOST_CHANGES: Final = 50_000_000
+"""Changes of all links, for minutes of a machine's time."""
 TRUTH_SAMPLES: Final = 4
 """Points of a true path per step, in pictures."""
 
@@ -38,6 +42,8 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     queue = {key: value for key, value in scenario.plain()["link"].items() if key == "queue"}
     spec = RunSpec(run, scenario.seed, end_ns, link_of(scenario), speed, faults.partitions, **queue)
     check_link(scenario)
+    check_bursts(site, end_ns)
+    places = own_places(scenario)
     arranged = architecture.arrange(end_ns)
     processes = tuple(life for process in arranged.processes for life in _lives(process, faults))
     _, report_m = scenario.sensor.reach_m()
@@ -54,7 +60,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         lost_of(scenario),
         scenario.fusion.deadline_s,
         scenario.fusion.max_age_s,
-        own_places=own_places(scenario),
+        own_places=places,
     )
 
 
@@ -80,12 +86,23 @@ def check_link(scenario: Scenario) -> None:
     link, known = link_of(scenario), [one.name for one in product_kinds()]
     wrong = [kind for kind in link.get("acks", {}) if kind not in known]
     if wrong:
-        what = f"there is no message {', '.join(map(repr, wrong))}{suggestion(wrong[0], known)}"
+        what = f"there is no message {quoted(wrong[0])}{suggestion(wrong[0], known)}"
         raise ScenarioError(what, key="link.acks", expected=f"names of messages: {', '.join(known)}")
     try:
         make_link(link, scenario.seed)
     except ValueError as error:
         raise ScenarioError(str(error), key="link.file") from None
+
+
+def check_bursts(site: Site, end_ns: int) -> None:
+    """Raise ``ScenarioError`` if links change between good and bad so often that a run never ends: each is followed."""
+    link = site.scenario.link
+    if isinstance(link, GilbertElliott):
+        changes = 2 * end_ns / NS / (link.good_s + link.bad_s)
+        if changes * len(site.sensors) > MOST_CHANGES:
+            what = f"each of {len(site.sensors)} links would change {changes:.3g} times in the run"
+            key = "link.good_s" if link.good_s < link.bad_s else "link.bad_s"
+            raise ScenarioError(what, key=key, expected=f"at most {MOST_CHANGES} changes in all: longer times")
 
 
 def link_of(scenario: Scenario) -> dict[str, Any]:

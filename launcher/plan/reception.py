@@ -35,11 +35,12 @@ def varies(plan: Plan) -> bool:
 def _shares(plan: Plan, flow: Flow, when: Mapping[str, Sequence[int]] | None) -> Shares:
     link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
     kind, size = kind_of(flow.message).name, len(encode(flow.message))
-    always = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if varies(plan) else [0]
+    changing = varies(plan)  # looks at every process
+    always = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if changing else [0]
     shares: Shares = {}
     for src, dst in flow.pairs:
         times = always if when is None else when.get(src, when.get(dst, ()))
-        some = times[:: -(-len(times) // INSTANTS) or 1] if varies(plan) else times[:1]
+        some = times[:: -(-len(times) // INSTANTS) or 1] if changing else times[:1]
         if some:
             shares[src, dst] = sum(link.reception(src, dst, size, kind, at) for at in some) / len(some)
     return shares

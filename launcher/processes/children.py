@@ -21,6 +21,7 @@ import psutil
 
 from launcher.processes.zygote import ANSWER, ORDER, Child
 from trackfield.errors import RunFailed
+from trackfield.streams import keep_open
 
 FILES_EACH: Final = 2
 """Open files that a child costs its launcher."""
@@ -28,6 +29,12 @@ FILES: Final = 1024
 """Open files of a launcher without children."""
 KILL_TIMEOUT_S: Final = 5.0
 POLL_S: Final = 0.02
+ASK_S: Final = 3.0
+"""How long the zygote may take to answer before it is continued, in case that somebody stopped it."""
+ANSWER_S: Final = 60.0
+"""How long it may take at all: the first answer comes when all is imported."""
+ZYGOTE: Final = "zygote"
+WITH_ZYGOTE: Final = "ended with its zygote"
 STAT_BYTES: Final = 128
 """Enough of /proc/<pid>/stat for the pid, the name (at most 64 bytes) and the state."""
 _ZYGOTE: Final = """
@@ -48,42 +55,53 @@ class _Alive:
 
 
 class Children:
-    """Child processes by name. A name may be forked again once its process is gone.
+    """Child processes by name, the zygote among them. A name may be forked again once its process is gone.
 
-    ``preload`` are modules that most of the ``expected`` children need, imported once for all of them, and functions
-    as ``module:attribute``, called once before the first is forked.
+    All of them end with the zygote. ``preload`` are modules that most of the ``expected`` children need, imported once
+    for all of them, and functions as ``module:attribute``, called once before the first is forked. Raises ``RunFailed``
+    if there can be no zygote.
     """
 
     def __init__(self, expected: int, preload: Iterable[str] = ()) -> None:
+        keep_open()
         _allow_many_files(FILES_EACH * expected + FILES)
         self._zygote = _Zygote(["launcher.processes.bodies", *preload])
         self._pids: dict[str, int] = {}
         self._alive: dict[str, _Alive] = {}
         self._exits = select.epoll()
         self._by_end: dict[int, str] = {}
+        self._add(ZYGOTE, self._zygote.pid)
 
     def fork(self, name: str, body: Child, *arguments: Any) -> None:
         """Start a process that runs ``body``. Raises ``RunFailed`` if that cannot be."""
-        pid = self._pids[name] = self._zygote.fork(body, *arguments)
+        self._add(name, self._zygote.fork(body, *arguments))
+
+    def _add(self, name: str, pid: int) -> None:
         # Even if it has ended already, its id is not given to another until the zygote is asked how it ended.
-        child = _Alive(pid, os.pidfd_open(pid), os.open(f"/proc/{pid}/stat", os.O_RDONLY))
+        self._pids[name] = pid
+        try:
+            child = _Alive(pid, os.pidfd_open(pid), os.open(f"/proc/{pid}/stat", os.O_RDONLY))
+        except OSError as error:
+            raise RunFailed(f"{name} could not be watched: {error.strerror}") from None
         self._alive[name], self._by_end[child.end] = child, name
         self._exits.register(child.end, select.EPOLLIN)
 
     def names(self) -> list[str]:
-        """The names of all that were ever forked."""
+        """The names of all that there ever were."""
         return list(self._pids)
 
     def gone(self) -> list[tuple[str, str]]:
-        """(name, how) of each that ended since the last call."""
+        """(name, how) of each that ended since the last call; none while the zygote, which knows how, stands still."""
+        if self.stopped(ZYGOTE):
+            return []
         ended = [self._by_end[end] for end, _ in self._exits.poll(0, len(self._by_end) or 1)]
         return [(name, self._bury(name)) for name in ended]
 
     def _bury(self, name: str) -> str:
         child = self._forget(name)
-        code = self._zygote.wait(child.pid)
+        code = self._zygote.ended() if name == ZYGOTE else self._zygote.wait(child.pid)
         if code is None:
-            return "ended with its zygote"
+            return WITH_ZYGOTE
         return f"signal {-code}" if code < 0 else f"exit code {code}"
 
     def stopped(self, name: str) -> bool:
@@ -117,6 +135,10 @@ class Children:
         """Ask it to end."""
         self._signal(name, signal.SIGTERM)
 
+    def resume(self, name: str) -> None:
+        """Continue it, if it was stopped."""
+        self._signal(name, signal.SIGCONT)
+
     def _signal(self, name: str, number: signal.Signals) -> None:
         if child := self._alive.get(name):
             with suppress(ProcessLookupError):
@@ -124,14 +146,14 @@ class Children:
 
     def close(self) -> None:
         """Kill those that are left, and wait for them."""
-        left = list(self._alive)
+        left = [name for name in self._alive if name != ZYGOTE]
         for name in left:
             self.kill(name)
         self.wait(left, KILL_TIMEOUT_S)
-        for name in left:
+        self._zygote.close()
+        for name in list(self._alive):
             self._forget(name)
         self._exits.close()
-        self._zygote.close()
 
     def wait(self, names: Iterable[str], timeout_s: float) -> None:
         """Wait until these are gone, or for so long."""
@@ -149,34 +171,45 @@ class Children:
 
 
 class _Zygote:
-    """The other end of ``launcher.processes.zygote.serve``."""
+    """The other end of ``launcher.processes.zygote.serve``. Raises ``RunFailed`` if it cannot be started."""
 
     def __init__(self, preload: list[str]) -> None:
         self._socket, theirs = socket.socketpair()
+        self._socket.settimeout(ASK_S)
         command = _ZYGOTE.format(path=sys.path, orders=theirs.fileno(), preload=preload)
         started = threading.Event()
+        self._failure: OSError | None = None
 
         def live() -> None:
             """Start it from a thread that stays, for the kernel ends it with the thread that started it."""
             try:
-                zygote = subprocess.Popen(
+                self._process = subprocess.Popen(
                     [sys.executable, "-c", command], stdin=subprocess.DEVNULL, pass_fds=[theirs.fileno()]
                 )
+            except OSError as error:
+                self._failure = error
             finally:
                 theirs.close()
                 started.set()
-            zygote.wait()
+            if not self._failure:
+                self._process.wait()
 
-        self._thread = threading.Thread(target=live, name="zygote", daemon=True)
-        self._thread.start()
+        self._thread = threading.Thread(target=live, name=ZYGOTE, daemon=True)
+        try:
+            self._thread.start()
+        except RuntimeError as error:
+            raise RunFailed(f"no process could be started: {error}") from None
         started.wait()
+        if self._failure:
+            raise RunFailed(f"no process could be started: {self._failure.strerror}")
+        self.pid = self._process.pid
 
     def fork(self, *order: Any) -> int:
         """The id of a new process. Raises ``RunFailed`` if there is none."""
         content = pickle.dumps(order)
         pid = self._ask(ORDER.pack(len(content), 0) + content)
         if pid is None or pid < 0:
-            why = "the zygote has ended" if pid is None else os.strerror(-pid)
+            why = "the zygote has ended or does not answer" if pid is None else os.strerror(-pid)
             raise RunFailed(f"a process could not be forked: {why}")
         return pid
 
@@ -185,20 +218,42 @@ class _Zygote:
         status = self._ask(ORDER.pack(0, pid))
         return None if status is None else os.waitstatus_to_exitcode(status)
 
+    def ended(self) -> int:
+        """The exit code of the zygote itself, which has ended."""
+        return self._process.wait()
+
     def close(self) -> None:
-        """End it, even if a process that was forked from this one has the socket, too."""
-        with suppress(OSError):  # it has ended
-            self._socket.shutdown(socket.SHUT_RDWR)
+        """End it, even if a process that was forked from this one has the socket, too, or if it stands still."""
+        self._hang_up()
         self._socket.close()
+        self._process.send_signal(signal.SIGCONT)
+        self._thread.join(KILL_TIMEOUT_S)
+        self._process.kill()
         self._thread.join(KILL_TIMEOUT_S)
 
     def _ask(self, order: bytes) -> int | None:
-        try:
-            self._socket.sendall(order)
-            answer = self._socket.recv(ANSWER.size, socket.MSG_WAITALL)
-        except ConnectionError:
-            return None
-        return ANSWER.unpack(answer)[0] if answer else None
+        """The answer to an order; None if it has ended or does not answer, and then it is not asked again."""
+        deadline = time.monotonic() + ANSWER_S
+        left, answer = memoryview(order), b""
+        while len(answer) < ANSWER.size:
+            try:
+                if left:
+                    left = left[self._socket.send(left) :]
+                elif part := self._socket.recv(ANSWER.size - len(answer)):
+                    answer += part
+                else:
+                    return None
+            except TimeoutError:
+                self._process.send_signal(signal.SIGCONT)
+                if time.monotonic() > deadline:
+                    self._hang_up()
+            except OSError:  # it has ended
+                return None
+        return int(ANSWER.unpack(answer)[0])
+
+    def _hang_up(self) -> None:
+        with suppress(OSError):  # it has ended
+            self._socket.shutdown(socket.SHUT_RDWR)
 
 
 def _readable(file: int) -> bool:

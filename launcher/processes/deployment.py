@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import platform
-import shutil
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from secrets import token_bytes
 from typing import Any, Final, Self
@@ -19,16 +18,18 @@ from zenoh.handlers import Callback
 
 from launcher.processes import patience
 from launcher.processes.alarms import Alarms
-from launcher.processes.children import KILL_TIMEOUT_S, Children
+from launcher.processes.children import KILL_TIMEOUT_S, WITH_ZYGOTE, ZYGOTE, Children
+from launcher.processes.endpoint import SocketFolder, session_by
+from launcher.processes.logs import Logged
 from launcher.processes.orders import Orders
 from launcher.processes.registry import Registry
-from launcher.processes.watch import Stop, Watch
+from launcher.processes.watch import STOOD_STILL, Stop, Watch
 from launcher.processes.zygote import Child
 from launcher.record.samples import status_of
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.intake import opened
 from trackfield.drivers.seal import Seal
-from trackfield.drivers.session import client_settings, open_client
+from trackfield.drivers.session import client_settings
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
@@ -38,10 +39,9 @@ GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
 TOKEN_BYTES: Final = 16
 REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
-LOG_TAIL: Final = 12
 
 
-class Deployment:
+class Deployment(Logged):
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
     ``status`` is the latest status from the recorder. Raises ``RunFailed`` if a process does not start; later failures
@@ -57,9 +57,8 @@ class Deployment:
         self.registry = self._registry()
         self.status: dict[str, Any] = {}
         self.router_cpu_s = 0.0
-        self._own_router = not endpoint
-        self._sockets = Path(tempfile.mkdtemp(prefix="trackfield-"))
-        self.endpoint = endpoint or f"unixsock-stream/{self._sockets / 'router.sock'}"
+        self._sockets = None if endpoint else SocketFolder()
+        self.endpoint = self._sockets.endpoint if self._sockets else endpoint
         self._lead_ns = round((patience.LEAD_S + patience.LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._end_ns = plan.run.end_ns
         self._lives = {p.name: p for p in plan.processes}
@@ -69,10 +68,10 @@ class Deployment:
         self._stopping = False
 
     def __enter__(self) -> Self:
-        self._children = self._make_children()
-        self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
-        self.deaths = self._watch.deaths
         try:
+            self._children = self._make_children()
+            self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
+            self.deaths = self._watch.deaths
             self._fork_and_connect()
         except BaseException:
             self.__exit__()
@@ -80,10 +79,12 @@ class Deployment:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._children.close()
+        if hasattr(self, "_children"):
+            self._children.close()
         if hasattr(self, "session"):
             self.session.close()  # type: ignore[no-untyped-call]
-        shutil.rmtree(self._sockets, ignore_errors=True)
+        if self._sockets:
+            self._sockets.close()
 
     def _token(self) -> bytes:
         """The run's secret: processes that are forked here have it from the launcher."""
@@ -105,17 +106,18 @@ class Deployment:
 
     def _fork_and_connect(self) -> None:
         (self.folder / "logs").mkdir(exist_ok=True)
-        if self._own_router:
+        if self._sockets:
             self._fork_router()
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
-        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder, self.seal.token)
+        own = self.endpoint, self.plan, self.folder, self.seal.token, str(self._sockets)
+        self._children.fork(RECORDER, recorder, *own)
         for life in self.plan.processes:
             self._fork_role(life)
 
     def _fork_router(self) -> None:
-        for left in self._sockets.iterdir():  # left by a router that was killed
-            left.unlink()
+        if self._sockets:
+            self._sockets.clear()
         router = Child("launcher.processes.bodies:router", ROUTER, str(self.log(ROUTER)))
         self._children.fork(ROUTER, router, self.endpoint)
 
@@ -128,12 +130,8 @@ class Deployment:
         self._children.fork(life.name, body, settings, life.name, niceness, *own)
 
     def _connect(self) -> None:
-        timeout_s = patience.READY_TIMEOUT_S if self._own_router else patience.CONNECT_TIMEOUT_S
-        try:
-            self.session = open_client(self.endpoint, self.plan.run.run, timeout_s)
-        except zenoh.ZError as error:
-            what = f"no Zenoh router answers at {self.endpoint} (or it refuses the credentials of this process)"
-            raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+        connect = partial(session_by, self.endpoint, self.plan.run.run)
+        self.session = self._patiently(connect) if self._sockets else connect(patience.CONNECT_TIMEOUT_S)
         self._orders = Orders(self.session, self.seal, self.alarms)
         self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
@@ -142,11 +140,25 @@ class Deployment:
             subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
         ]
 
+    def _patiently(self, connect: Callable[[float], zenoh.Session]) -> zenoh.Session:
+        """A session by the run's own router, once that is ready."""
+        deadline = time.monotonic() + patience.READY_TIMEOUT_S
+        while True:
+            try:
+                return connect(patience.NEEDED_STILL_S)
+            except RunFailed:
+                if self._children.stopped(ROUTER):
+                    self._watch.kill(ROUTER, STOOD_STILL)
+                    self._children.wait([ROUTER], KILL_TIMEOUT_S)
+                self._look_at_start()
+                if time.monotonic() > deadline:
+                    raise
+
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
     def _on_reached(self, sample: zenoh.Sample) -> None:
-        name = str(sample.key_expr).split("/")[1]
         with suppress(WireError):  # the recorder counts it
+            name, _ = keys.parse_telemetry(str(sample.key_expr))
             opened(sample, self.seal)
             if name in self._lives and self.registry.start_ns is not None:
                 self._reached.add(name)
@@ -167,12 +179,21 @@ class Deployment:
         while missing := wanted - self.registry.live:
             if tick(missing, len(wanted)):
                 return
-            for name, why in self._watch.look():
-                raise self._failure(f"{name} died at start ({why})", name)
+            self._look_at_start()
+            for name in sorted(missing & self._watch.still(patience.STILL_S)):
+                raise self.failure(f"{name} was stopped from outside at start, and not continued", name)
             if time.monotonic() > deadline:
                 what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
-                raise self._failure(what, min(missing))
+                raise self.failure(what, min(missing))
             time.sleep(patience.POLL_S)
+
+    def _look_at_start(self) -> None:
+        """Replace a router that is gone. Raises ``RunFailed`` if it is another process."""
+        for name, why in self._watch.look():
+            if name != ROUTER or not self._start_again(ROUTER, None):
+                raise self.failure(f"{name} died at start ({why})", name)
+            self._watch.died(name, why, again=True)
+        self._watch.rouse(ROUTER, {RECORDER, ZYGOTE})
 
     def _ready_timeout_s(self) -> float:
         return patience.READY_TIMEOUT_S + patience.READY_PER_PROCESS_S * len(self._lives)
@@ -184,9 +205,9 @@ class Deployment:
 
     @property
     def now_ns(self) -> int:
-        """Emulated time now (negative before the start)."""
-        assert self.registry.start_ns is not None
-        return round((time.monotonic_ns() - self.registry.start_ns) * self.plan.run.speed)
+        """Emulated time now (negative, or 0, before the start)."""
+        now_ns = time.monotonic_ns()
+        return round((now_ns - (self.registry.start_ns or now_ns)) * self.plan.run.speed)
 
     def _clock(self) -> float | None:
         """Seconds since the first step (None: before the start)."""
@@ -200,7 +221,7 @@ class Deployment:
         while missing := self._to_the_end() - self._reached - self._watch.gone:
             self._tend()
             if self._router_is_gone():
-                if not self._own_router:
+                if not self._sockets:
                     self._watch.died(ROUTER, f"it was away for {patience.ROUTER_AWAY_S:.0f} s")
                 return
             if tick() and not ending:
@@ -239,7 +260,7 @@ class Deployment:
             self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._orders.give(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], patience.WRITE_TIMEOUT_S, "did not close its files in time")
-        if self._own_router and self._children.alive(ROUTER):
+        if self._sockets and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
             self._children.terminate(ROUTER)
             self._children.wait([ROUTER], patience.STOP_TIMEOUT_S)
@@ -271,10 +292,7 @@ class Deployment:
         """Handle processes that died or stand still, and repeat orders."""
         for name, why in self._watch.look():
             self._bury(name, why)
-        if ROUTER in self._watch.still(patience.ROUTER_STILL_S):
-            self._watch.kill(
-                ROUTER, f"stood still for {patience.ROUTER_STILL_S:.0f} s, stopped from outside, and was killed"
-            )
+        self._watch.rouse(ROUTER, {RECORDER, ZYGOTE})
         self._orders.look(self.registry.arrivals)
 
     def _bury(self, name: str, why: str) -> None:
@@ -283,7 +301,12 @@ class Deployment:
             return  # as planned
         if self._stopping and name != ROUTER and why == GOOD_END:
             return
-        again = self._start_again(name, life)
+        if why == WITH_ZYGOTE:
+            return  # whose death is reported
+        try:
+            again = self._start_again(name, life)
+        except RunFailed as error:
+            again, why = False, f"{why}; {error}"
         if not again and self._restarts[keys.id_of(name)] == patience.MAX_RESTARTS:
             why += f"; {patience.MAX_RESTARTS} restarts are enough"
         self._watch.died(name, why, again=again)
@@ -300,14 +323,14 @@ class Deployment:
             self._watch.born(ROUTER)
         else:
             following = self.registry.next_life(name, start_ns)
+            self._fork_role(following)
             self._lives[following.name] = following
             self._orders.give(keys.LIFE, msgpack.packb(following.plain()))
-            self._fork_role(following)
         return True
 
     def _router_is_gone(self) -> bool:
         """Whether there is no router, and none will be started."""
-        if self._own_router:
+        if self._sockets:
             return ROUTER in self._watch.gone
         now = time.monotonic()
         if self.session.info.routers_zid() or not self._router_seen:
@@ -323,16 +346,3 @@ class Deployment:
     def host(self, name: str) -> str:
         """The host that it runs on."""
         return platform.node()
-
-    def log(self, name: str) -> Path:
-        """A process's log."""
-        return self.folder / "logs" / f"{name}.log"
-
-    def log_tail(self, name: str) -> str:
-        """The last lines of a process's log."""
-        log = self.log(name)
-        return "\n".join(log.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if log.exists() else ""
-
-    def _failure(self, what: str, name: str) -> RunFailed:
-        tail, log = self.log_tail(name), self.log(name)
-        return RunFailed(f"{what}; its log, {log}, ends:\n{tail}" if tail else what, process=name, log=tail)

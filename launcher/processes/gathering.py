@@ -122,10 +122,10 @@ class Gathering(Deployment):
         self._held.append(self.session.declare_subscriber(final, Callback(self._on_final, indirect=False)))
 
     def _on_final(self, sample: zenoh.Sample) -> None:
-        name = str(sample.key_expr).split("/")[1]
-        if name in self._lives:
-            with suppress(WireError):  # the recorder counts it
-                opened(sample, self.seal)
+        with suppress(WireError):  # the recorder counts it
+            name, _ = keys.parse_telemetry(str(sample.key_expr))
+            opened(sample, self.seal)
+            if name in self._lives:
                 self._guests.left(name)
 
     def _fork_role(self, life: ProcessSpec) -> None:

@@ -17,7 +17,8 @@ from typing import Final, Self
 from launcher.processes.children import Children
 from launcher.processes.zygote import Child
 from launcher.records import LIVE, Plan
-from launcher.timeline.view import environment, free_port, page_address, web_server
+from launcher.timeline.program import environment
+from launcher.timeline.view import free_port, page_address, web_server
 
 VIEWER: Final = "viewer"
 """The process that serves Rerun's viewer to browsers."""

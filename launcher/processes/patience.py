@@ -18,9 +18,9 @@ LINGER_S: Final = 0.3
 OVERDUE_S: Final = 20.0
 """After the end, how long (wall time) a process may take to say that it has reached it."""
 STILL_S: Final = 5.0
-"""The same for a process that was stopped from outside."""
-ROUTER_STILL_S: Final = 3.0
-"""How long the router may stand still before another takes its place: less than a lease of Zenoh's sessions."""
+"""The same for a process that was stopped from outside, and also before the start."""
+NEEDED_STILL_S: Final = 3.0
+"""How long may stand still what all others need: less than a lease of Zenoh's sessions."""
 ROUTER_AWAY_S: Final = 5.0
 """How long an external router may be away."""
 MAX_RESTARTS: Final = 5

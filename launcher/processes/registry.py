@@ -157,10 +157,11 @@ class Registry:
     # --- Zenoh's threads: tokens, and what processes store --------------------------------------------------------
 
     def _on_stored(self, sample: zenoh.Sample) -> None:
-        name = str(sample.key_expr).split("/")[1]
-        if name in self._lives:
-            with suppress(WireError):  # the recorder counts it
-                self._stored[keys.id_of(name)] = opened(sample, self._seal)
+        with suppress(WireError):  # the recorder counts it
+            name, _ = keys.parse_telemetry(str(sample.key_expr))
+            stored = opened(sample, self._seal)
+            if name in self._lives:
+                self._stored[keys.id_of(name)] = stored
 
     def _on_launcher(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT and str(sample.key_expr) != self._own:

@@ -12,6 +12,9 @@ from typing import Final
 import msgpack
 
 from trackfield.drivers.frames import Sent, Told
+from trackfield.drivers.intake import read, unpacked
+from trackfield.drivers.join import joined
+from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
 from trackfield.drivers.telemetry import pack
 from trackfield.link.energy import DEVICES
@@ -27,7 +30,8 @@ _RUN: Final = RunSpec("rehearsal", 1, _SECONDS * NS, {"model": "lognormal_prr"})
 
 def a_node() -> int:
     """Be a node that hears a target pass by; how many reports it sent."""
-    run, spec = _joined()
+    seal = Seal(_CENTRE.encode())
+    run, spec = _joined(seal)
     core = build_core(run, spec, link_of(run, spec.places), horizon_ns=NS)
     reports = []
     while (due := core.next_key()) is not None and due[0] < run.end_ns:
@@ -35,11 +39,11 @@ def a_node() -> int:
             if isinstance(output, Sent):
                 reports.append(keys.unicast("field", _CENTRE, _NODE, output.frame.kind))
             elif isinstance(output, Told):
-                pack(output)
+                seal.stamp(keys.telemetry(_NODE, "event"), pack(output))
     return len(reports)
 
 
-def _joined() -> tuple[RunSpec, ProcessSpec]:
+def _joined(seal: Seal) -> tuple[RunSpec, ProcessSpec]:
     """What such a node is told, as it comes from the launcher."""
     passing = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (float(_SECONDS), float(_SECONDS), 0.0, 1.0, 0.0)])
     sensor = AcousticSensor(_NODE, (0.0, 1.0), (passing,), ((0, _SECONDS * NS),), 70.0, 2.0, 50.0, 3.0, 0.0, 1)
@@ -52,6 +56,10 @@ def _joined() -> tuple[RunSpec, ProcessSpec]:
         peers={_CENTRE: (5.0, 5.0)},
         power=asdict(DEVICES["cc2420"]),
     )
-    answer = msgpack.packb({"run": asdict(_RUN), "process": spec.plain()})
-    told = msgpack.unpackb(answer, strict_map_key=False)
-    return RunSpec(**told["run"]), ProcessSpec.from_plain(told["process"], "node.role:Node")
+    answer = msgpack.packb(
+        {"run": asdict(_RUN), "process": spec.plain(), "start_ns": None, "stored": None, "ticket": "t"}
+    )
+    seal.check(keys.JOIN, answer, seal.stamp(keys.JOIN, answer))
+    seal.mark(keys.live(_NODE))
+    told = read(joined, unpacked(answer), _NODE, spec.factory)
+    return told.run, told.process

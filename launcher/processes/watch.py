@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
+from launcher.processes import patience
 from launcher.processes.children import Children
 
+STOOD_STILL: Final = f"stood still for {patience.NEEDED_STILL_S:.0f} s, stopped from outside, and was killed"
 SLICES: Final = 10
 """One in so many processes is checked for standing still at each look, which keeps a look cheap."""
 
@@ -96,6 +98,14 @@ class Watch:
         """The processes that have stood still for at least so long (wall time)."""
         latest = time.monotonic() - at_least_s
         return {name for name, still in self._still.items() if still.since <= latest}
+
+    def rouse(self, replaceable: str, others: set[str]) -> None:
+        """Of those that all need: end this one if it stands still, continue the others; not at once (wall time)."""
+        still = self.still(patience.NEEDED_STILL_S)
+        if replaceable in still:
+            self.kill(replaceable, STOOD_STILL)
+        for name in still & others:
+            self._children.resume(name)
 
     def give_up(self, name: str, why: str, *, again: bool = False) -> None:
         """Report that a process that stands still died when it stopped: it will not resume."""

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import platform
 import shutil
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from errno import EACCES, ENOTDIR
+from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import psutil
 
+from launcher.files import check_text, patiently, write_whole
 from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
 from launcher.records import Plan
@@ -23,6 +27,11 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
 from trackfield.scenario.paths import FromFile
+
+SCENARIO: Final = "scenario.toml"
+MANIFEST: Final = "manifest.json"
+_NAMES: Final = "file"
+"""The key of a section that names a file."""
 
 
 def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUNS) -> Path:
@@ -36,6 +45,7 @@ def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUN
 def begin_folder(folder: Path, inside: str) -> None:
     """A folder with an empty one inside. Raises ``ScenarioError`` if it is not empty or cannot be written."""
     with _writing(folder):
+        check_text([str(folder.absolute())], "--out")
         folder.mkdir(parents=True, exist_ok=True)
         _check_empty(folder)
         (folder / inside).mkdir()
@@ -44,6 +54,7 @@ def begin_folder(folder: Path, inside: str) -> None:
 def check_folder(folder: Path) -> None:
     """Raise ``ScenarioError`` as ``begin_folder`` would; nothing is written."""
     with _writing(folder):
+        check_text([str(folder.absolute())], "--out")
         there = next(one for one in (folder, *folder.absolute().parents) if one.exists())
         if there == folder:
             _check_empty(folder)
@@ -80,9 +91,14 @@ def _check_empty(folder: Path) -> None:
 
 
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
-    """Write what ``manifest`` has, the warnings, and what others need to join the run: ``run`` and ``endpoint``."""
+    """Write what ``manifest`` has, the warnings, and what others need to join the run: ``run`` and ``endpoint``.
+
+    To make its tables again, its ``speed`` and the digest of its ``scenario`` are there, too.
+    """
     told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
-    write_json({**manifest(command), **told}, folder / "manifest.json")
+    again = {"speed": plan.run.speed, "scenario": scenario_digest(folder)}
+    content = {**manifest(command), **told, **again}
+    patiently(lambda: write_json(content, folder / MANIFEST), str(folder / MANIFEST))
 
 
 def manifest(command: Sequence[str]) -> dict[str, Any]:
@@ -102,7 +118,8 @@ def manifest(command: Sequence[str]) -> dict[str, Any]:
 
 def keep(scenario: Scenario, folder: Path) -> None:
     """Write ``scenario.toml`` and the files that it names into the run folder, so that it can run again anywhere."""
-    (folder / "scenario.toml").write_text(with_files(scenario, folder).to_toml(), encoding="utf-8")
+    file = folder / SCENARIO
+    patiently(lambda: write_whole(file, with_files(scenario, folder).to_toml()), str(file))
 
 
 def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
@@ -125,3 +142,47 @@ def _kept(part: Any, folder: Path, name: str) -> Any:
     if not copy.exists() or not copy.samefile(file):  # a study may be run again from its own scenario file
         shutil.copyfile(file, copy)
     return part.model_copy(update={"file": copy.name})
+
+
+def scenario_digest(folder: Path) -> str:
+    """Of the scenario in a run folder, empty if there is none. Raises ``ValueError`` if a file is missing."""
+    toml = folder / SCENARIO
+    if not toml.exists():
+        return ""
+    content = toml.read_bytes()
+    digest = blake2b(content, digest_size=16)
+    for name in sorted(set(_files(tomllib.loads(content.decode())))):
+        copy = folder / name
+        if copy.parent != folder or not copy.is_file():
+            raise ValueError(f"{name} is not in the folder")
+        digest.update(name.encode() + b"\0" + copy.read_bytes())
+    return digest.hexdigest()
+
+
+def check_scenario(folder: Path) -> None:
+    """Raise ``ScenarioError`` unless the scenario in a run folder is the one that ran."""
+    try:
+        manifest = json.loads((folder / MANIFEST).read_bytes())
+    except (OSError, ValueError) as error:
+        what = f"has no {MANIFEST}" if isinstance(error, OSError) else f"its {MANIFEST} is damaged"
+        raise ScenarioError(what, file=str(folder), expected="the folder of a run") from None
+    ran = manifest.get("scenario") if isinstance(manifest, dict) else None
+    try:
+        found = scenario_digest(folder)
+    except (OSError, ValueError, RecursionError):
+        found = ""
+    if not isinstance(ran, str) or not ran or found != ran:
+        what = "is not the scenario of this run: it, or a file that it names, was changed afterwards"
+        expected = f"it as it was; trackfield run {folder / SCENARIO} runs the changed one"
+        raise ScenarioError(what, file=str(folder / SCENARIO), expected=expected)
+
+
+def _files(table: Any) -> Iterator[str]:
+    """The files that a scenario names, in any section of it."""
+    if isinstance(table, dict):
+        if isinstance(table.get(_NAMES), str):
+            yield table[_NAMES]
+        table = list(table.values())
+    if isinstance(table, list):
+        for item in table:
+            yield from _files(item)

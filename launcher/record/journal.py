@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from errno import ENOSPC
+from functools import cache, partial
 from itertools import islice
 from math import hypot
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
+from launcher.files import patiently, reason, write_whole
 from launcher.record.bounds import run_bound
 from launcher.record.diary import Event
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.record.tables import nearest, track_rows, write_messages, write_tracks
+from launcher.record.tables import TrackRow, nearest, track_rows, write_messages, write_tracks
 from launcher.record.views import headline
 from launcher.records import MessageRow, Plan
 from trackfield.drivers.frames import Charge, Died, Queued
+from trackfield.errors import RunFailed
 from trackfield.role import NS, Note, Publish, State
 
 if TYPE_CHECKING:
@@ -24,16 +30,23 @@ if TYPE_CHECKING:
 
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
+TIMELINE_FAILED: Final = "the timeline failed: "
 
 Unplanned = tuple[str, float | None, str]
 """An unplanned death: the process, when (s since the first step; None: unknown), and why."""
 
 
 class Telling:
-    """Hands on what the ledger has settled to a timeline."""
+    """Hands on what the ledger has settled to a timeline.
 
-    def __init__(self, plan: Plan, ledger: Ledger, timeline: Timeline) -> None:
-        self.plan, self.ledger, self.timeline = plan, ledger, timeline
+    ``make`` makes the timeline, when there is first something to show. ``error`` is why that failed (None: it did
+    not); it is left alone from then on.
+    """
+
+    def __init__(self, plan: Plan, ledger: Ledger, make: Callable[[], Timeline]) -> None:
+        self.plan, self.ledger = plan, ledger
+        self.error: Exception | None = None
+        self._make = cache(make)
         self.states: dict[str, str] = {}
         self.errors: dict[str, float | None] = {}
         self.outcomes: dict[str, int] = {}
@@ -42,7 +55,7 @@ class Telling:
     def settle(self, until_ns: int) -> None:
         """Write what is settled up to this true time."""
         self._write(*self.ledger.settle(until_ns))
-        self.timeline.flush()
+        self.show(lambda timeline: timeline.flush())
 
     def take_over(self, rows: Sequence[MessageRow]) -> None:
         """Take over the outcome of each frame from an earlier run."""
@@ -51,66 +64,115 @@ class Telling:
 
     def end(self, deaths: Sequence[Unplanned] = ()) -> None:
         """Write the rest of it; the timeline is still to be closed."""
-        self._write(*self.ledger.close(name for name, *_ in deaths))
+        settled = self.ledger.close(name for name, *_ in deaths)
+        self._write(*settled)
+        self.bury(deaths)
+
+    def bury(self, deaths: Sequence[Unplanned]) -> None:
+        """Show unplanned deaths."""
         for name, t_s, why in deaths:
             if t_s is not None:
-                self.timeline.death(self.plan.origin_ns + round(t_s * NS), name.partition("~")[0], why)
+                t_ns = self.plan.origin_ns + round(t_s * NS)
+                self.show(lambda timeline: timeline.death(t_ns, name.partition("~")[0], why))  # noqa: B023  called at once
+
+    def show(self, tell: Callable[[Timeline], object]) -> None:
+        """Tell the timeline, as long as it did not fail: nothing else depends on it."""
+        if self.error:
+            return
+        try:
+            tell(self._make())
+        except Exception as error:  # noqa: BLE001  whatever it is, the tables are worth more
+            self.error = error
 
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
-            if row.sent_ns < self.plan.run.end_ns:  # a foreign sender may put any time on its frames
-                self.timeline.message(row)
         for event in events:
-            self._tell(event)
+            if isinstance(event.effect, State | Died):
+                self.states[event.process] = event.effect.name if isinstance(event.effect, State) else "dead"
+        self.show(lambda timeline: self._tell_all(timeline, rows, events))
+
+    def _tell_all(self, timeline: Timeline, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
+        for row in rows:
+            if row.sent_ns < self.plan.run.end_ns:  # a foreign sender may put any time on its frames
+                timeline.message(row)
+        for event in events:
+            self._tell(timeline, event)
         for (t_ns, process), error_ns in islice(self.ledger.clock_errors.items(), self._errors_told, None):
-            self.timeline.clock_error(t_ns, process, error_ns / 1e6)
+            timeline.clock_error(t_ns, process, error_ns / 1e6)
         self._errors_told = len(self.ledger.clock_errors)
 
-    def _tell(self, event: Event) -> None:
+    def _tell(self, timeline: Timeline, event: Event) -> None:
         match event.effect:
             case State(name, lane):
-                self.states[event.process] = name
-                self.timeline.state(event.t_ns, event.process, name, lane)
+                timeline.state(event.t_ns, event.process, name, lane)
             case Charge(share):
-                self.timeline.battery(event.t_ns, event.process, share)
+                timeline.battery(event.t_ns, event.process, share)
             case Died(why):
-                self.states[event.process] = "dead"
-                self.timeline.death(event.t_ns, event.process, why)
+                timeline.death(event.t_ns, event.process, why)
             case Queued(_, sent_ns, waited_ns, ahead):
-                self.timeline.queue(sent_ns - waited_ns, event.process, ahead)
+                timeline.queue(sent_ns - waited_ns, event.process, ahead)
             case Note(text):
-                self.timeline.note(event.t_ns, event.process, text)
+                timeline.note(event.t_ns, event.process, text)
             case Publish(point):
                 truth, _ = nearest(self.plan.paths, point)
                 late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
-                self.timeline.estimate(point, truth[:2] if truth else None, late_ns)
+                timeline.estimate(point, truth[:2] if truth else None, late_ns)
                 error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
                 self.errors[point.tracker] = error
 
 
 class Journal(Telling):
-    """Writes the timeline of a run into its folder, and at the end tables and metrics."""
+    """Writes the timeline of a run into its folder, or to ``timeline``; at the end the tables, then the rest of it."""
 
-    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath) -> None:
+    def __init__(self, plan: Plan, ledger: Ledger, folder: FilePath, timeline: FilePath | None = None) -> None:
         from launcher.timeline.timeline import Timeline  # loads Rerun
 
-        super().__init__(plan, ledger, Timeline(folder / TIMELINE, plan.info))
-        self.folder = folder
+        self.folder, self._file = folder, timeline or folder / TIMELINE
+        super().__init__(plan, ledger, partial(Timeline, self._file, plan.info))
+        self._rest: tuple[Sequence[MessageRow], Sequence[Event]] = [], []
+        self._bound: dict[int, float] = {}
+        self._deaths: Sequence[Unplanned] = ()
 
-    def close(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
-        """Write the rest, and the tables; returns the metrics that are known here."""
-        self.end(deaths)
+    def tables(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
+        """Write the tables; returns the metrics that are known here. ``messages`` is how many were received.
+
+        Raises ``RunFailed`` if the disk does not take them.
+        """
+        self._rest, self._deaths = self.ledger.close(name for name, *_ in deaths), deaths
         tracks = track_rows(self.ledger.estimates(), self.plan.paths)
         bound = run_bound(self.plan, headline(self.plan, tracks))
-        for t_ns in sorted({row.t_ns for row in tracks} & bound.keys()):
-            self.timeline.bound(t_ns, bound[t_ns])
-        self.timeline.close()
-        write_messages(self.ledger.rows, self.folder / "messages.parquet")
-        write_tracks(tracks, bound, self.folder / "tracks.parquet", self.plan.origin_ns)
+        self._bound = {t_ns: bound[t_ns] for t_ns in sorted({row.t_ns for row in tracks} & bound.keys())}
+        patiently(lambda: self._write_tables(tracks, bound), f"the tables of {self.folder}")
         metrics = run_metrics(self.plan, self.ledger, tracks, bound)
         metrics["recorder"]["messages"] = messages
         return metrics
+
+    def make_room(self) -> None:
+        """Give up the timeline, which a log can make again, for the tables' sake: the disk is full."""
+        self.error = self.error or OSError(ENOSPC, os.strerror(ENOSPC))
+        with suppress(OSError):
+            os.truncate(self._file, 0)  # it is still open
+            self._file.unlink()
+
+    def _write_tables(self, tracks: Sequence[TrackRow], bound: Mapping[int, float]) -> None:
+        write_messages(self.ledger.rows, self.folder / "messages.parquet")
+        write_tracks(tracks, bound, self.folder / "tracks.parquet", self.plan.origin_ns)
+
+    def draw(self) -> str:
+        """Write the rest of the timeline; returns why it failed, or nothing. To be called after ``tables``."""
+        self._write(*self._rest)
+        self.bury(self._deaths)
+        for t_ns, sd_m in self._bound.items():
+            self.show(lambda timeline: timeline.bound(t_ns, sd_m))  # noqa: B023  called at once
+        self.show(lambda timeline: timeline.close())
+        if self.error is None:
+            return ""
+        if isinstance(self.error, RunFailed):
+            self.make_room()
+            return f"{TIMELINE_FAILED}{self.error}"
+        why = reason(self.error) if isinstance(self.error, OSError) else f"{type(self.error).__name__}: {self.error}"
+        return f"{TIMELINE_FAILED}{why}"
 
 
 def summary(journal: Journal) -> dict[str, Any]:
@@ -127,5 +189,5 @@ def summary(journal: Journal) -> dict[str, Any]:
 
 
 def write_json(value: object, file: FilePath) -> None:
-    """Write JSON that is easy to read."""
-    file.write_text(json.dumps(value, indent=2, allow_nan=False) + "\n")
+    """Write JSON that is easy to read, whole or not at all."""
+    write_whole(file, json.dumps(value, indent=2, allow_nan=False) + "\n")

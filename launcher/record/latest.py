@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Final
 
@@ -42,11 +43,12 @@ def finished(below: Path = RUNS) -> list[Path]:
 def _started(below: Path) -> Iterator[tuple[tuple[str, int], Path]]:
     """When each finished run was started: by its manifest, to the second, and within one by the age of that file."""
     for manifest in below.glob("*/manifest.json"):
-        if not manifest.with_name("metrics.json").is_file():
-            continue
         try:
+            if not (manifest.is_file() and manifest.with_name("metrics.json").is_file()):
+                continue
             started = json.loads(manifest.read_bytes())["started"]
+            datetime.fromisoformat(started)
             written_ns = manifest.stat().st_mtime_ns
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
-        yield (str(started), written_ns), manifest.parent
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
+            continue  # not by ``reading``, which loads more than the completion of names can wait for
+        yield (started, written_ns), manifest.parent

@@ -116,9 +116,9 @@ class Ledger:
         self.run = replace(self.run, end_ns=min(end_ns, self.run.end_ns))
 
     def final(self, process: str, record: Mapping[str, Any]) -> None:
-        """The final record of a process; there is one of each life."""
-        if self.finals.setdefault(process, dict(record)) != record:
-            self._interfered[TELEMETRY] += 1
+        """The final record of a process; another one of the same life is not from it."""
+        self._interfered[TELEMETRY] += self.finals.get(process, record) != record
+        self.finals[process] = dict(record)
 
     def check(self, frame: Frame) -> None:
         """Raise ``WireError`` unless a process of the run may have sent this frame to those that it is for."""
@@ -131,14 +131,15 @@ class Ledger:
 
     def check_life(self, name: str) -> None:
         """Raise ``WireError`` unless there is such a life: ``process`` if there is no such process, or ``life``."""
+        if id_of(name) not in self._processes:
+            raise WireError("process", "not of this run")
         if name not in self.diaries:
-            known = id_of(name) in self._processes
-            raise WireError("life" if known else "process", "not of this run")
+            raise WireError("life", "not of this run")
 
     def refuse(self, key: str, reason: str) -> None:
         """A sample on this key was refused. Frames are, by ``refused``; some of them, and all else, interfere."""
         if not key.startswith("data/"):
-            self._interfered[TELEMETRY] += key.startswith("telemetry/")
+            self._interfered[TELEMETRY] += not key.startswith("control/")  # the launcher counts orders
             return
         self.refused[reason] += 1
         self._interfered[FRAMES] += reason in FORGED

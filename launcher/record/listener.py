@@ -1,4 +1,4 @@
-"""Receives all messages of a run over Zenoh and keeps its ledger: the common part of all recorders."""
+"""Receives all messages of a run over Zenoh and keeps its ledger: what recorders, and readers of their log, share."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ from typing import Any, Final
 
 import zenoh
 
-from launcher.record.journal import Telling
+from launcher.record.journal import Telling, Unplanned
+from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
-from launcher.record.samples import counts_of, event_of, final_of, life_of
+from launcher.record.samples import counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, take_in
+from trackfield.drivers.frames import Queued, Told
+from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import role_factory
-from trackfield.role import NS
+from trackfield.drivers.telemetry import Telemetry
+from trackfield.role import NS, Publish
 from trackfield.wire import keys
+from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import parse_telemetry
 
@@ -33,23 +37,112 @@ SILENT: Final = ("reached", "stored", "status")
 """Telemetry that is for others than a recorder."""
 
 
-class Listener:
-    """Takes samples from Zenoh's thread and feeds the ledger; ``received`` counts them."""
+ARRIVED: Final = 2**63
+"""A time of arrival later than all others: of what was accepted before."""
 
-    def __init__(self, session: zenoh.Session, plan: Plan, seal: Seal) -> None:
-        self.session, self.plan, self.seal = session, plan, seal
+Arrived = tuple[int, str, bytes, bytes | None]
+"""A sample: when it arrived (host's monotonic clock, ns), its key, payload and attachment."""
+
+
+class Intake:
+    """Feeds the ledger with samples, wherever they come from.
+
+    ``deaths`` are the unplanned ones of which the launcher told at the end (None: it has not told).
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
         self._factories = {p.id: p.factory for p in plan.processes}
         for factory in set(self._factories.values()):
             role_factory(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
+        self.deaths: list[Unplanned] | None = None
+        self._start_ns: int | None = None
+        self._seen = Seen()
+        self._early_ns = round(EARLY_NS * plan.run.speed)
+
+    def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
+        """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.
+
+        ``now_ns`` is the emulated time at which it arrived (None: before the start, as far as that is known).
+        """
+        if key.startswith("data/"):
+            self._data(key, payload, attachment, now_ns)
+        elif key.startswith("telemetry/"):
+            self._telemetry(key, payload, now_ns)
+        elif key == keys.START:
+            self._start_ns = begun(self._start_ns, payload)
+        elif key == keys.END:
+            self.ledger.end(nanoseconds(payload))
+        elif key == keys.LIFE:
+            self.ledger.life(life_of(payload, self._factories))
+        elif key == keys.FINISH:
+            self.deaths = deaths_of(payload)
+        else:
+            raise WireError("key", "nothing of a run")
+
+    def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
+        frame, *_ = frame_in(key, payload, attachment, self._foreign)
+        self.ledger.check(frame)
+        if attachment is None:
+            return  # its receivers stamp it
+        self._check_time(frame.sent_ns, now_ns)
+        if not self._seen.again(frame):  # its receivers count it as a duplicate
+            self.ledger.sent(frame)
+
+    def _check_time(self, t_ns: int, now_ns: int | None) -> None:
+        """Raise ``WireError`` (``future``) for what cannot have happened yet.
+
+        At the end of a run all processes also send the frames that wait for their radios.
+        """
+        if now_ns is None or (t_ns > now_ns + self._early_ns and now_ns < self.ledger.run.end_ns):
+            raise WireError("future", "later than now")
+
+    def _foreign(self) -> Envelope:
+        """In place of the envelope that a foreign device's frame does not have, where it may have none."""
+        return Envelope(0) if self.plan.run.speed == 1 else no_stamp()
+
+    def _telemetry(self, key: str, data: bytes, now_ns: int | None) -> None:
+        process, what = parse_telemetry(key)
+        if process == RECORDER:
+            return
+        self.ledger.check_life(process)
+        if what == "event":
+            event = event_of(data)
+            self._check_time(event.key[0], now_ns)
+            if latest(event) > self.plan.run.end_ns:
+                raise WireError("future", "after the end of the run")
+            self.ledger.told(process, event)
+        elif what == "counts":
+            self.ledger.counts[process] = counts_of(data)
+        elif what == "final":
+            self.ledger.final(process, final_of(data))
+        elif what not in SILENT:
+            raise WireError("key", "no telemetry of a process")
+
+
+def latest(event: Telemetry) -> int:
+    """The latest instant that a piece of telemetry is about (ns)."""
+    t_ns: int = event.key[0]
+    match event:
+        case Told(_, Publish(point)):
+            return max(t_ns, point.at_ns)
+        case Told(_, Queued(_, sent_ns, waited_ns)):
+            return max(t_ns, sent_ns - waited_ns)
+    return t_ns
+
+
+class Listener(Intake):
+    """Takes samples from Zenoh's thread; ``received`` counts them. ``log``, if there is one, gets those it accepts."""
+
+    def __init__(self, session: zenoh.Session, plan: Plan, seal: Seal, log: Log | None = None) -> None:
+        super().__init__(plan)
+        self.session, self.seal, self.log = session, seal, log
         self.received = 0
         self._inbox: Inbox = deque()
         self._arrived = Event()
-        self._start_ns: int | None = None
-        self._seen = Seen()
         self._refusals = Refusals()
-        self._waiting: list[tuple[str, bytes, bytes | None]] = []
-        self._early_ns = round(EARLY_NS * plan.run.speed)
+        self._waiting: list[tuple[Arrived, WireError]] = []
         self._held: list[Any] = []
 
     def listen(self, name: str, *telemetry: str) -> None:
@@ -81,72 +174,46 @@ class Listener:
             try:
                 if not key.startswith("data/"):
                     self.seal.check(key, payload, attachment)
-                self.take(key, payload, attachment, self._emulated_ns(arrived_ns))
+                self._accept((arrived_ns, key, payload, attachment))
             except WireError as error:
-                self._refuse(key, payload, attachment, error)
+                self._refuse((arrived_ns, key, payload, attachment), error)
 
-    def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
-        """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.
-
-        ``now_ns`` is the emulated time at which it arrived, if that is known.
-        """
-        if key.startswith("data/"):
-            self._data(key, payload, attachment, now_ns)
-        elif key.startswith("telemetry/"):
-            self._telemetry(key, payload, now_ns)
-        elif key == keys.START:
-            self._start_ns = begun(self._start_ns, payload)
-        elif key == keys.END:
-            self.ledger.end(nanoseconds(payload))
-        elif key == keys.LIFE:
-            self.ledger.life(life_of(payload, self._factories))
+    def _accept(self, arrived: Arrived) -> None:
+        """Take a sample and log it; a seal has been checked and is of no use in the log."""
+        arrived_ns, key, payload, attachment = arrived
+        self.take(key, payload, attachment, self._emulated_ns(arrived_ns))
+        if self.log:
+            self.log.append(Entry(key, payload, attachment if key.startswith("data/") else None))
+        if key in (keys.START, keys.LIFE):
             self._retry()
 
-    def _refuse(self, key: str, payload: bytes, attachment: bytes | None, error: WireError) -> None:
-        """Count a sample that is refused; one of an unknown life may have come before the order that announces it."""
-        if error.reason == "life" and len(self._waiting) < MAX_WAITING:
-            self._waiting.append((key, payload, attachment))
+    def _refuse(self, arrived: Arrived, error: WireError) -> None:
+        """Count a sample that is refused.
+
+        One of an unknown life, or from before the start, may only have overtaken the order that tells of it.
+        """
+        waits = error.reason == "life" or (error.reason == "future" and self._start_ns is None)
+        if waits and len(self._waiting) < MAX_WAITING:
+            self._waiting.append((arrived, error))
             return
-        self._refusals.add(key, error)
-        self.ledger.refuse(key, error.reason)
+        self._refusals.add(arrived[1], error)
+        self._count(arrived[1], error.reason)
 
     def _retry(self) -> None:
         waiting, self._waiting = self._waiting, []
-        for sample in waiting:
+        for arrived, _ in waiting:
             try:
-                self.take(*sample)
+                self._accept(arrived)
             except WireError as error:
-                self._refuse(*sample, error)
+                self._refuse(arrived, error)
 
     def give_up(self) -> None:
-        """Refuse what still waits for its life to be announced."""
-        for key, *_ in self._waiting:
-            self.ledger.refuse(key, "life")
+        """Refuse what still waits for such an order."""
+        for (_, key, *_), error in self._waiting:
+            self._count(key, error.reason)
         self._waiting.clear()
 
-    def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
-        if attachment is None:
-            return  # a foreign device's; its receivers stamp it
-        frame, *_ = frame_in(key, payload, attachment)
-        self.ledger.check(frame)
-        if now_ns is not None and now_ns + self._early_ns < frame.sent_ns < self.ledger.run.end_ns:
-            raise WireError("future", "sent later than now")
-        if not self._seen.again(frame):  # its receivers count it as a duplicate
-            self.ledger.sent(frame)
-
-    def _telemetry(self, key: str, data: bytes, now_ns: int | None) -> None:
-        _, process, what = parse_telemetry(key)
-        if process == RECORDER:
-            return
-        self.ledger.check_life(process)
-        if what == "event":
-            event = event_of(data)
-            if now_ns is not None and event.key[0] > now_ns + self._early_ns:
-                raise WireError("future", "told before it can have happened")
-            self.ledger.told(process, event)
-        elif what == "counts":
-            self.ledger.counts[process] = counts_of(data)
-        elif what == "final":
-            self.ledger.final(process, final_of(data))
-        elif what not in SILENT:
-            raise WireError("key", "no telemetry of a process")
+    def _count(self, key: str, reason: str) -> None:
+        self.ledger.refuse(key, reason)
+        if self.log:
+            self.log.refused(key, reason)

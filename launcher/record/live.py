@@ -25,7 +25,8 @@ class LiveRecorder(Listener):
 
     def __init__(self, session: zenoh.Session, plan: Plan, port: int, seal: Seal) -> None:
         super().__init__(session, plan, seal)
-        self.telling = Telling(plan, self.ledger, Timeline(port, plan.info))
+        self.timeline = Timeline(port, plan.info)
+        self.telling = Telling(plan, self.ledger, lambda: self.timeline)
         self.end = Event()
         self.listen(LIVE, keys.telemetry_of_all("event"))
 
@@ -35,7 +36,7 @@ class LiveRecorder(Listener):
             self.pulse(self.telling)
         self.drain()
         self.telling.end()
-        self.telling.timeline.close()
+        self.telling.show(lambda timeline: timeline.close())
 
 
 def show(endpoint: str, plan: Plan, port: int, token: bytes) -> None:

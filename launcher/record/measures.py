@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Final, Literal, Self
+from reprlib import Repr
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError
 
 from launcher.nested import flat
 from launcher.record.verdict import Verdict
 from trackfield.errors import ScenarioError
+
+MOST: Final = 1e100
+"""The largest number that a figure can have; sums and squares of such numbers are still numbers."""
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MOST, le=MOST)]
+Count = Annotated[int, Field(strict=True, ge=0, lt=1 << 63)]
+Signed = Annotated[int, Field(strict=True, ge=-(1 << 63), lt=1 << 63)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 64)]
 
 
 class _Figures(BaseModel):
@@ -21,43 +29,43 @@ class _Figures(BaseModel):
 class Rmse(_Figures):
     """Root mean square errors in m (velocity: m/s)."""
 
-    x: float | None
-    y: float | None
-    position: float | None
-    velocity: float | None
+    x: Number | None
+    y: Number | None
+    position: Number | None
+    velocity: Number | None
 
 
 class Gap(_Figures):
     """RMSE of the position (m) over the ``steps`` with a track inside gaps of the recorded truth."""
 
-    rmse: float | None
-    steps: int
+    rmse: Number | None
+    steps: Count
 
 
 class ScoreFigures(_Figures):
     """How well a tracker did in a view."""
 
     rmse: Rmse
-    median_error: float | None
-    nees: float | None
-    nees_band: tuple[float, float] | None
-    steps: int
-    bound_m: float | None
-    times_bound: float | None
+    median_error: Number | None
+    nees: Number | None
+    nees_band: tuple[Number, Number] | None
+    steps: Count
+    bound_m: Number | None
+    times_bound: Number | None
     verdict: Verdict | None
-    lost: bool
-    steps_expected: int
-    steps_tracked: int
-    share_within: float | None
-    longest_blackout_s: float
+    lost: StrictBool
+    steps_expected: Count
+    steps_tracked: Count
+    share_within: Number | None
+    longest_blackout_s: Number
     gap: Gap
 
 
 class TargetFigures(_Figures):
     """RMSE of the position (m) over the ``steps`` in which this target was the nearest to the track."""
 
-    rmse: float | None
-    steps: int
+    rmse: Number | None
+    steps: Count
 
 
 class TrackerFigures(ScoreFigures):
@@ -65,15 +73,15 @@ class TrackerFigures(ScoreFigures):
 
     association: Literal["nearest"] | None
     targets: Mapping[str, TargetFigures]
-    sources: Mapping[str, int]
+    sources: Mapping[str, Count]
     views: Mapping[str, ScoreFigures]
 
 
 class Bound(_Figures):
     """The least error (m) of any tracker: with every report in reach, and with those that came."""
 
-    position: float | None
-    trajectory: float | None
+    position: Number | None
+    trajectory: Number | None
 
 
 class Death(_Figures):
@@ -82,7 +90,7 @@ class Death(_Figures):
     id: str
     host: str
     why: str
-    t: float | None
+    t: Number | None
 
 
 class Stop(_Figures):
@@ -90,67 +98,68 @@ class Stop(_Figures):
 
     id: str
     host: str
-    t: float | None
-    s: float | None
+    t: Number | None
+    s: Number | None
 
 
 class Processes(_Figures):
     """The processes of the run."""
 
-    started: int
-    ready_s: float | None
-    died: tuple[Death, ...]
-    stopped: tuple[Stop, ...]
-    pss_mb_per_node: float | None
+    started: Count
+    ready_s: Number | None
+    died: tuple[Death, ...] | None
+    stopped: tuple[Stop, ...] | None
+    pss_mb_per_node: Number | None
 
 
 class Lost(_Figures):
     """Frames that did not reach their receiver, by cause."""
 
-    radio: int
-    partition: int
-    in_flight: int
-    asleep: int
-    frozen: int
-    dead: int
-    overflow: int
+    radio: Count
+    partition: Count
+    in_flight: Count
+    asleep: Count
+    frozen: Count
+    dead: Count
+    overflow: Count
 
 
 class Kind(_Figures):
     """The frames of one kind of message."""
 
-    sent: int
-    payload_bytes_max: int
+    sent: Count
+    payload_bytes_max: Count
 
 
 class Frames(_Figures):
-    """What became of the frames; ``by_kind`` by the name of the message."""
+    """What became of the frames; ``by_kind`` by the name of the message, ``refused`` by the reason."""
 
-    sent: int
-    expected: int
-    delivered: int
-    late: int
-    duplicate: int
-    ignored: int
+    sent: Count
+    expected: Count
+    delivered: Count
+    late: Count
+    duplicate: Count | None
+    ignored: Count
     lost: Lost
-    host_lost: int
+    host_lost: Signed | None
+    refused: Mapping[str, Count]
     by_kind: Mapping[str, Kind]
 
 
 class Bytes(_Figures):
     """Payloads, and what senders put on the air."""
 
-    payload: int
-    on_air: int | None
+    payload: Count
+    on_air: Count | None
 
 
 class Quantiles(_Figures):
     """Of a time in ms, emulated."""
 
-    p50: float | None
-    p95: float | None
-    p99: float | None
-    max: float | None
+    p50: Number | None
+    p95: Number | None
+    p99: Number | None
+    max: Number | None
 
 
 class Latencies(_Figures):
@@ -164,78 +173,108 @@ class Latencies(_Figures):
 class HostQuantiles(_Figures):
     """Of a time in ms, on this machine."""
 
-    p50: float | None
-    p99: float | None
+    p50: Number | None
+    p99: Number | None
 
 
 class Timing(_Figures):
     """How well this machine kept up."""
 
-    speed: float | None
+    speed: Number | None
     slip_ms: HostQuantiles
-    inversions: int
-    host_late: int
+    inversions: Count | None
+    host_late: Count | None
 
 
 class EnergyByCause(_Figures):
     """Energy in J."""
 
-    send: float | None
-    receive: float | None
-    listen: float | None
-    sleep: float | None
-    sense: float | None
+    send: Number | None
+    receive: Number | None
+    listen: Number | None
+    sleep: Number | None
+    sense: Number | None
 
 
 class Energy(_Figures):
     """Energy of the sensor nodes in J; ``by_accounting`` by the name of the accounting."""
 
-    total: float | None
-    max_node: float | None
+    total: Number | None
+    max_node: Number | None
     by: EnergyByCause
-    by_accounting: Mapping[str, float | None]
+    by_accounting: Mapping[str, Number | None]
 
 
 class Empty(_Figures):
     """A battery that was empty at ``t``, emulated s."""
 
     id: str
-    t: float
+    t: Number
 
 
 class Lifetime(_Figures):
     """Until when batteries last, emulated s; ``empty`` within the run, None on mains."""
 
-    first_death: float | None
-    half_dead: float | None
-    coverage_lost: float | None
-    extrapolated: bool | None
+    first_death: Number | None
+    half_dead: Number | None
+    coverage_lost: Number | None
+    extrapolated: StrictBool | None
     empty: tuple[Empty, ...] | None
 
 
 class ClockError(_Figures):
     """The clock error of senders, ms."""
 
-    rms: float | None
-    max: float | None
+    rms: Number | None
+    max: Number | None
+
+
+class Interference(_Figures):
+    """What others than the processes of the run did in it."""
+
+    frames: Count
+    telemetry: Count
+    answers: Count
+    orders: Count
+    tokens: Count
 
 
 class Recorder(_Figures):
-    """What the recorder received, and what never reached it."""
+    """What the recorder received, what never reached it, and what went wrong with the record."""
 
-    messages: int
-    dropped: int
+    messages: Count
+    dropped: Signed | None
+    complaints: tuple[str, ...]
+
+
+def first_problem(error: ValidationError) -> tuple[str, str]:
+    """The key of the first value that is wrong, and what is wrong with it; both fit into a line."""
+    first = error.errors(include_url=False, include_context=False)[0]
+    key = ".".join(map(str, first["loc"]))
+    what = "is missing" if first["type"] == "missing" else f"is {short(first['input'])}"
+    return (key if key.isprintable() and len(key) <= 80 else short(key)), what
+
+
+def short(value: object) -> str:
+    """A value from a file as it fits into a message: not longer than a line, without control characters."""
+    return _SHORT.repr(value)
+
+
+_SHORT: Final = Repr()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
 
 
 class RunFigures(_Figures):
     """All of metrics.json; ``trackers`` by their names."""
 
     scenario: str
-    seed: int
+    seed: Seed
     driver: Literal["processes", "virtual", "replay"]
-    end_s: float
-    wall_s: float
-    cpu_s: float
+    ended_s: Number
+    complete: bool
+    end_reason: str
+    wall_s: Number | None
+    cpu_s: Number | None
     trackers: Mapping[str, TrackerFigures]
     bound: Bound
     processes: Processes
@@ -248,6 +287,7 @@ class RunFigures(_Figures):
     lifetime_s: Lifetime
     clock_error_ms: ClockError
     recorder: Recorder
+    interference: Interference
 
     @classmethod
     def of(cls, metrics: Mapping[str, Any], file: str = "") -> Self:
@@ -255,12 +295,13 @@ class RunFigures(_Figures):
         try:
             return cls.model_validate(metrics)
         except ValidationError as error:
-            first = error.errors()[0]
-            key, what = ".".join(map(str, first["loc"])), "is missing"
-            if first["type"] != "missing":
-                what = f"is {first['input']!r}"
+            key, what = first_problem(error)
             expected = "the figures of a run by this version, whose recorder did not die"
             raise ScenarioError(what, file=file, key=key, expected=expected) from None
+
+    def plain(self) -> dict[str, Any]:
+        """As in metrics.json."""
+        return self.model_dump(mode="json")
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """A row for each tracker: its figures and those of the run that ``OF_RUN`` names, by their keys."""

@@ -23,6 +23,11 @@ from trackfield.role import NS
 CAUSES: Final = ("radio", "partition", "in_flight", "asleep", "frozen", "dead", "overflow")
 NEAREST: Final = "nearest"
 """With several targets each point of a track is scored against the nearest of them."""
+THE_END: Final = "end of the scenario"
+LAUNCHER_DIED: Final = "the launcher died"
+RECORDER_DIED: Final = "the recorder died"
+INTERRUPTED: Final = "interrupted"
+ROUTER_LOST: Final = "the router was lost"
 Metrics = dict[str, Any]
 
 
@@ -40,7 +45,8 @@ def run_metrics(
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
         "driver": None,
-        "end_s": (ledger.run.end_ns - plan.origin_ns) / NS,
+        "ended_s": (ledger.run.end_ns - plan.origin_ns) / NS,
+        **ended_because(THE_END),
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bound),
@@ -65,9 +71,32 @@ def run_metrics(
         "energy_j": energy_metrics(ledger, batteries),
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
-        "recorder": {"messages": None, "dropped": ledger.dropped()},
+        "recorder": {"messages": None, "dropped": ledger.dropped(), "complaints": []},
         "interference": {**ledger.interference(), "orders": 0, "tokens": 0, "questions": 0},
     }
+
+
+def ended_because(why: str) -> Metrics:
+    """How a run ended, as metrics.json has it; it is complete only if it reached ``THE_END`` and all was recorded."""
+    return {"complete": why == THE_END, "end_reason": why}
+
+
+def cut_off(metrics: Metrics) -> Metrics:
+    """The metrics of a record that broke off: without all that final records or the launcher tell, null and not 0."""
+    known = {
+        "frames": ("duplicate", "host_lost"),
+        "processes": ("died", "stopped"),
+        "timing": ("inversions", "host_late"),
+        "lifetime_s": ("first_death", "half_dead", "coverage_lost", "extrapolated"),
+        "recorder": ("dropped",),
+    }
+    parts = {part: metrics[part] | dict.fromkeys(unknown) for part, unknown in known.items()}
+    parts["timing"]["slip_ms"] = _blank(metrics["timing"]["slip_ms"])
+    return metrics | parts | {key: _blank(metrics[key]) for key in ("cpu_s", "host_latency_ms", "energy_j")}
+
+
+def _blank(value: object) -> Any:
+    return {key: _blank(item) for key, item in value.items()} if isinstance(value, dict) else None
 
 
 def tracker_metrics(
@@ -111,7 +140,7 @@ def _frames(ledger: Ledger) -> Metrics:
         "delivered": sums["delivered"],
         "late": outcomes["late"],
         "duplicate": _total(ledger, "duplicate"),
-        "ignored": outcomes["ignored"] + _total(ledger, "malformed"),
+        "ignored": outcomes["ignored"],
         "lost": {cause: outcomes[cause] for cause in CAUSES},
         "host_lost": sums["host_lost"],
         "refused": dict(sorted(ledger.refused.items())),

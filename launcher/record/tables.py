@@ -10,6 +10,7 @@ from pathlib import Path as FilePath
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from launcher.files import whole_file
 from launcher.record.ledger import Published
 from launcher.records import MessageRow
 from trackfield.role import NS, TrackPoint
@@ -82,12 +83,14 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     names = [f.name for f in fields(MessageRow)]
     ordered = sorted(rows, key=lambda r: (r.sent_ns, r.src, r.kind, r.copy, r.dst, r.medium))
     columns = {n: pa.array([getattr(r, n) for r in ordered], types.get(n, pa.string())) for n in names}
-    pq.write_table(pa.table(columns), file)
+    with whole_file(file) as part:
+        pq.write_table(pa.table(columns), part, write_page_checksum=True)
 
 
 def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: FilePath, origin_ns: int = 0) -> None:
     """tracks.parquet."""
-    pq.write_table(tracks_table(rows, bound, origin_ns), file)
+    with whole_file(file) as part:
+        pq.write_table(tracks_table(rows, bound, origin_ns), part, write_page_checksum=True)
 
 
 def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns: int = 0) -> pa.Table:

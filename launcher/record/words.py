@@ -55,6 +55,21 @@ def uninformed(metrics: dict[str, Any]) -> str:
     return f"no tracker had any report{', only its prior' if tracked else ''}"
 
 
+INTERFERENCE: Final = {
+    "frames": "frames in the name of processes that did not send them",
+    "telemetry": "pieces of telemetry that no process of the run sent",
+    "answers": "answers in the launcher's place",
+    "orders": "orders that the launcher did not give",
+    "tokens": "liveliness tokens of no process of the run",
+}
+"""What others did in a run, by the keys of ``interference``."""
+
+
+def interference(counts: Mapping[str, int]) -> str:
+    """What others did in the run; empty if nothing."""
+    return ", ".join(f"{n} {INTERFERENCE[kind]}" for kind, n in counts.items() if n)
+
+
 def alarms(metrics: dict[str, Any]) -> list[str]:
     """What makes a run's figures doubtful."""
     found = []

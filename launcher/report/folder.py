@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,15 +13,17 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from launcher.plan.architectures import architecture_of
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import end_of, planned_faults
+from launcher.record.journal import METRICS
+from launcher.record.measures import short
+from launcher.record.reading import files as reading
+from launcher.record.reading.files import Manifest
 from launcher.records import ARRIVED, SENSES, Place, last_due
 from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
-from trackfield.errors import ScenarioError
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
 
@@ -119,7 +120,7 @@ class Run:
 
     folder: Path
     metrics: dict[str, Any]
-    manifest: dict[str, Any]
+    manifest: Manifest
     toml: str
     site: Site
     places: tuple[Place, ...]
@@ -152,7 +153,7 @@ class Run:
     @property
     def ended_early(self) -> bool:
         """Whether the run was interrupted before that."""
-        return bool(self.metrics["end_s"] < self.end_s)
+        return bool(self.metrics["ended_s"] < self.end_s)
 
     @property
     def origin_s(self) -> float:
@@ -189,7 +190,7 @@ class Run:
         """(from s, to s) of each gap in the data of any target, up to the end; the path is interpolated there."""
         found = [gap for path in self.site.paths.values() for gap in path.gaps_inside]
         shifted = ((begin - self.origin_s, end - self.origin_s) for begin, end in found)
-        return tuple(gap for gap in shifted if gap[0] < self.metrics["end_s"])
+        return tuple(gap for gap in shifted if gap[0] < self.metrics["ended_s"])
 
     @property
     def bounded(self) -> bool:
@@ -225,17 +226,15 @@ class Run:
 
 
 def read_run(folder: Path) -> Run:
-    """Read a finished run. Raises ``ScenarioError`` for any other folder, or if its scenario cannot be read."""
-    metrics, manifest = (_json(folder, name) for name in ("metrics.json", "manifest.json"))
-    points = _table(folder, "tracks.parquet", tracks.COLUMNS)
-    frames = _table(folder, "messages.parquet", _COLUMNS)
-    toml = (folder / "scenario.toml").read_text(encoding="utf-8")
-    scenario = Scenario.load(folder / "scenario.toml")
+    """Read a finished run. Raises ``ScenarioError`` for any other folder, and for one whose files are damaged."""
+    metrics, manifest = reading.read_figures(folder).plain(), reading.read_manifest(folder)
+    points = reading.read_table(folder, reading.TRACKS, tracks.COLUMNS)
+    frames = reading.read_table(folder, reading.MESSAGES, _COLUMNS, _TEXT)
+    toml, scenario = reading.read_scenario(folder)
     site = survey(scenario)
     architecture = architecture_of(site)
     course = course_of(site, metrics)
-    told = tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course)
-    return Run(
+    run = Run(
         folder,
         metrics,
         manifest,
@@ -245,9 +244,17 @@ def read_run(folder: Path) -> Run:
         planned_faults(site, architecture),
         points,
         course,
-        told,
+        tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course),
         Frames(frames, site.origin_ns),
     )
+    reading.check_belongs(folder, run.places, end_of(site), points, frames)
+    if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):
+        what = f"are {short(metrics['scenario'])} and {metrics['seed']}"
+        reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)
+    if strange := {track.tracker for track in run.tracks} - set(run.trackers):
+        what = f"is {short(min(strange))}, which has no figures"
+        reading.refuse(folder / reading.TRACKS, "tracker", what, f"one of {', '.join(run.trackers)}")
+    return run
 
 
 def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:
@@ -256,29 +263,5 @@ def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:
 
 
 def _last_step(site: Site, metrics: Mapping[str, Any]) -> int:
-    end_ns = round(float(metrics["end_s"]) * NS)
+    end_ns = round(float(metrics["ended_s"]) * NS)
     return min(last_due(end_ns, site.step_ns, site.scenario.fusion.deadline_s), site.steps)
-
-
-def _json(folder: Path, name: str) -> dict[str, Any]:
-    try:
-        read: dict[str, Any] = json.loads((folder / name).read_bytes())
-    except (OSError, ValueError) as error:
-        raise _unusable(folder, name, error) from None
-    return read
-
-
-def _table(folder: Path, name: str, columns: Collection[str]) -> pa.Table:
-    try:
-        table = pq.read_table(folder / name, read_dictionary=list(_TEXT))
-    except (OSError, ValueError) as error:
-        raise _unusable(folder, name, error) from None
-    if not set(columns) <= set(table.column_names):
-        expected = "a run by this version; trackfield run <its scenario.toml> repeats it"
-        raise ScenarioError("was written by an older version", file=str(folder / name), expected=expected)
-    return table.select(list(columns))
-
-
-def _unusable(folder: Path, name: str, error: OSError | ValueError) -> ScenarioError:
-    what = f"has no {name}" if isinstance(error, OSError) else f"its {name} is damaged"
-    return ScenarioError(what, file=str(folder), expected="the folder of a finished run")

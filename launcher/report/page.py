@@ -14,6 +14,7 @@ from launcher.report.folder import Run, read_run
 from launcher.report.outages import few_reports
 from launcher.report.parts import PARTS
 from launcher.report.templates import inline, templates
+from trackfield.errors import ScenarioError
 
 PAGE: Final = "report.html"
 _SECTIONS: Final = {
@@ -43,11 +44,15 @@ _FILES: Final = {
 def write_report(folder: Path) -> Path:
     """Draw ``plots/*.png`` and write ``report.html`` into the folder of a finished run, again if they exist.
 
-    Returns the path of the page. Raises ``ScenarioError`` for a folder that is not that of a finished run, ``OSError``
-    if it cannot be written.
+    Returns the path of the page. Raises ``ScenarioError`` for a folder that is not that of a finished run, or cannot be
+    written.
     """
     run = read_run(folder)
-    return write_page(run, draw(run))
+    try:
+        return write_page(run, draw(run))
+    except OSError as error:
+        what, where = f"cannot write there ({error.strerror})", str(error.filename or folder)
+        raise ScenarioError(what, file=where, expected="a writable folder") from None
 
 
 def write_page(run: Run, pictures: Mapping[str, Path]) -> Path:
@@ -82,16 +87,20 @@ def _shortfalls(run: Run) -> list[str]:
     found = []
     if run.ended_early:
         planned, last = run.site.steps, run.last_step
-        found.append(
-            f"the run ended early, {run.metrics['end_s']:.1f} s after its first step: {last} of {planned} steps"
-        )
+        ended_s, why = run.metrics["ended_s"], run.metrics["end_reason"]
+        said = "" if run.metrics["complete"] else f" ({why})"
+        found.append(f"the run ended early, {ended_s:.1f} s after its first step{said}: {last} of {planned} steps")
     if reason := few_reports(run):
         found.append(reason)
+    found += run.metrics["recorder"]["complaints"]
     if lost := run.metrics["frames"]["host_lost"]:
         found.append(f"{lost} frames were lost by the machine itself (frames.host_lost)")
     if dropped := run.metrics["recorder"]["dropped"]:
         found.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
-    if died := run.metrics["processes"]["died"]:
+    died = run.metrics["processes"]["died"]
+    if died is None:
+        found.append("which processes died is not known")
+    if died:
         found.append(f"died unplanned: {ids(one['id'] for one in died)}")
     return found
 
@@ -102,7 +111,7 @@ def commands(run: Run) -> list[tuple[str, str]]:
     virtual = " --virtual" if run.metrics["driver"] == "virtual" else ""
     speed = run.metrics["timing"]["speed"]
     pace = "" if speed in (None, 1) else f" --speed {speed:g}"
-    given = run.manifest["command"][1:]
+    given = run.manifest.command[1:]
     replayed = run.metrics["driver"] == "replay"
     again = [
         (f"trackfield run {name}/scenario.toml{virtual}{pace} --out again", "the same run from its folder"),

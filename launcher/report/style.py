@@ -90,7 +90,7 @@ def over_time(axes: Axes, run: Run, *, named: bool = True) -> None:
     for index, t_s in enumerate(broken_at(run)):
         label = "fault or death" if named and not index else None
         axes.axvline(t_s, color=DEAD, lw=0.9, ls=":", label=label)
-    axes.set_xlim(0.0, max(min(run.end_s, run.metrics["end_s"]), run.step_s))
+    axes.set_xlim(0.0, max(min(run.end_s, run.metrics["ended_s"]), run.step_s))
     axes.set_xlabel("emulated time [s]")
 
 

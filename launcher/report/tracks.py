@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from launcher.record.measures import MOST
 from launcher.record.tables import STATE
 from launcher.records import View
 from trackfield.filters import metrics as score
@@ -138,6 +139,12 @@ def _track(tracker: str, target: str, table: pa.Table, course: Course) -> Track:
     def floats(name: str, empty: float = np.nan) -> Array:
         return placed(np.asarray(table[name].to_numpy(), float), empty)
 
+    mean = np.column_stack([floats(name) for name in STATE])
+    rows = [row or [np.nan] * 16 for row in table["covariance"].to_pylist()]
+    covariance = placed(np.array(rows, float).reshape(-1, 4, 4))
+    # a filter that diverged has no track, as in the figures
+    diverged = ~(np.abs(mean).max(axis=1) <= MOST) | ~(np.abs(covariance).max(axis=(1, 2)) <= MOST)
+    mean[diverged], covariance[diverged] = np.nan, np.nan
     truth = np.column_stack([floats(f"true_{name}") for name in STATE])
     interpolated = placed(np.asarray(table["true_interpolated"], float), 0.0) > 0
     for index in np.flatnonzero(~np.isin(at_ns, told)):
@@ -150,8 +157,8 @@ def _track(tracker: str, target: str, table: pa.Table, course: Course) -> Track:
         floats("told_s"),
         floats("reports", 0.0),
         placed([status == "coasting" for status in table["status"].to_pylist()], 0.0) > 0,
-        np.column_stack([floats(name) for name in STATE]),
-        placed(np.array([row or [np.nan] * 16 for row in table["covariance"].to_pylist()], float).reshape(-1, 4, 4)),
+        mean,
+        covariance,
         truth,
         floats("bound_m"),
         np.isin(at_ns, course.at_ns),

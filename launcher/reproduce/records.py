@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
+from launcher.files import whole_file
 from launcher.plan.prepare import planned
 from launcher.record.bounds import run_bound
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
 from launcher.reproduce.case import Case
-from launcher.study.store import whole
+from launcher.study.results import damaged
 from trackfield.filters.types import Array
 
 
@@ -34,14 +37,18 @@ class Record:
 
     def save(self, file: Path) -> None:
         """Write it, whole or not at all."""
-        with whole(file) as part, part.open("wb") as stream:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(file) as part, part.open("wb") as stream:
             np.savez(stream, errors=self.errors, reports=self.reports, bound=self.bound, network=self.network)
 
     @classmethod
     def load(cls, file: Path) -> Record:
-        """What ``save`` wrote."""
-        with np.load(file) as stored:
-            return cls(stored["errors"], stored["reports"], stored["bound"], stored["network"])
+        """What ``save`` wrote. Raises ``ScenarioError`` if the file is damaged."""
+        try:
+            with np.load(file) as stored:
+                return cls(stored["errors"], stored["reports"], stored["bound"], stored["network"])
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+            raise damaged(file) from None
 
 
 Records = Mapping[str, Sequence[Record]]

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import json
-import tomllib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, time
 from itertools import islice, product
+from math import prod
 from operator import index
 from typing import Any, Final
 
 import numpy as np
 
 from launcher.plan.prepare import checked, planned, warned
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, told_of
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
+from trackfield.scenario.quantities import MOST_SEED
+from trackfield.scenario.toml import check_values, parsed
+from trackfield.words import quoted, shortened
 
 TRACKER: Final = "tracker"
 """Varied like a key: one tracker at a time, instead of those of the scenario."""
 MOST_SEEDS: Final = 1_000_000
+MOST_VARIANTS: Final = 10_000
+"""Each is planned before the first of them runs."""
 _TRACKERS: Final = "fusion.trackers"
 _VARY: Final = "--vary"
 _EXAMPLE: Final = "KEY=VALUE,VALUE,... like field.spacing_m=50,75,100"
@@ -80,6 +86,8 @@ class Design:
 def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable[Any]] | None = None) -> Design:
     """All combinations of what is varied, each checked. Raises ``ScenarioError`` for any that cannot be run."""
     axes = tuple(_axis(key, values) for key, values in (vary or {}).items())
+    if (variants := prod(len(axis.values) for axis in axes)) > MOST_VARIANTS:
+        raise ScenarioError(f"{variants:,} combinations", key="vary", expected=f"{MOST_VARIANTS:,} or fewer")
     _apart(axes)
     given = islice(_listed("seeds", seeds, "one or more, like range(100)"), MOST_SEEDS + 1)
     chosen = tuple(index(seed) if hasattr(seed, "__index__") else seed for seed in given)
@@ -90,21 +98,24 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
     if len(set(chosen)) < len(chosen):
         raise ScenarioError("some are given twice", key="seeds", expected="each seed once")
     for seed in chosen:
-        if not isinstance(seed, int) or seed < 0:
+        if not isinstance(seed, int) or not 0 <= seed <= MOST_SEED:
             checked(scenario, seed)  # raises the error
     return Design(scenario, axes, tuple(_variants(scenario, axes, chosen[0])), chosen)
 
 
 def _axis(key: str, values: Iterable[Any]) -> Axis:
-    given = tuple(map(_plain, _listed(key, values, "two values or more, like [50, 75]")))
+    listed = tuple(islice(_listed(key, values, "two values or more, like [50, 75]"), MOST_VARIANTS + 1))
+    check_values({key: listed})
+    given = tuple(map(_plain, listed))
     if key == "seed":
         raise ScenarioError("is not varied: a study has seeds of its own", key=key, expected="seeds")
     if len(given) < 2:
-        what = f"has {f'one value, {label(given[0])}' if given else 'no value'}"
+        what = f"has {f'one value, {shortened(label(given[0]))}' if given else 'no value'}"
         raise ScenarioError(what, key=key, expected="two values or more; --set sets a single one")
+    for name, times in Counter(map(label, given)).items():
+        if times > 1:
+            raise ScenarioError(f"{shortened(name)} is given twice", key=key, expected="each value once")
     for value in given:
-        if sum(label(other) == label(value) for other in given) > 1:
-            raise ScenarioError(f"{label(value)} is given twice", key=key, expected="each value once")
         if key == TRACKER and not isinstance(value, str):
             what = f"is {label(value)}"
             raise ScenarioError(what, key=key, expected="names of single trackers; fusion.trackers takes lists of them")
@@ -118,7 +129,7 @@ def _listed(key: str, values: Iterable[Any], expected: str) -> Iterator[Any]:
             return iter(values)
     except TypeError:
         pass
-    raise ScenarioError(f"is {values!r}, which is no list", key=key, expected=expected)
+    raise ScenarioError(f"is {quoted(values)}, which is no list", key=key, expected=expected)
 
 
 def _plain(value: Any) -> Any:
@@ -155,7 +166,7 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
         except ScenarioError as error:
             if not named or error.key in settings:
                 raise
-            raise ScenarioError(f"with {in_words(named)}: {error}") from None
+            raise told_of(f"with {in_words(named)}", error) from None
         yield Variant(named, varied, plan.warnings)
 
 
@@ -171,7 +182,7 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Any, ...]]:
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
         if not key or not equals or not values:
-            raise ScenarioError(f"{text!r} varies nothing", file=_VARY, expected=_EXAMPLE)
+            raise ScenarioError(f"{quoted(text)} varies nothing", file=_VARY, expected=_EXAMPLE)
         if key in found:
             raise ScenarioError("is varied twice", file=_VARY, key=key, expected="all its values in one --vary")
         found[key] = _values(key, values)
@@ -180,13 +191,14 @@ def parse_vary(texts: Sequence[str]) -> dict[str, tuple[Any, ...]]:
 
 def _values(key: str, text: str) -> tuple[Any, ...]:
     try:
-        values = tomllib.loads(f"values = [{text}]")["values"]
-    except tomllib.TOMLDecodeError:
+        found = parsed(f"values = [{text}]")
+        values = found["values"] if len(found) == 1 else [text]
+    except ValueError:
         parts = _split(text)
         if len(parts) == 1 and text.startswith("[") and text.endswith("]"):
             parts = _split(text[1:-1])  # the whole array was given, with text that has no quotes
         if not all(parts):
-            raise ScenarioError(f"an empty value in {text!r}", file=_VARY, key=key, expected=_EXAMPLE) from None
+            raise ScenarioError(f"an empty value in {quoted(text)}", file=_VARY, key=key, expected=_EXAMPLE) from None
         return tuple(parse(f"{key}={part}")[1] for part in parts)
     alone = len(values) == 1 and isinstance(values[0], list)  # the whole array was given
     return tuple(values[0] if alone else values)

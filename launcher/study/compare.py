@@ -2,46 +2,17 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from trackfield.errors import ScenarioError
-
-FILES: Final[Mapping[str, Callable[[Path], object]]] = {
-    "metrics.json": lambda file: json.loads(file.read_bytes()),
-    "tracks.parquet": pq.read_metadata,
-    "messages.parquet": pq.read_metadata,
-    "scenario.toml": lambda file: tomllib.loads(file.read_text(encoding="utf-8")),
-}
-"""The files of a run folder that a comparison needs, each with a reader that fails if it is damaged."""
-_NEW: Final = {"tracks.parquet": {"source", "at_ns", "sensors", "true_interpolated"}, "messages.parquet": {"payload"}}
-"""Columns that an older version did not write."""
-
-
-def check_runs(runs: Sequence[Path]) -> None:
-    """Raise ``ScenarioError`` for a folder that is not that of a finished run."""
-    for run in runs:
-        for name, read in FILES.items():
-            try:
-                found = read(run / name)
-            except (OSError, ValueError) as error:
-                what = f"has no {name}" if isinstance(error, OSError) else f"its {name} is damaged"
-                raise ScenarioError(what, file=str(run), expected="the folder of a finished run") from None
-            if isinstance(found, pq.FileMetaData) and _NEW[name] - set(found.schema.to_arrow_schema().names):
-                expected = "a run by this version; trackfield run <its scenario.toml> repeats it"
-                raise ScenarioError("was written by an older version", file=str(run / name), expected=expected)
+from launcher.record.reading.files import MESSAGES, TRACKS, read_table
 
 
 def differences(a: Path, b: Path, tolerance: float) -> list[str]:
     """The differences between two runs: tracks by more than the tolerance, or the fate of any frame."""
-    tracks, messages = ([pq.read_table(run / f"{name}.parquet") for run in (a, b)] for name in ("tracks", "messages"))
+    tracks, messages = ([read_table(run, name) for run in (a, b)] for name in (TRACKS, MESSAGES))
     return _track_differences(tracks[0], tracks[1], tolerance) + _frame_differences(messages[0], messages[1])
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
+from pydantic import BaseModel
 
 from launcher.nested import flat
 from launcher.plan.prepare import checked, planned
@@ -18,8 +18,8 @@ from launcher.record.folder import keep, manifest, prepare_folder
 from launcher.record.journal import write_json
 from launcher.run import run_virtual
 from launcher.study.axes import Design, label
-from launcher.study.results import StudyRun, study_table, write_tracks
-from launcher.study.store import RESULTS, Store, code_digest, scenario_digest, study_folder
+from launcher.study.results import StudyRun, damaged, study_table, write_tracks
+from launcher.study.store import RESULTS, Store, code_digest, scenario_digest, study_folder, writing
 from launcher.study.summary import Summary
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
@@ -29,6 +29,21 @@ CHOSEN: Final = "median"
 MANIFEST: Final = "manifest.json"
 SCENARIO: Final = "scenario.toml"
 MOST_CHANGES: Final = 3
+
+
+class _Study(BaseModel):
+    """What was run, as ``StudyFolder`` writes it."""
+
+    scenario: str
+    seeds: list[int]
+    vary: dict[str, list[Any]]
+    code: str
+
+
+class _Before(BaseModel):
+    """The manifest of an earlier study in the folder."""
+
+    study: _Study
 
 
 class StudyFolder:
@@ -57,7 +72,11 @@ class StudyFolder:
 
     def load(self, place: int, seed: int) -> StudyRun:
         """A run that is there, with the values of its variant."""
-        return StudyRun.load(self.file(place, seed)).of(self.design.variants[place].values)
+        file, variant = self.file(place, seed), self.design.variants[place]
+        run = StudyRun.load(file)
+        if (run.metrics.scenario, run.seed) != (variant.scenario.name, seed):
+            raise damaged(file, "is another run")
+        return run.of(variant.values)
 
     def scenario_file(self, place: int) -> Path:
         """The scenario file of a variant: what runs it again, anywhere."""
@@ -66,21 +85,25 @@ class StudyFolder:
     def begin(self, command: Sequence[str]) -> list[str]:
         """Write what is to be run; returns how it differs from the study in the folder, in sentences."""
         said = list(self._changes())
-        self.path.joinpath(SCENARIO).unlink(missing_ok=True)
-        keep(self.design.scenario, self.path)
-        for place, variant in enumerate(self.design.variants):
-            if not self.scenario_file(place).exists():
-                self.scenario_file(place).parent.mkdir(exist_ok=True)
-                keep(variant.scenario, self.scenario_file(place).parent)
-        write_json({**manifest(command), "study": self._study}, self.path / MANIFEST)
+        with writing(self.path):
+            self.path.joinpath(SCENARIO).unlink(missing_ok=True)
+            keep(self.design.scenario, self.path)
+            for place, variant in enumerate(self.design.variants):
+                if not self.scenario_file(place).exists():
+                    self.scenario_file(place).parent.mkdir(exist_ok=True)
+                    keep(variant.scenario, self.scenario_file(place).parent)
+            write_json({**manifest(command), "study": self._study}, self.path / MANIFEST)
         return said
 
     # --- what changed -------------------------------------------------------------------------------------------------
 
     def _changes(self) -> Iterator[str]:
+        if not (self.path / MANIFEST).exists():
+            return
         try:
-            before = json.loads((self.path / MANIFEST).read_bytes())["study"]
-        except (OSError, ValueError, KeyError):
+            before = _Before.model_validate_json((self.path / MANIFEST).read_bytes()).study.model_dump(mode="json")
+        except (OSError, ValueError):
+            yield f"{MANIFEST} is damaged: whether this is the study that was in the folder is not known"
             return
         if before["code"] != self._study["code"]:
             yield "the code of Trackfield has changed since the runs in this folder, which are made again"

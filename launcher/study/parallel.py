@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
 
 from launcher.plan.extensions import Registered, register, registered
 from launcher.show import PLAIN_EVERY_S
+from launcher.signals import handling
+from trackfield.errors import RunFailed
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -30,7 +32,7 @@ def unordered(
 
     ``n_jobs`` and ``joblib.parallel_config`` say where they are computed, as for ``joblib.Parallel``; the first is
     computed in this process, and so are all others if that takes less time than to start workers. With ``lines``,
-    progress is printed in plain lines where there is no terminal.
+    progress is printed in plain lines where there is no terminal. Raises ``RunFailed`` if a process that computes dies.
     """
     from joblib import Parallel, delayed
 
@@ -45,30 +47,31 @@ def unordered(
         calls = (delayed(_placed)(registered(), function, place, job) for place, job in rest)
         with nullcontext() if n_jobs == 1 else _deaf_children():
             answers = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls)
-        for answer in answers:
-            yield answer
-            advance()
+        try:
+            for answer in answers:
+                yield answer
+                advance()
+        except BrokenProcessPool:
+            raise RunFailed("a worker process was killed, by somebody or for want of memory; try fewer jobs") from None
 
 
 @contextmanager
 def _deaf_children() -> Iterator[None]:
-    """Processes that are started inside ignore Ctrl-C; this process handles it afterwards.
+    """Processes that are started inside ignore the terminal, Ctrl-C and its end; this process handles it afterwards.
 
-    It has threads that do not block the signal, and Python would handle what they receive.
+    It has threads that do not block the signals, and Python would handle what they receive.
     """
-    resource_tracker.ensure_running()  # its first start would unblock the signal
     came: list[int] = []
-    handled = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number)) if handled else None
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        if handled:
-            signal.signal(signal.SIGINT, handler)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    resource_tracker.ensure_running()  # its first start would unblock SIGINT
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    with handling(came.append):
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
     if came:
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(came[0])
 
 
 def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, job: Job) -> tuple[int, Answer]:

@@ -7,7 +7,6 @@ are sent.
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,23 +14,30 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import pyarrow.parquet as pq
-
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
 from launcher.plan.prepare import load, planned
-from launcher.record.folder import keep, prepare_folder, whole_or_none, write_manifest
-from launcher.record.journal import METRICS, Journal
+from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
+from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
-from launcher.record.measures import RunFigures
 from launcher.record.metrics import Metrics
+from launcher.record.reading.files import (
+    MESSAGES,
+    SCENARIO,
+    TRACKS,
+    check_belongs,
+    check_run,
+    read_figures,
+    read_table,
+    refuse,
+)
+from launcher.records import TRACKS as TRACKING
 from launcher.records import MessageRow, Plan
 from launcher.run import Outcome, close_folder
-from launcher.study.compare import check_runs
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
 from trackfield.role import NS, Publish, State
-from trackfield.wire.codec import decode
+from trackfield.wire.codec import WireError, decode
 
 FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")
 """Parts of metrics.json that depend on the trackers; all others stay as they were."""
@@ -51,20 +57,23 @@ def replay(
     not that of a finished run by this version, for an unknown tracker, and if ``out`` is not empty.
     """
     begun, cpu_s = time.monotonic(), time.process_time()
-    check_runs([run])
-    metrics: Metrics = json.loads((run / METRICS).read_text())
-    RunFigures.of(metrics, str(run / METRICS))
+    check_run(run)
+    check_scenario(run)
+    metrics: Metrics = read_figures(run).plain()
     settings = ["fusion.max_age_s=0"] if drop_late else []
-    scenario = load(str(run / "scenario.toml"), settings=settings, trackers=trackers)
-    rows = [MessageRow(**row) for row in pq.read_table(run / "messages.parquet").to_pylist()]
-    fusions = read_fusions(run / "tracks.parquet")
+    scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
+    messages = read_table(run, MESSAGES)
     plan = planned(scenario)
+    check_belongs(run, plan.info.places, plan.run.end_ns, read_table(run, TRACKS), messages)
+    rows = [MessageRow(**row) for row in messages.to_pylist()]
+    fusions = read_fusions(run)
+    _check_usable(run, plan, fusions, rows)
     folder = prepare_folder(out, scenario.name, scenario.seed)
     with whole_or_none(folder):
         keep(scenario, folder)
         write_manifest(folder, plan, command, None)
         anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
-        shutil.copyfile(run / "messages.parquet", folder / "messages.parquet")
+        shutil.copyfile(run / MESSAGES, folder / MESSAGES)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
@@ -86,6 +95,33 @@ def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
     return said
 
 
+def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> None:
+    """Raise ``ScenarioError`` for a step that the run cannot have had, and for a report that no tracker can use."""
+    last, reports = plan.step_of(plan.run.end_ns), _reports(rows)
+    bank = Bank(**plan.bank_of(plan.info.tagged(TRACKING)[0].id))
+    for one in fusions:
+        if not 1 <= one.step <= last:
+            refuse(run / TRACKS, "step", f"is {one.step}", f"from 1 to {last}")
+        for sensor in one.sensors:
+            if row := reports.get((sensor, one.step)):
+                try:
+                    usable = bank.takes(decode(row.payload))
+                except WireError:
+                    usable = False
+                if not usable:
+                    what = f"is no {bank.kind} message where {sensor} reported on step {one.step}"
+                    refuse(run / MESSAGES, "payload", what, "the messages of the run")
+
+
+def _reports(rows: Iterable[MessageRow]) -> dict[tuple[str, int], MessageRow]:
+    """The frame that counts of each report, by its sensor and step.
+
+    Tracks name the reports used, even if an unplanned death left outcomes open; delivered frames count before others.
+    """
+    kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
+    return {(row.src, row.step): row for row in kept if row.step is not None}
+
+
 @dataclass(frozen=True)
 class Fusion:
     """A process used the reports of these ``sensors`` for a step, and first published the result at ``told_ns``."""
@@ -102,11 +138,11 @@ class Fusion:
         return life_name(self.source, self.incarnation)
 
 
-def read_fusions(tracks: Path) -> list[Fusion]:
+def read_fusions(run: Path) -> list[Fusion]:
     """The fusions of a run, process by process and in the order of time."""
     columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
     first: dict[tuple[str, int], dict[str, Any]] = {}
-    for row in pq.read_table(tracks, columns=list(columns)).to_pylist():
+    for row in read_table(run, TRACKS, columns).to_pylist():
         if not row.pop("lag") and row["step"] is not None:
             before = first.setdefault((row["source"], row["step"]), row)
             before["told_ns"] = min(before["told_ns"], row["told_ns"])
@@ -163,9 +199,7 @@ def fused(
     plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]
 ) -> Iterator[tuple[Fusion, int, State | Publish]]:
     """(fusion, time in ns, effect) of what all tracking processes publish, with the reports in these messages."""
-    # Tracks name the reports used, even if an unplanned death left outcomes open; delivered frames count before others.
-    kept = sorted(rows, key=lambda row: row.outcome in ("delivered", LATE))
-    reports = {(row.src, row.step): row for row in kept if row.step is not None}
+    reports = _reports(rows)
     starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
     sources: dict[str, _Source] = {}
     for one in fusions:
@@ -189,7 +223,7 @@ def _fuse(
 ) -> Metrics:
     """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
     ledger = Ledger(plan.run, plan.processes)
-    ledger.end(plan.origin_ns + round(before["end_s"] * NS))
+    ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
     told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
     for number, (one, t_ns, effect) in enumerate(told):
@@ -198,8 +232,10 @@ def _fuse(
         ledger.told(one.life, Told((t_ns, RANK_TIMER, number), effect))
     journal = Journal(plan, ledger, folder)
     journal.take_over(rows)
-    for died in before["processes"]["died"]:
+    for died in before["processes"]["died"] or ():
         if died["t"] is not None:
             t_ns = plan.origin_ns + round(died["t"] * NS)
-            journal.timeline.death(t_ns, died["id"].partition("~")[0], died["why"])
-    return journal.close([], messages=0)
+            journal.show(lambda timeline: timeline.death(t_ns, died["id"].partition("~")[0], died["why"]))  # noqa: B023
+    metrics = journal.tables([], messages=0)
+    metrics["recorder"]["complaints"] = list(filter(None, [journal.draw()]))
+    return metrics

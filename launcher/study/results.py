@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -12,20 +13,23 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from launcher.files import whole_file
 from launcher.plan.plan import make_plan
 from launcher.record.bounds import run_bound
 from launcher.record.measures import RunFigures
 from launcher.record.metrics import run_metrics
+from launcher.record.reading.columns import COLUMNS
+from launcher.record.reading.files import TRACKS, checked_table
 from launcher.record.tables import tracks_table
 from launcher.record.views import headline
 from launcher.record.virtually import simulate
 from launcher.study.axes import TRACKER, Axis, label
-from launcher.study.store import whole
-from trackfield.errors import ScenarioError
+from trackfield.errors import ScenarioError, told_of
 from trackfield.scenario import Scenario
 
 _METRICS: Final = b"trackfield.metrics"
 """The metadata key under which a stored run has its figures, beside its tracks."""
+_DELETED: Final = "the file to be deleted, so that the same command makes its run again"
 _TYPES: Final = {
     "seed": pa.int64(),
     "tracker": pa.string(),
@@ -52,7 +56,8 @@ class StudyRun:
         """Its tracks, as in tracks.parquet; read again each time if the run is stored."""
         if isinstance(self.held, pa.Table):
             return self.held
-        return pq.read_table(self.held).replace_schema_metadata(None)
+        with _stored(self.held) as file:
+            return checked_table(file, self.held, COLUMNS[TRACKS]).replace_schema_metadata(None)
 
     def of(self, values: Mapping[str, Any]) -> StudyRun:
         """The same run, with these values of the varied keys."""
@@ -61,19 +66,40 @@ class StudyRun:
     def save(self, file: Path) -> StudyRun:
         """Write it, whole or not at all; the same run, with its tracks in the file."""
         said = json.dumps(self.metrics.model_dump(mode="json"))
-        with whole(file) as part:
-            pq.write_table(self.tracks.replace_schema_metadata({_METRICS: said.encode()}), part)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(file) as part:
+            table = self.tracks.replace_schema_metadata({_METRICS: said.encode()})
+            pq.write_table(table, part, write_page_checksum=True)
         return replace(self, held=file)
 
     @classmethod
     def load(cls, file: Path) -> StudyRun:
         """What ``save`` wrote. Raises ``ScenarioError`` if the file is damaged."""
-        try:
-            metrics = RunFigures.of(json.loads(pq.read_schema(file).metadata[_METRICS]), str(file))
-        except (OSError, ValueError, KeyError, TypeError):
-            expected = "the file to be deleted, so that the study makes its run again"
-            raise ScenarioError("is damaged", file=str(file), expected=expected) from None
-        return cls(metrics.seed, metrics, file)
+        with _stored(file) as stored:
+            metrics = RunFigures.of(json.loads((stored.schema_arrow.metadata or {})[_METRICS]), str(file))
+        if not metrics.trackers:
+            raise damaged(file)
+        run = cls(metrics.seed, metrics, file)
+        _ = run.tracks  # read before anything is made of the runs
+        return run
+
+
+@contextmanager
+def _stored(file: Path) -> Iterator[pq.ParquetFile]:
+    try:
+        if not file.is_file():
+            raise damaged(file)
+        with pq.ParquetFile(file, page_checksum_verification=True) as stored:
+            yield stored
+    except ScenarioError as error:
+        raise ScenarioError(error.what, file=error.file, key=error.key, expected=_DELETED) from None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, MemoryError, pa.ArrowException):
+        raise damaged(file) from None
+
+
+def damaged(file: Path, what: str = "is damaged") -> ScenarioError:
+    """The error that says so of a run in a study."""
+    return ScenarioError(what, file=str(file), expected=_DELETED)
 
 
 def study_run(scenario: Scenario) -> StudyRun:
@@ -82,7 +108,7 @@ def study_run(scenario: Scenario) -> StudyRun:
     try:
         plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}")
     except ScenarioError as error:
-        raise ScenarioError(f"with seed {scenario.seed}: {error}") from None
+        raise told_of(f"with seed {scenario.seed}", error) from None
     ledger, rows = simulate(plan)
     bound = run_bound(plan, headline(plan, rows))
     metrics = run_metrics(plan, ledger, rows, bound)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import os
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from importlib.metadata import entry_points, version
 from pathlib import Path
 from typing import Any, Final
 
+from launcher.files import check_text
 from launcher.plan.extensions import own_places
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
@@ -100,28 +100,28 @@ class Store:
         return [(name, seed) for seed in seeds for name in self._folders if not self.file(name, seed).exists()]
 
 
-@contextmanager
-def whole(file: Path) -> Iterator[Path]:
-    """A file to write to, which becomes ``file`` at the end, so that ``file`` is whole or missing."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(f".{os.getpid()}.part")
-    yield part
-    part.replace(file)
-
-
 def study_folder(folder: Path, kind: str = "study") -> None:
     """Make a folder for a study of this kind: new, empty, or one of an earlier study, which a file in it marks.
 
     Raises ``ScenarioError`` for any other folder, and changes nothing in it.
     """
     mark = folder / RESULTS / f".trackfield-{kind}"
-    try:
+    with writing(folder):
+        check_text([str(folder.absolute())], "--out")
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()) and not mark.is_file():
             expected = f"an empty or new one, or that of an earlier {kind}"
             raise ScenarioError("the folder is not empty", file=str(folder), key="--out", expected=expected)
         mark.parent.mkdir(exist_ok=True)
         mark.touch()
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[None]:
+    """Raise ``ScenarioError`` for what cannot be written below the folder of a study."""
+    try:
+        yield
     except OSError as error:
         what = f"cannot write there ({error.strerror})"
-        raise ScenarioError(what, file=str(folder), key="--out", expected="a writable folder") from None
+        file = str(error.filename or folder)
+        raise ScenarioError(what, file=file, key="--out", expected="a writable folder") from None

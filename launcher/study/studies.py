@@ -15,6 +15,7 @@ from launcher.study.axes import Axis, Design, design
 from launcher.study.folder import StudyFolder
 from launcher.study.parallel import unordered
 from launcher.study.results import StudyRun, median_run, study_run, study_table
+from launcher.study.store import writing
 from launcher.study.summary import Summary, summary_of
 from trackfield.errors import ScenarioError, TrackfieldError
 from trackfield.scenario import Scenario
@@ -145,7 +146,8 @@ def fill(folder: StudyFolder, n_jobs: int = -1, *, lines: bool = False) -> None:
     jobs = folder.missing()
     given = _given(folder.design, jobs)
     for number, run in unordered(_run, given, n_jobs, _title(folder.design), lines=lines):
-        run.save(folder.file(*jobs[number]))
+        with writing(folder.path):
+            run.save(folder.file(*jobs[number]))
 
 
 def finish(folder: StudyFolder, pareto: tuple[str, str] | None = None) -> Study:
@@ -154,12 +156,13 @@ def finish(folder: StudyFolder, pareto: tuple[str, str] | None = None) -> Study:
 
     runs = tuple(folder.load(place, seed) for place, seed in folder.design.jobs)
     whole = Study(folder.design, runs, folder.path)
-    folder.write_tables(runs, whole.summary)
-    write_page(folder, runs, whole.summary, pareto)
-    if whole.axes:
-        folder.remove_median()
-    else:
-        folder.write_median(whole.median)
+    with writing(folder.path):
+        folder.write_tables(runs, whole.summary)
+        write_page(folder, runs, whole.summary, pareto)
+        if whole.axes:
+            folder.remove_median()
+        else:
+            folder.write_median(whole.median)
     return whole
 
 

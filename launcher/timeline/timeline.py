@@ -22,6 +22,7 @@ import rerun_bindings
 from launcher.records import SENSES, FieldInfo, MessageRow
 from launcher.timeline import look, rows, scenery, views
 from launcher.timeline.curves import Curves
+from launcher.timeline.file import TimelineFile
 from launcher.timeline.layers.tracks import Tracks
 from launcher.timeline.layers.truth import Truths
 from launcher.timeline.look import path as entity
@@ -87,7 +88,9 @@ class Timeline:
         rr.set_log_tick_enabled(False, recording=self._rec)
         rr.set_log_time_enabled(False, recording=self._rec)
         if isinstance(to, pathlib.Path):
-            self._rec.set_sinks(rr.FileSink(to))
+            self._file = TimelineFile(to)
+            self._rec.set_sinks(self._file.sink())
+            self._file.begun()
             self._lay_out(views.layout(info))
         else:  # the layout has to come first: a viewer that has begun to show data keeps a layout of its own
             self._rec.set_sinks(_server(to), default_blueprint=views.layout(info, live=True))
@@ -165,7 +168,10 @@ class Timeline:
         self._send(everything=self._live or self._flushes % HOLD == 0)
 
     def close(self) -> None:
-        """Sends all that remains and ends the file; without it the file has no footer."""
+        """Sends all that remains and ends the file; without it the file has no footer.
+
+        Raises ``RunFailed`` if the disk does not take the file.
+        """
         self._settle(self._newest)
         self._picture.close(self._newest + max(self._info.step_ns, self._mark_ns))
         for second in self._seconds.until(math.inf):
@@ -183,6 +189,8 @@ class Timeline:
         self._rec.disconnect()
         del self._rec
         rerun_bindings.flush_and_cleanup_orphaned_recordings()  # otherwise its threads stay until the program ends
+        if not self._live:
+            self._file.close()
 
     # --- what happens -------------------------------------------------------------------------------------
 

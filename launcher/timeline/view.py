@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import importlib.util
 import os
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,17 +19,19 @@ from urllib.parse import quote
 
 from launcher.files import check_writable
 from launcher.timeline.look import TIME
+from launcher.timeline.program import environment, program
+from launcher.timeline.recording import timeline_of, whole
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.role import NS
 
 if TYPE_CHECKING:
     from rerun.experimental import Recording, ViewerClient
 
-MAGIC: Final = b"RRF2"
-"""How a Rerun file begins."""
 START_S: Final = 30.0
 LOAD_S: Final = 60.0
 PAINT_S: Final = 30.0
+PICTURE_S: Final = 120.0
+"""The longest that a picture takes, whatever the viewer does."""
 NO_DRIVER: Final = (
     "the viewer found no Vulkan driver; a picture needs no screen, but it needs Vulkan, which Mesa offers in software "
     "(Debian, Ubuntu: apt install mesa-vulkan-drivers)"
@@ -47,15 +49,19 @@ def open_viewer(run: Path, web: bool = False) -> None:
     With ``web`` the viewer is served to browsers on this machine only; its address goes to stderr.
     Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not start.
     """
-    file, port = str(timeline_of(run)), free_port()
-    page = free_port()
+    with whole(run) as file:
+        _open(file, web)
+
+
+def _open(file: Path, web: bool) -> None:
+    port, page = free_port(), free_port()
     if web:
-        command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), file)
+        command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), str(file))
         print(f"The viewer is at {page_address(page, port)} (Ctrl-C ends it)", file=sys.stderr)
     elif not _has_screen():
         raise RunFailed(f"there is no screen to show the timeline on; {OTHER_WAYS}", process="viewer")
     else:
-        command = _rerun("--port", str(port), file)
+        command = _rerun("--port", str(port), str(file))
     with tempfile.TemporaryFile() as log, _viewer(command, None if web else log) as process:
         try:
             code = process.wait()
@@ -89,20 +95,16 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def environment() -> dict[str, str]:
-    """The environment of Rerun's program; ``CI`` turns its analytics off."""
-    return {"RUST_LOG": "warn", **os.environ, "CI": "1"}
-
-
 def picture(run: Path, png: Path, at_s: float | None = None) -> None:
     """Saves the timeline of a run folder as a PNG of 1600 x 900, at ``at_s`` (emulated s; None: at 60 %).
 
     Needs no screen, but a Vulkan driver. Raises ``ScenarioError`` for a folder without a timeline, a time that the run
-    does not have or a file that cannot be written, ``RunFailed`` if there is no driver or the viewer fails otherwise.
+    does not have or a file that cannot be written, ``RunFailed`` if there is no driver or the viewer fails otherwise,
+    or takes longer than ``PICTURE_S``.
     """
-    timeline = timeline_of(run)
+    timeline_of(run)
     check_writable(png, "--png")
-    with headless(timeline) as (viewer, recording):
+    with whole(run) as timeline, headless(timeline) as (viewer, recording):
         first_s, last_s = _span(recording)
         if at_s is None:
             at_s = 0.6 * last_s
@@ -122,7 +124,7 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
     """
     port = free_port()
     command = _rerun("--headless", "--port", str(port), "--window-size", "1600x900")
-    with tempfile.TemporaryFile() as log, _viewer(command, log) as process:
+    with tempfile.TemporaryFile() as log, _viewer(command, log) as process, _until(PICTURE_S, process) as late:
         try:
             client = _connect(_source(port), process)
             yield client, _load(client, timeline)
@@ -130,40 +132,13 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
             log.seek(0)
             said = log.read().decode(errors="replace")
             cause = NO_DRIVER if any(sign in said for sign in _SIGNS_OF_NO_DRIVER) else str(error)
+            if late:
+                cause = f"the viewer took longer than {PICTURE_S:g} s"
             raise RunFailed(f"no picture: {cause}", process="viewer", log=said) from error
-
-
-def timeline_of(run: Path) -> Path:
-    """The recording of a run folder, or the recording itself if a file is given, as ``compare --rrd`` writes it."""
-    file = run if run.suffix == ".rrd" and run.is_file() else run / "run.rrd"
-    if not file.is_file():
-        raise ScenarioError("has no timeline", file=str(run), expected="the folder of a run, with run.rrd in it")
-    try:
-        with file.open("rb") as begun:
-            magic = begun.read(len(MAGIC))
-    except OSError as error:
-        raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
-    if magic != MAGIC:
-        raise ScenarioError("is not a timeline", file=str(file), expected="the run.rrd of a run")
-    return file.resolve()
 
 
 def _source(port: int) -> str:
     return f"rerun+http://127.0.0.1:{port}/proxy"
-
-
-def program() -> Path:
-    """Rerun's program. Raises ``RunFailed`` if it is not installed."""
-    package = importlib.util.find_spec("rerun_cli")
-    # The program itself, not the script of that name, so that its exit code is seen here.
-    found = package and package.origin and Path(package.origin).with_name("rerun")
-    if not found or not found.is_file():
-        raise RunFailed(
-            "Rerun's viewer is not installed; its program comes with the package rerun-sdk "
-            "(pip install --force-reinstall rerun-sdk)",
-            process="viewer",
-        )
-    return found
 
 
 def _rerun(*options: str) -> list[str]:
@@ -185,6 +160,23 @@ def _viewer(command: list[str], log: IO[bytes] | None = None) -> Iterator[subpro
     finally:
         process.kill()
         process.wait()
+
+
+@contextlib.contextmanager
+def _until(limit_s: float, process: subprocess.Popen[bytes]) -> Iterator[list[str]]:
+    """End a process that takes longer, so that whoever waits for its answer gets an error; the list says if so."""
+    late: list[str] = []
+
+    def end() -> None:
+        late.append("late")
+        process.kill()
+
+    timer = threading.Timer(limit_s, end)
+    timer.start()
+    try:
+        yield late
+    finally:
+        timer.cancel()
 
 
 def _end_with_parent() -> None:

@@ -46,7 +46,7 @@ def join(session: zenoh.Session, name: str, factory: str, seal: Seal, refused: R
     """
     question = msgpack.packb([name, os.urandom(NONCE_BYTES)])
     try:
-        return read(_joined, ask(session, keys.JOIN, question, seal, refused), name, factory)
+        return read(joined, ask(session, keys.JOIN, question, seal, refused), name, factory)
     except WireError as error:
         raise JoinError(f"{name}: {error}") from None
 
@@ -73,7 +73,8 @@ def confirm(session: zenoh.Session, name: str, ticket: str, host: str, seal: Sea
     raise JoinError(f"the launcher does not see {name}")
 
 
-def _joined(answer: Mapping[str, Any], name: str, factory: str) -> Joined:
+def joined(answer: Mapping[str, Any], name: str, factory: str) -> Joined:
+    """The launcher's answer in plain form. Raises ``WireError``, or whatever is wrong with it."""
     process = ProcessSpec.from_plain(answer["process"], factory)
     start_ns, stored, ticket = answer["start_ns"], answer["stored"], answer["ticket"]
     if process.name != name or type(start_ns) not in (int, type(None)) or type(stored) not in (bytes, type(None)):

@@ -129,6 +129,8 @@ class Process:
             self._end_ns = min(self._end_ns, nanoseconds(order))
         elif key == keys.STOP:
             self._stop.set()
+        elif key != keys.FINISH:
+            raise WireError("key", "no order to a process")
 
     # --- the loop -------------------------------------------------------------------------------------------------
 
@@ -164,17 +166,21 @@ class Process:
         if self.core.behind:
             # Replays take at most a quarter of the time, but a timer's outputs do not wait for them.
             if now < self._replay_ns and (now < due or (key is not None and key[1] != RANK_TIMER)):
-                return min(self._replay_ns, self._outbox[0][0] if self._outbox else NEVER)
+                return min(self._replay_ns, self._next_ns(now))
             self._release(self.core.catch_up())
             after = time.monotonic_ns()
             self._replay_ns = after + 3 * (after - now)
         elif now < due:
-            held = self._outbox[0][0] if self._outbox else NEVER
-            return min(due, held, self._report(now), self._killed_ns())
+            return min(due, self._next_ns(now), self._killed_ns())
         else:
             self._slip.add(now - due)
             self._handle_next()
         return now
+
+    def _next_ns(self, now: int) -> int:
+        """When (wall) to send a held frame or report again, after reporting what is due."""
+        held = self._outbox[0][0] if self._outbox else NEVER
+        return min(held, self._report(now))
 
     def _handle_next(self) -> None:
         if not self.core.life.started:
@@ -202,8 +208,9 @@ class Process:
 
     def _close(self) -> None:
         """Handle the rest of the run, send the final record, and leave."""
-        self._drain()
-        self._release(self.core.catch_up())
+        if self._start_ns is not None:
+            self._drain()
+            self._release(self.core.catch_up())
         while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
             self._handle_next()
         for _, frame in self._outbox:
@@ -222,7 +229,6 @@ class Process:
         return {
             **self.core.record(self._end_ns),
             **self._counts,
-            "malformed": self._strange.total,
             "forged": self._forged.total,
             "sent": self._seq,
             "told": self._told,
@@ -238,8 +244,8 @@ class Process:
         try:
             frame, envelope, cell = frame_in(*bytes_of(sample), lambda: self._stamped(arrived_ns))
             if not self.spec.hears(frame.medium, frame.to, frame.src, cell):
-                if frame.broadcast:
-                    return
+                return
+            if frame.src not in self.spec.peers and not frame.broadcast:
                 raise WireError("sender", "not from a process whose frames may come here")
             if self._wall(frame.sent_ns) > arrived_ns + EARLY_NS:
                 raise WireError("future", "sent later than now")

@@ -119,10 +119,10 @@ class ProcessSpec:
         return {**self.peers, self.id: self.place}
 
     def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
-        """Whether a frame from ``src``, a peer, to this address (a broadcast: into ``cell``) comes to this process."""
-        if medium not in self.media or src not in self.peers:
+        """Whether a frame from ``src`` to this address (a broadcast: into ``cell``) comes to this process."""
+        if medium not in self.media:
             return False
-        return cell in self.cells if to == NEIGHBOURHOOD else to == self.id
+        return src != self.id and cell in self.cells if to == NEIGHBOURHOOD else to == self.id
 
 
 def life_name(id: str, incarnation: int) -> str:

@@ -22,6 +22,7 @@ from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
 from trackfield.errors import ScenarioError
 from trackfield.plugins import give
+from trackfield.streams import steady
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_name
 
@@ -38,6 +39,7 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
     ``installed``: users' own classes are also looked for among installed packages, which takes memory. Exit 2 for bad
     arguments, 1 if it cannot join.
     """
+    steady()
     arguments = _arguments(role, description)
     give(dict(arguments.own), installed=installed)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
@@ -50,6 +52,8 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
             break
         except ScenarioError as error:
             sys.exit(f"{role}: {error} (--own tells this process where a class of yours is)")
+        except (TypeError, ValueError, LookupError, AttributeError) as error:
+            sys.exit(f"{role}: cannot be what the launcher says: {type(error).__name__}: {error}")
         except (JoinError, zenoh.ZError) as error:
             which = " ".join(filter(None, ["the run", arguments.run]))
             why = f"{role}: cannot join {which} through {arguments.connect}: {error}"

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Annotated, Final, Literal, NamedTuple
 
 import numpy as np
 
 from trackfield.filters.gaussian import Motion, constant_velocity, moments
 from trackfield.filters.measurement import log_likelihood
-from trackfield.filters.particles import draw, propagate
+from trackfield.filters.particles import Particles, draw, propagate
 from trackfield.filters.resampling import due, normalised, residual, systematic
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
+from trackfield.options import Within
 
 _RESAMPLERS: Final = {"systematic": systematic, "residual": residual}
 
@@ -34,9 +35,9 @@ class Bootstrap:
     particles.
     """
 
-    n: int = 2000
+    n: Particles = 2000
     resampling: Literal["systematic", "residual"] = "systematic"
-    ess_share: float = 1.0
+    ess_share: Annotated[float, Within(0, 1)] = 1.0
 
     def init(self, prior: Gaussian, model: Model) -> BootstrapState:
         """The state of belief ``prior``; particles are drawn in the first step."""

@@ -8,15 +8,16 @@ drawn from that have weights p(y | x) N(x; F m, F P F^T + Q) / q(x). As most of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from trackfield.filters.fix import map_fix
 from trackfield.filters.gaussian import Motion, constant_velocity, log_density, moments, predict
-from trackfield.filters.particles import draw, log_likelihood
+from trackfield.filters.particles import Particles, draw, log_likelihood
 from trackfield.filters.resampling import normalised, systematic
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+from trackfield.options import Within
 
 
 class FixDoaState(NamedTuple):
@@ -33,8 +34,8 @@ class FixDoa:
     ``particles`` in each step, and its own ``sigma_v`` (m/s^2), wide enough for manoeuvres.
     """
 
-    particles: int = 200
-    sigma_v: float = 1.0
+    particles: Particles = 200
+    sigma_v: Annotated[float, Within(0, 10_000)] = 1.0
 
     def init(self, prior: Gaussian, model: Model) -> FixDoaState:
         """The state of belief ``prior``."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,10 @@ from trackfield.filters.gaussian import constant, root
 from trackfield.filters.types import Array, Gaussian, Reports
 from trackfield.models import doa, motion
 from trackfield.models.doa import wrap
+from trackfield.options import Within
+
+Particles = Annotated[int, Within(1, 100_000)]
+"""A number of particles."""
 
 
 def draw(belief: Gaussian, n: int, rng: np.random.Generator) -> Array:

@@ -18,7 +18,7 @@ Deviations from the paper, and why:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +26,10 @@ import numpy.typing as npt
 from trackfield.filters import sp_pekf
 from trackfield.filters.fix import intensity_weights
 from trackfield.filters.gaussian import constant_velocity, log_density, moments, predict
-from trackfield.filters.particles import draw, log_likelihood, moved, picked, placed
+from trackfield.filters.particles import Particles, draw, log_likelihood, moved, picked, placed
 from trackfield.filters.resampling import evenly, normalised
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
+from trackfield.options import Within
 
 Weights = Literal["paper", "gaussian-prior"]
 
@@ -69,8 +70,8 @@ class SpCpf:
     ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor.
     """
 
-    particles: int = 200
-    nominals: int = 15
+    particles: Particles = 200
+    nominals: Annotated[int, Within(1, 1000)] = 15
     weights: Weights = "paper"
     single: Weights = "gaussian-prior"
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import csv
+import io
 from bisect import bisect_right
 from pathlib import Path
 from typing import Final
 
-from trackfield.link.fate import FIELD, Fate, check_positive, delay
+from trackfield.files import read_text
+from trackfield.link.fate import FIELD, Fate, delay
 from trackfield.link.places import Places
+from trackfield.words import quoted
 
 COLUMNS: Final = ("src", "dst", "t_s", "received", "delay_ms")
+
+LONGEST_S: Final = 1e9
+SLOWEST_MS: Final = 3_600_000.0
+"""An hour."""
 
 Line = tuple[int, Fate]
 """From when (ns) on which fate holds."""
@@ -27,15 +34,14 @@ class Trace:
     def __init__(self, seed: int, places: Places, file: str) -> None:
         self._lines: dict[tuple[str, str], list[Line]] = {}
         try:
-            with Path(file).open(encoding="utf-8", newline="") as text:
-                rows = csv.DictReader(text)
-                missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
-                if missing:
-                    raise ValueError(f"{file}: no column {', '.join(missing)}; expected {', '.join(COLUMNS)}")
-                for row in rows:
-                    self._add(row, places, f"{file}:{rows.line_num}")
-        except OSError as error:
-            raise ValueError(f"{file}: cannot be read ({error.strerror})") from None
+            rows = csv.DictReader(io.StringIO(_text(file), newline=""))
+            missing = [name for name in COLUMNS if name not in (rows.fieldnames or ())]
+            if missing:
+                raise ValueError(f"{file}: no column {', '.join(missing)}; expected {', '.join(COLUMNS)}")
+            for row in rows:
+                self._add(row, places, f"{file}:{rows.line_num}")
+        except csv.Error as error:
+            raise ValueError(f"{file}: not a CSV file ({error})") from None
         for lines in self._lines.values():
             lines.sort(key=lambda line: line[0])
 
@@ -62,13 +68,34 @@ class Trace:
     def _add(self, row: dict[str, str], places: Places, where: str) -> None:
         link = (row["src"], row["dst"])
         try:
-            t_s, received, delay_ms = float(row["t_s"]), row["received"].strip(), float(row["delay_ms"])
-            check_positive("t_s", t_s, zero=True)
-            check_positive("delay_ms", delay_ms, zero=True)
+            if None in row.values():
+                raise ValueError("has too few cells")
+            t_s, delay_ms = _number(row, "t_s", LONGEST_S), _number(row, "delay_ms", SLOWEST_MS)
+            received = row["received"].strip()
             if received not in ("0", "1"):
-                raise ValueError(f"received: {received!r} is not 0 or 1")
-        except (AttributeError, TypeError, ValueError) as error:
+                raise ValueError(f"received: {quoted(received)} is not 0 or 1")
+        except ValueError as error:
             raise ValueError(f"{where}: {error}") from None
         if not places or places.keys() >= set(link):
             fate = Fate(None, delay(delay_ms)) if received == "1" else Fate("radio")
             self._lines.setdefault(link, []).append((round(t_s * 1e9), fate))
+
+
+def _text(file: str) -> str:
+    try:
+        return read_text(Path(file))
+    except OSError as error:
+        raise ValueError(f"{file}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def _number(row: dict[str, str], name: str, most: float) -> float:
+    """The number in a column. Raises ``ValueError`` unless it is from 0 to ``most``."""
+    try:
+        value = float(row[name])
+    except ValueError:
+        raise ValueError(f"{name}: {quoted(row[name])} is not a number") from None
+    if not 0 <= value <= most:  # also true for NaN
+        raise ValueError(f"{name}: {value:g} is not from 0 to {most:g}")
+    return value

@@ -8,7 +8,7 @@ of a written scenario.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, Self
+from typing import Final, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -17,6 +17,7 @@ from trackfield.scenario.faults import Fault
 from trackfield.scenario.layouts import Grid, Layout
 from trackfield.scenario.links import Ideal, Link
 from trackfield.scenario.paths import PathSection, Target
+from trackfield.scenario.quantities import Seed
 from trackfield.scenario.section import ID_WORDS, Section, wrong
 from trackfield.scenario.sections.clocks import Clocks
 from trackfield.scenario.sections.energy import Energy
@@ -25,23 +26,26 @@ from trackfield.scenario.sections.run import Run
 from trackfield.scenario.sections.score import Score
 from trackfield.scenario.sensors import Acoustic, Sensor
 
+MOST_TARGETS: Final = 1000
+MOST_FAULTS: Final = 10_000
+
 
 class Contents(Section):
     """The contents of a scenario file."""
 
     name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
-        json_schema_extra={"expected": "letters, digits, and _ . - between them"},
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,99}$",
+        json_schema_extra={"expected": "up to 100 letters, digits, and _ . - between them"},
         description="the scenario's name; its run folders begin with it",
     )
-    seed: int = Field(default=1, ge=0, description="seed of every random draw; another gives another run")
+    seed: Seed = Field(default=1, description="seed of every random draw; another gives another run")
     restart: Literal["never", "on-death"] = Field(
         default="never", description="whether a process that dies unplanned is started again"
     )
     field: Layout = Grid()
     sensor: Sensor = Acoustic()
     target: Target | None = None
-    targets: tuple[Target, ...] = Field(default=(), validate_default=True)
+    targets: tuple[Target, ...] = Field(default=(), max_length=MOST_TARGETS, validate_default=True)
     link: Link = Ideal()
     architecture: Architecture = Centralised()
     fusion: Fusion = Fusion()
@@ -49,7 +53,7 @@ class Contents(Section):
     energy: Energy = Energy()
     run: Run = Run()
     score: Score = Score()
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = Field(default=(), max_length=MOST_FAULTS)
 
     @field_validator("targets")
     @classmethod

@@ -167,7 +167,11 @@ def _expected(about: Mapping[str, Any]) -> str:
 def _limits(about: Mapping[str, Any]) -> list[str]:
     low, above, high = (about.get(limit) for limit in ("minimum", "exclusiveMinimum", "maximum"))
     if above is not None:
-        return [f"above {above:.9g}", *([] if high is None else [f"and at most {high:.9g}"])]
+        return [f"above {_short(above)}", *([] if high is None else [f"and at most {_short(high)}"])]
     if low is not None and high is not None:
-        return [f"from {low:.9g} to {high:.9g}"]
-    return [] if low is None else [f"of at least {low:.9g}"]
+        return [f"from {_short(low)} to {_short(high)}"]
+    return [] if low is None else [f"of at least {_short(low)}"]
+
+
+def _short(limit: float) -> str:
+    return str(limit) if isinstance(limit, int) else f"{limit:.9g}"

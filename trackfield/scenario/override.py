@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
@@ -10,6 +9,8 @@ from typing import Any
 from trackfield.errors import ScenarioError
 from trackfield.scenario.keys import Kinds, sections_of_file
 from trackfield.scenario.section import OTHER
+from trackfield.scenario.toml import DEEPEST, parsed
+from trackfield.words import quoted
 
 
 def parse(text: str) -> tuple[str, Any]:
@@ -19,15 +20,19 @@ def parse(text: str) -> tuple[str, Any]:
     """
     key, equals, value = (part.strip() for part in text.partition("="))
     if not key or not equals:
-        raise ScenarioError(f"{text!r} sets nothing", file="--set", expected="key=value, like link.model=fixed")
+        raise ScenarioError(f"{quoted(text)} sets nothing", file="--set", expected="key=value, like link.model=fixed")
     try:
-        return key, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        pass
-    try:
-        return key, float(value)
+        found = parsed(f"value = {value}")
     except ValueError:
-        return key, value
+        return key, _number_or_text(value)
+    return key, found["value"] if len(found) == 1 else value  # of several lines it is text
+
+
+def _number_or_text(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -48,10 +53,14 @@ def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in values.items():
         node: Any = changed
         *parents, last = key.split(".")
+        if len(parents) > DEEPEST:
+            raise ScenarioError(
+                f"names {len(parents)} sections", key=key, expected="a key of a scenario, like link.loss"
+            )
         for depth, parent in enumerate(parents, start=1):
             node = node.setdefault(parent, {})
             if not isinstance(node, dict):
-                raise ScenarioError(f"is {node!r}", key=".".join(parents[:depth]), expected="a section")
+                raise ScenarioError(f"is {quoted(node)}", key=".".join(parents[:depth]), expected="a section")
         node[last] = value
     return changed
 

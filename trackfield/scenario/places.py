@@ -10,6 +10,7 @@ import numpy as np
 
 from trackfield.errors import ScenarioError
 from trackfield.scenario.section import ID, ID_WORDS
+from trackfield.words import quoted
 from trackfield.world.rows import PLACES, Column, read_rows
 from trackfield.world.tracks import plane
 from trackfield.world.windows import Array
@@ -60,13 +61,13 @@ def _check_name(where: str, id: str, role: str, centre: str, lines: dict[str, in
     """Raise ``ScenarioError`` unless the id is new and allowed for this role."""
     if id in lines:
         raise ScenarioError(
-            f"id {id!r} is given twice", file=where, expected=f"an id other than that of line {lines[id]}"
+            f"id {quoted(id)} is given twice", file=where, expected=f"an id other than that of line {lines[id]}"
         )
     if id in RESERVED or (id == centre) != (role == "fusion"):
         expected = f"the id {centre}" if role == "fusion" else f"an id other than {', '.join((centre, *RESERVED))}"
         if role == "fusion" and id not in RESERVED:
             expected += f", or architecture.centre = {id!r} in the scenario"
-        raise ScenarioError(f"a {role} is called {id!r}", file=where, expected=expected)
+        raise ScenarioError(f"a {role} is called {quoted(id)}", file=where, expected=expected)
 
 
 def _id(text: str) -> str:

@@ -5,32 +5,45 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from pydantic import ValidationError
 
-from trackfield.errors import ScenarioError
+from trackfield.errors import MOST_TOLD, ScenarioError
 from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
+from trackfield.words import quoted, shortened
 
 NUMBER: Final = re.compile(r"\[(\d+)\]")
 """The index in a list of sections: ``faults[0]``."""
+
+Near = Callable[[str, Iterable[str]], str]
+"""The nearest of the names that are known, in words."""
+
+_HEADER: Final = re.compile(r"\s*\[(\[)?\s*([\w.-]+)\s*\]")
+_SETTING: Final = re.compile(r"""\s*["']?([\w-]+)["']?\s*=""")
 
 
 def problems(error: ValidationError, file: str, text: str, set_keys: Collection[str]) -> list[ScenarioError]:
     """All that validation found in a ``file`` with this ``text``, of which ``set_keys`` were overridden."""
     found: dict[str, ScenarioError] = {}
-    for one in error.errors(include_url=False):
-        path, what, expected = _problem(one)
+    lines, set_tables = Lines(text), set[str]().union(*(_within(key.split(".")) for key in set_keys))
+    for number, one in enumerate(error.errors(include_url=False)):
+        path, what, expected = _problem(one, suggestion if number < MOST_TOLD else _unsaid)
         key = ".".join(path)
-        place = f"{re.sub(NUMBER, '', key)}."
-        is_set = any(place.startswith(f"{new}.") or new.startswith(place) for new in set_keys)
+        place = re.sub(NUMBER, "", key)
+        is_set = place in set_tables or not _within(place.split(".")).isdisjoint(set_keys)
         here = "" if is_set else file
-        line = line_of(text, path) if here else None
+        line = lines.of(path) if here else None
         where = f"{here}:{line}" if line else here
         found.setdefault(key, ScenarioError(what, file=where, key=key, expected=expected))
     return list(found.values())
+
+
+def _unsaid(name: str, known: Iterable[str]) -> str:
+    """In place of ``suggestion`` for errors that are only counted: it takes long."""
+    return ""
 
 
 STAND_INS: Final = {"name": "scenario", "target": {"path": "s1", "step_s": 3600.0}}
@@ -44,13 +57,13 @@ def section_of(key: str) -> str:
 
 def without(data: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
     """A scenario without these keys; a list of sections, or a section of unknown kind, is removed as a whole."""
-    less = dict(data)
+    less = {name: dict(part) if isinstance(part, Mapping) else part for name, part in data.items()}
     for key in keys:
         name, _, rest = key.partition(".")
         part, section = less.get(name), sections_of_file().get(name)
         own = rest.partition(".")[0]
-        if isinstance(part, Mapping) and own in part and (section is None or own != section.tag):
-            less[name] = {other: value for other, value in part.items() if other != own}
+        if isinstance(part, dict) and own in part and (section is None or own != section.tag):
+            del part[own]
         else:
             less.pop(section_of(key), None)
     missing = {section_of(key) for key in keys} - less.keys()
@@ -59,7 +72,7 @@ def without(data: Mapping[str, Any], keys: Collection[str]) -> dict[str, Any]:
     return less | {name: value for name, value in STAND_INS.items() if name in missing}
 
 
-def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
+def _problem(error: Mapping[str, Any], near: Near) -> tuple[list[str], str, str]:
     """The key's path, its error, and what is expected."""
     path, section, kind = _where(error["loc"])
     context = error.get("ctx", {})
@@ -69,11 +82,15 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
         case "own":
             what, expected = context["what"], context["expected"]
             path = [*(path if context["key"].startswith(".") else ()), *filter(None, context["key"].split("."))] or path
+        case "too_long":
+            what, expected = f"has more than {context['max_length']} entries", "fewer"
+        case "string_too_long":
+            what, expected = f"has more than {context['max_length']} characters", "fewer"
         case "extra_forbidden":
-            what, expected = _unknown(path, section, kind)
+            what, expected = _unknown(path, section, kind, near)
         case "union_tag_invalid" if section:
-            what, expected = f"unknown {section.tag} {context['tag']!r}", _one_of(section.kinds)
-            what += suggestion(str(context["tag"]), section.kinds)
+            what, expected = f"unknown {section.tag} {quoted(context['tag'])}", _one_of(section.kinds)
+            what += near(str(context["tag"]), section.kinds)
             path = [*path, section.tag]
         case "union_tag_not_found" if section:
             what, expected, path = "missing", _one_of(section.kinds), [*path, section.tag]
@@ -85,7 +102,7 @@ def _problem(error: Mapping[str, Any]) -> tuple[list[str], str, str]:
         case _:
             expected = top_level()[path[0]].expected
     if error["type"] == "literal_error":
-        what += suggestion(str(error["input"]), expected.removeprefix("one of ").split(", "))
+        what += near(str(error["input"]), expected.removeprefix("one of ").split(", "))
     return path, what, expected
 
 
@@ -113,7 +130,7 @@ def _a_section(name: str, section: Kinds) -> str:
     return f"{'sections' if section.many and alone == name else 'a section'} {section.header(alone)}"
 
 
-def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str, str]:
+def _unknown(path: Sequence[str], section: Kinds | None, kind: str, near: Near) -> tuple[str, str]:
     """The message for a key that is unknown, or that belongs to another kind of its section."""
     name = path[-1]
     if section is None:
@@ -121,16 +138,16 @@ def _unknown(path: Sequence[str], section: Kinds | None, kind: str) -> tuple[str
     elif len(path) > 2:
         known = _parts(section.keys(kind)[path[1]])
     else:
-        return _not_of_section(name, section, kind)
-    return f"unknown{suggestion(name, known)}", _one_of(known)
+        return _not_of_section(name, section, kind, near)
+    return f"unknown{near(name, known)}", _one_of(known)
 
 
-def _not_of_section(name: str, section: Kinds, kind: str) -> tuple[str, str]:
+def _not_of_section(name: str, section: Kinds, kind: str, near: Near) -> tuple[str, str]:
     known = section.keys(kind)
     others = [other for other, keys in section.kinds.items() if name in keys]
     if others:
         return f"belongs to {section.tag} {' or '.join(others)}, not to {kind}", _one_of(known)
-    return f"unknown{suggestion(name, section.keys(None))}", _one_of(known)
+    return f"unknown{near(name, section.keys(None))}", _one_of(known)
 
 
 def _one_of(names: Collection[str]) -> str:
@@ -138,26 +155,35 @@ def _one_of(names: Collection[str]) -> str:
 
 
 def _short(value: object) -> str:
-    text = json.dumps(value, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shortened(json.dumps(value, default=quoted))
 
 
-def line_of(text: str, path: Sequence[str]) -> int | None:
-    """The line on which a TOML text sets this key, or else opens its section; None if neither is found.
+class Lines:
+    """On which line a TOML text sets a key, or opens a section.
 
     Knows ``[section]``, ``[section.key]`` and ``[[section]]`` headers, and ``key =`` on a line of its own, which is how
     scenario files are written.
     """
-    here, opened = "", None
-    seen: Counter[str] = Counter()
-    for number, line in enumerate(text.splitlines(), start=1):
-        if header := re.match(r"\s*\[(\[)?\s*([\w.-]+)\s*\]", line):
-            here = f"{header[2]}[{seen[header[2]]}]" if header[1] else header[2]
-            seen[header[2]] += 1
-            if [here] == list(path[:1]):
-                opened = number
-            continue
-        setting = re.match(r"""\s*["']?([\w-]+)["']?\s*=""", line)
-        if setting and [*filter(None, here.split(".")), setting[1]] in (list(path[:2]), list(path)):
-            return number
-    return opened
+
+    def __init__(self, text: str) -> None:
+        self._set: dict[tuple[str, ...], int] = {}
+        self._opened: dict[str, int] = {}
+        here = ""
+        seen: Counter[str] = Counter()
+        for number, line in enumerate(text.splitlines(), start=1):
+            if header := _HEADER.match(line):
+                here = f"{header[2]}[{seen[header[2]]}]" if header[1] else header[2]
+                seen[header[2]] += 1
+                self._opened[here] = number
+            elif setting := _SETTING.match(line):
+                self._set.setdefault((*filter(None, here.split(".")), setting[1]), number)
+
+    def of(self, path: Sequence[str]) -> int | None:
+        """The line of the key at this path, or else of its section; None if neither is found."""
+        found = [self._set[key] for key in (tuple(path), tuple(path[:2])) if key in self._set]
+        return min(found) if found else self._opened.get(path[0]) if path else None
+
+
+def _within(path: Sequence[str]) -> set[str]:
+    """The key at this path, and the tables that it is in."""
+    return {".".join(path[:end]) for end in range(1, len(path) + 1)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Final, Self
@@ -18,6 +17,8 @@ from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
 from trackfield.scenario.packaged import ALIASES, names, packaged_file
 from trackfield.scenario.problems import problems, section_of, without
+from trackfield.scenario.toml import check_values, read_toml
+from trackfield.words import quoted
 
 _WITH_FILES: Final = ("field", "target", "targets", "link")
 """Sections that may name a file."""
@@ -56,6 +57,7 @@ class Scenario(Contents):
         """Like ``load``, but returns all errors, and the scenario without the wrong keys (None if there is none)."""
         try:
             data, file, text = _written(source)
+            check_values(overrides or {})
             changed = _anchored(apply(data, overrides or {}), Path.cwd())
         except ScenarioError as error:
             return None, [error]
@@ -118,27 +120,32 @@ def schema() -> dict[str, Any]:
 def _written(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, str]:
     """The contents of a source, its file and that file's text; both are empty for a dict. Raises ``ScenarioError``."""
     if isinstance(source, Mapping):
+        check_values(source)
         return _anchored(source, Path.cwd()), "", ""
     file = _file_of(source)
-    try:
-        text = file.read_text(encoding="utf-8")
-        data = tomllib.loads(text)
-    except OSError as error:
-        raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
-    except ValueError as error:  # bytes that are not text, or text that is not TOML
-        raise ScenarioError(f"not a TOML file ({error})", file=str(file)) from None
+    data, text = read_toml(file)
+    check_values(data, str(file))
     return _anchored(data, file.parent), str(file), text
 
 
 def _file_of(source: str | Path) -> Path:
+    if not isinstance(source, str | Path):
+        raise ScenarioError(f"is {quoted(source)}", key="scenario", expected="the name, file or contents of one")
     file = Path(source)
     if isinstance(source, str):
         if source in names() or source in ALIASES:
             return packaged_file(source)
-        if file.suffix != ".toml" and not file.exists():
-            what = f"unknown scenario {source!r}{suggestion(source, names())}"
+        if file.suffix != ".toml" and not _exists(file):
+            what = f"unknown scenario {quoted(source)}{suggestion(source, names())}"
             raise ScenarioError(what, expected=f"one of {', '.join(names())}, or a TOML file")
     return file
+
+
+def _exists(file: Path) -> bool:
+    try:
+        return file.exists()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:

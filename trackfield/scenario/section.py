@@ -7,8 +7,10 @@ from functools import reduce
 from operator import or_
 from typing import Annotated, Any, Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
+
+from trackfield.words import quoted
 
 OTHER: Final = "any other"
 """Stands for all kinds of a section that users add."""
@@ -18,10 +20,18 @@ ID: Final = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}"
 ID_WORDS: Final = "1 to 32 characters of A-Z a-z 0-9 _ . -, not beginning with . or -"
 
 Id = Annotated[str, Field(pattern=f"^{ID}$", json_schema_extra={"expected": ID_WORDS})]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
-Share = Annotated[float, Field(ge=0, le=1)]
-Delay = Annotated[float, Field(ge=1)]
+
+
+def _openable(name: str) -> str:
+    """Raise an error for a name that no file can have, or that cannot be written into another file."""
+    if "\0" in name or not name.isprintable():
+        raise wrong(f"is {quoted(name)}", "the name of a file, without control characters")
+    return name
+
+
+Word = Annotated[str, Field(max_length=100)]
+"""A name of something that is looked up."""
+FileName = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_openable)]
 
 
 class Section(BaseModel):

@@ -12,7 +12,7 @@ import numpy as np
 from trackfield.draw import normal
 from trackfield.errors import ScenarioError, together
 from trackfield.scenario.layouts import Ground
-from trackfield.scenario.paths import MAX_STEPS, Course, origin_of
+from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sensors import Acoustic
@@ -22,6 +22,10 @@ from trackfield.world.windows import Array, Windows, distances, merged, windows
 
 Leg = tuple[int, float, float]
 
+MOST_POINTS: Final = 500_000
+"""Steps of all targets together."""
+MOST_HEARERS: Final = 2_000_000
+"""Sensors times targets."""
 _NS: Final = 1_000_000_000
 
 
@@ -66,6 +70,9 @@ def survey(scenario: Scenario) -> Site:
     """
     steps, found = target_paths(scenario)
     sensors, place = _stand(scenario, tuple(found.values()))
+    if len(sensors) * len(found) > MOST_HEARERS:
+        what = f"{len(sensors)} sensors may hear {len(found)} targets"
+        raise ScenarioError(what, key="targets", expected=f"at most {MOST_HEARERS} pairs of the two")
     check(scenario, sensors, tuple(found.values()))
     positions = np.array([place[1:] for place in sensors])
     awake_m, _ = scenario.sensor.reach_m()
@@ -126,7 +133,18 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     step_ns, targets = _step_ns(scenario), scenario.keyed_targets
     origin = origin_of(targets) if len(targets) > 1 else None  # a single target decides the origin itself
     course = partial(Course, scenario.seed, step_ns, scenario.steps, origin)
-    runs = together(partial(target.run, course(key)) for key, target in targets)
+    followed = 0
+
+    def run(key: str, target: PathSection) -> tuple[int, Path]:
+        nonlocal followed
+        if followed > MOST_POINTS:
+            what = f"the paths of {len(targets)} targets have more than {MOST_POINTS} steps in all"
+            raise ScenarioError(what, key="targets", expected="fewer targets, or fewer or longer steps")
+        steps, path = target.run(course(key))
+        followed += steps
+        return steps, path
+
+    runs = together(partial(run, key, target) for key, target in targets)
     longest = max(steps for steps, _ in runs)
     steps = min(longest, scenario.steps or longest)
     if steps > MAX_STEPS:

@@ -116,12 +116,12 @@ def telemetry(name: str, what: str) -> str:
     return f"telemetry/{check_name(name)}/{check_id(what)}"
 
 
-def parse_telemetry(key: str) -> tuple[str, str, str]:
-    """``telemetry``, the life and what it tells; raises ``WireError`` (``key``) for anything else."""
+def parse_telemetry(key: str) -> tuple[str, str]:
+    """The life and what it tells; raises ``WireError`` (``key``) for anything else."""
     chunks = key.split("/")
     if len(chunks) != 3 or chunks[0] != "telemetry":
         raise WireError("key", "no telemetry key")
-    return "telemetry", check_name(chunks[1]), check_id(chunks[2])
+    return check_name(chunks[1]), check_id(chunks[2])
 
 
 def telemetry_of_all(what: str) -> str:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, Final
 
 from trackfield.errors import ScenarioError, combined, together
+from trackfield.files import read_text
+from trackfield.words import quoted, shortened
 
 Column = tuple[Callable[[str], Any], str]
 """The parser of a cell, which raises ``ValueError``, and what is expected there."""
 MOST: Final = 5
 """The number of wrong lines of a file that are reported."""
+MOST_ROWS: Final = 1_000_000
+"""The largest number of rows of a file."""
 Row = tuple[int, dict[str, Any]]
 """(line, values by column)"""
 
@@ -23,7 +28,7 @@ def number(limit: float, text: str) -> float:
     value = float(text)
     if not abs(value) <= limit:  # also true for NaN
         raise ValueError
-    return value
+    return value + 0.0  # 0 for -0
 
 
 PLACES: Final[dict[str, Column]] = {
@@ -39,46 +44,59 @@ def read_rows(
 ) -> list[Row]:
     """All rows, with the columns of the first of the ``formats`` that the file has, and the ``optional`` it has.
 
-    Other columns and empty rows are ignored. Raises ``ScenarioError`` for a file without these columns or without
-    rows, ``OSError`` if it cannot be read.
+    Other columns and empty rows are ignored. Raises ``ScenarioError`` for a file that is not text, without these
+    columns, without rows or with too many, ``OSError`` if it cannot be read.
     """
     kinds = " or ".join(",".join(names) for names in formats)
     fail = partial(ScenarioError, file=str(file), expected=f"a CSV file with columns {kinds}")
     try:
-        with file.open(newline="", encoding="utf-8-sig") as lines:
-            rows = list(csv.reader(lines, skipinitialspace=True))
-    except (csv.Error, UnicodeDecodeError):
-        raise fail("not a CSV file") from None
-    header = [name.strip().lower() for name in rows[0]] if rows else []
-    found = next((names for names in formats if set(names) <= set(header)), None)
-    if found is None:
-        raise fail(f"has the columns {', '.join(header)}" if header else "is empty")
-    wanted = [*found, *(name for name in optional if name in header)]
-    read, wrong = [], list[ScenarioError]()
-    for line, row in enumerate(rows[1:], start=2):
-        if any(cell.strip() for cell in row):
-            values = dict(zip(header, row, strict=False))
-            try:
-                read.append((line, _cells(f"{file}:{line}", values, {name: columns[name] for name in wanted})))
-            except ScenarioError as error:
-                wrong.append(error)
-    if wrong:
-        more = ScenarioError(f"{len(wrong) - MOST} more lines are wrong", file=str(file))
-        raise combined([*wrong[:MOST], *([more] if len(wrong) > MOST else [])])
+        rows = csv.reader(io.StringIO(read_text(file), newline=""), skipinitialspace=True)
+        header = [name.strip().lower() for name in next(rows, ())]
+        found = next((names for names in formats if set(names) <= set(header)), None)
+        if found is None:
+            raise fail(f"has the columns {shortened(', '.join(header))}" if header else "is empty")
+        wanted = [*found, *(name for name in optional if name in header)]
+        read = _read(file, rows, header, {name: columns[name] for name in wanted})
+    except (csv.Error, ValueError) as error:
+        raise fail(f"not a CSV file ({error})") from None
     if not read:
         raise fail("has no rows")
     return read
 
 
+def _read(file: FilePath, rows: Iterable[list[str]], header: list[str], columns: Mapping[str, Column]) -> list[Row]:
+    """The rows below the ``header``. Raises ``ScenarioError`` for too many, and with the first that are wrong."""
+    read, wrong = list[Row](), list[ScenarioError]()
+    for line, row in enumerate(rows, start=2):
+        if any(cell.strip() for cell in row):
+            if len(read) == MOST_ROWS:
+                raise ScenarioError("has too many rows", file=str(file), expected=f"at most {MOST_ROWS}")
+            values = dict(zip(header, row, strict=False))
+            try:
+                read.append((line, _cells(f"{file}:{line}", values, columns)))
+            except ScenarioError as error:
+                wrong.append(error)
+    if wrong:
+        raise first_of(wrong, file)
+    return read
+
+
+def first_of(wrong: Sequence[ScenarioError], file: FilePath) -> ScenarioError:
+    """One error with the first of many of a ``file``."""
+    more = ScenarioError(f"{len(wrong) - MOST} more lines are wrong", file=str(file))
+    return combined([*wrong[:MOST], *([more] if len(wrong) > MOST else [])])
+
+
 def _cells(where: str, values: Mapping[str, str], columns: Mapping[str, Column]) -> dict[str, Any]:
     """A line's values by column. Raises ``ScenarioError`` for invalid values."""
-    found = together(partial(_cell, where, name, values.get(name, ""), column) for name, column in columns.items())
+    found = together(partial(cell, where, name, values.get(name, ""), column) for name, column in columns.items())
     return dict(zip(columns, found, strict=True))
 
 
-def _cell(where: str, name: str, text: str, column: Column) -> Any:
+def cell(where: str, name: str, text: str, column: Column) -> Any:
+    """The value of a cell. Raises ``ScenarioError`` for one that cannot be read."""
     read, expected = column
     try:
         return read(text.strip())
-    except ValueError:
-        raise ScenarioError(f"{name} is {text!r}", file=where, expected=expected) from None
+    except (ValueError, OverflowError):
+        raise ScenarioError(f"{name} is {quoted(text)}", file=where, expected=expected) from None

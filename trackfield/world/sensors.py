@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from trackfield.errors import ScenarioError
 from trackfield.options import made
 from trackfield.plugins import Maker, Plugins
+from trackfield.words import quoted
 from trackfield.world.acoustic import AcousticSensor
 
 if TYPE_CHECKING:
@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 
 ACOUSTIC: Final = "acoustic"
 """Trackfield's own kind."""
+NEAREST_M: Final = 0.001
+FAR_M: Final = 1e7
+"""The shortest and the longest range of a sensor (m)."""
+FINEST: Final = 1e-12
+COARSEST: Final = 1e12
+"""The smallest and the largest noise and resolution of a reading."""
 MAX_VALUES: Final = 26
 """The most numbers that fit into a report (docs/wire.md)."""
 
@@ -93,12 +99,17 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Sensor:
         raise SENSORS.unknown(kind, "sensor.kind")
     sensor: Sensor = made(SENSORS[kind], options, "sensor")
     range_m = getattr(sensor, "range_m", None)
-    if not (isinstance(range_m, int | float) and isfinite(range_m) and range_m > 0):
-        raise ScenarioError(f"'{kind}' has {range_m!r}", key="sensor.range_m", expected="metres, above 0")
+    if not (isinstance(range_m, int | float) and NEAREST_M <= range_m <= FAR_M):
+        expected = f"metres, above 0: from {NEAREST_M:g} to {FAR_M:g}"
+        raise ScenarioError(f"'{kind}' has {quoted(range_m)}", key="sensor.range_m", expected=expected)
     for name in ("sd", "resolution"):
         values = getattr(sensor, name, None)
-        if not (isinstance(values, tuple) and values and all(isfinite(v) and v > 0 for v in values)):
-            raise ScenarioError(f"'{kind}' has {values!r}", key=f"sensor.{name}", expected="a tuple of numbers above 0")
+        if not (isinstance(values, tuple) and values and all(FINEST <= v <= COARSEST for v in values)):
+            raise ScenarioError(
+                f"'{kind}' has {quoted(values)}",
+                key=f"sensor.{name}",
+                expected=f"a tuple of numbers above 0: from {FINEST:g} to {COARSEST:g}",
+            )
     needs = getattr(sensor, "fix_sensors", 1)
     if not (isinstance(needs, int) and needs >= 1):
         what = f"'{kind}' has {needs!r}"

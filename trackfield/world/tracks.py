@@ -18,8 +18,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
-from trackfield.world.fixes import Array, Fixes, read_fixes
+from trackfield.words import quoted
+from trackfield.world.fixes import ISO, Array, Fixes, moment, read_fixes
 from trackfield.world.path import Interval, Knot, Path
+from trackfield.world.rows import number
 
 GAP_S: Final = 5.0
 """Fixes further apart than this, and than three usual intervals of the file or around them, have a gap between them."""
@@ -128,15 +130,15 @@ def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -
     zero = fixes.zero
     try:
         if zero is None:
-            return float(text)
+            return number(1e9, text)
         try:
             clock = time.fromisoformat(text)
         except ValueError:
-            moment = datetime.fromisoformat(text)
-            return ((moment if moment.tzinfo else moment.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
+            when = moment(text)
+            return ((when if when.tzinfo else when.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
     except ValueError:
-        expected = "seconds" if zero is None else "HH:MM[:SS] or an ISO date and time"
-        raise ScenarioError(f"{text!r} is not a time", file=str(file), key=key, expected=expected) from None
+        expected = "seconds" if zero is None else f"HH:MM[:SS] or {ISO}"
+        raise ScenarioError(f"{quoted(text)} is not a time", file=str(file), key=key, expected=expected) from None
     zone = clock.tzinfo or zero.tzinfo
     first = (datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero).total_seconds()
     later = first + -(-(after_s - first) // _DAY_S) * _DAY_S

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from trackfield.errors import ScenarioError
 from trackfield.world.path import Path
 from trackfield.world.readings import Window
 
@@ -26,6 +27,11 @@ Windows = tuple[Window, ...]
 _NS: Final = 1e9
 _ROUNDING: Final = 1.0 + 1e-9
 """Covers the rounding difference between a level computed from a distance and a radius from a level."""
+
+MOST_PIECES: Final = 2_000_000
+"""Pieces of a path that are looked at: a path of thousands of kilometres past sensors that hear a few metres."""
+MOST_PAIRS: Final = 20_000_000
+"""Pairs of a sensor and a part of a path that it may hear or not."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +57,8 @@ def windows(positions: Array, path: Path, radius_m: float) -> list[Windows]:
     """When the target may be within ``radius_m`` of each of the ``positions`` (n, 2), as (from ns, to ns).
 
     No instant at which it is within is missing. Where a window is too long, the target is beyond the radius
-    by no more than an eighth of it, or two metres. Raises ``ValueError`` for a path that was cut.
+    by no more than an eighth of it, or two metres. Raises ``ValueError`` for a path that was cut, ``ScenarioError``
+    for one that is too long to be followed past so many sensors with so short a reach.
     """
     found: list[Windows] = [()] * len(positions)
     if radius_m <= 0 or not len(positions):
@@ -82,8 +89,7 @@ def merged(parts: Iterable[Windows]) -> Windows:
 def distances(positions: Array, path: Path, within_m: float) -> Array:
     """(n,) metres from ``positions`` (n, 2) to the nearest point of the path; infinite beyond ``within_m``.
 
-    Never too short; near ``within_m``, too long by less than 0.1 % of it. Raises ``ValueError`` for a cut
-    path.
+    Never too short; near ``within_m``, too long by less than 0.1 % of it. Raises as ``windows`` does.
     """
     from scipy.spatial import cKDTree
 
@@ -108,6 +114,9 @@ def _within(positions: Array, tree: list[_Pieces], radius: float) -> tuple[Indic
         last = np.minimum(first + (1 << level), len(tree[0].t)) - 1
         found.append(np.stack([sensor[heard], first, last]))
         doubt = near & ~heard
+        if (pairs := 2 * int(doubt.sum()) + sum(map(len, (one[0] for one in found)))) > MOST_PAIRS:
+            what = f"there are {pairs} pairs of a sensor and a part of the path near the end of its reach"
+            raise ScenarioError(what, key="target", expected=f"at most {MOST_PAIRS}: a shorter path, or fewer sensors")
         sensor, node = np.repeat(sensor[doubt], 2), np.repeat(node[doubt] * 2, 2)
         node[1::2] += 1
         if level:
@@ -141,7 +150,11 @@ def _knots(path: Path, length_m: float) -> Array:
     h = ends[:, 1, 0] - ends[:, 0, 0]
     chord = np.hypot(*(ends[:, 1, 1:3] - ends[:, 0, 1:3]).T)
     speeds = np.hypot(ends[:, :, 3], ends[:, :, 4])
-    parts = np.maximum(np.ceil((chord + h * speeds.sum(axis=1) / 3) / length_m), 1).astype(np.intp)
+    parts = np.maximum(np.ceil((chord + h * speeds.sum(axis=1) / 3) / length_m), 1)
+    if not parts.sum() <= MOST_PIECES:
+        what = f"the path has {parts.sum():.3g} pieces of {length_m:.3g} m, which a sensor hears or not"
+        raise ScenarioError(what, key="target", expected=f"at most {MOST_PIECES}: a shorter path, or a longer reach")
+    parts = parts.astype(np.intp)
     whole = np.repeat(np.arange(len(h)), parts)
     number = np.arange(len(whole)) - np.repeat(np.cumsum(parts) - parts, parts)
     share = (number[:, None] + np.array([0, 1])) / parts[whole][:, None]

@@ -84,7 +84,7 @@ def facts(run: Run) -> list[tuple[str, str]]:
         ("track starts", "around the true state (prior)" if fusion.prior == "paper" else "from the first reports"),
         ("driver", _driver(run)),
         ("seed", str(metrics["seed"])),
-        ("started", run.manifest["started"].replace("T", " ").replace("+00:00", " UTC")),
+        ("started", run.manifest.when),
     ]
 
 

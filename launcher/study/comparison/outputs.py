@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from launcher.files import check_writable
+from launcher.record.reading.files import read_manifest
 from launcher.study.comparison.exact import Exactness
 from launcher.study.comparison.runs import Compared
 from trackfield.errors import ScenarioError
@@ -21,7 +22,13 @@ class Outputs:
     rrd: Path | None = None
 
     def check(self, compared: Compared) -> None:
-        """Raise ``ScenarioError`` for a file that cannot be written, is named twice, or is a file of a run."""
+        """Raise ``ScenarioError`` for a file that cannot be written, is named twice, or is a file of a run.
+
+        Also for a run without the manifest that a page needs.
+        """
+        if self.html is not None or self.rrd is not None:
+            for folder in compared.folders:
+                read_manifest(folder)
         seen: dict[Path, str] = {}
         for key, file in self._named():
             whole = file.resolve()

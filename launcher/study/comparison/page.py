@@ -52,7 +52,7 @@ def _contents(compared: Compared, exact: Exactness | None) -> dict[str, Any]:
         "paired": [table for group in groups if (table := paired(group)).rows],
         "left_out": compared.names[MOST_RUNS:],
         "commands": _commands(compared),
-        "version": runs[0].manifest["versions"]["trackfield"],
+        "version": runs[0].manifest.versions.get("trackfield", ""),
         **_pictures(compared, runs, [drawable(group) for group in groups]),
     }
 
@@ -103,7 +103,7 @@ def _facts(compared: Compared, runs: Sequence[Run]) -> Table:
             f"{length:g} s",
             f"{len(run.site.sensors):,}",
             run.scenario.link.model,
-            run.manifest["started"].replace("T", " ").replace("+00:00", " UTC"),
+            run.manifest.when,
         ]
         for name, run, length in zip(compared.names, runs, compared.lengths_s, strict=True)
     ]

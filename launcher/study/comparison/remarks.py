@@ -65,4 +65,7 @@ def _targets(compared: Compared) -> Iterator[str]:
 
 def _alarms(compared: Compared) -> Iterator[str]:
     for name, metrics in zip(compared.names, compared.metrics, strict=True):
+        if not metrics["complete"]:
+            why, ended_s = metrics["end_reason"], metrics["ended_s"]
+            yield f"{name}: the run ended early, {ended_s:.1f} s after its first step ({why})."
         yield from (f"{name}: {alarm}." for alarm in alarms(dict(metrics)))

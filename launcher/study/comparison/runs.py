@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,13 +9,11 @@ from pathlib import Path
 from typing import Any, Final
 
 from launcher.nested import flat
-from launcher.record.journal import METRICS
-from launcher.record.measures import RunFigures
+from launcher.record.reading.files import check_run, read_figures, read_scenario, read_settings
 from launcher.report.folder import course_of
-from launcher.study.compare import check_runs
 from trackfield.errors import ScenarioError
 from trackfield.role import NS
-from trackfield.scenario import Scenario, survey
+from trackfield.scenario import survey
 
 SAME_M: Final = 1e-6
 """Two runs have the same target if its positions differ by no more at any step, m."""
@@ -96,15 +92,13 @@ def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
             what = f"{folder} is named twice" if folder == other else f"{folder} is the same run as {other}"
             raise ScenarioError(what, key=key, expected="different runs")
         seen[folder.resolve()] = folder
-    check_runs(folders)
-    metrics = tuple(json.loads((folder / METRICS).read_bytes()) for folder in folders)
-    for folder, figures in zip(folders, metrics, strict=True):
-        RunFigures.of(figures, str(folder / METRICS))
+    for folder in folders:
+        check_run(folder)
     return Compared(
         tuple(folders),
         names(folders),
-        metrics,
-        tuple(tomllib.loads((folder / "scenario.toml").read_text(encoding="utf-8")) for folder in folders),
+        tuple(read_figures(folder).plain() for folder in folders),
+        tuple(map(read_settings, folders)),
     )
 
 
@@ -120,7 +114,7 @@ def names(folders: Sequence[Path]) -> tuple[str, ...]:
 
 def _truth(folder: Path, metrics: Mapping[str, Any]) -> dict[tuple[float, str], tuple[float, float]]:
     """From the scenario: tracks.parquet lacks the steps of which nobody told, such as those after the centre died."""
-    course = course_of(survey(Scenario.load(folder / "scenario.toml")), metrics)
+    course = course_of(survey(read_scenario(folder)[1]), metrics)
     return {
         (round((at_ns - course.origin_ns) / NS, 6), target): (state[0], state[1])
         for at_ns in course.at_ns

@@ -7,14 +7,15 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from trackfield.scenario.faults.fault import FaultSection
-from trackfield.scenario.section import NotNegative, wrong
+from trackfield.scenario.quantities import Instant
+from trackfield.scenario.section import wrong
 
 
 class ClockJump(FaultSection):
     """A clock jumps by a constant."""
 
     kind: Literal["clock_jump"] = Field(default="clock_jump", description="a process's clock jumps")
-    at_s: NotNegative = Field(description="when it happens")
+    at_s: Instant = Field(description="when it happens")
     jump_ms: float = Field(
         ge=-1e9,
         le=1e9,

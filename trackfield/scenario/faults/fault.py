@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Self, TypeVar
+from collections import Counter
+from typing import Annotated, Self, TypeVar
 
 from pydantic import Field, model_validator
 
-from trackfield.scenario.section import NotNegative, Positive, Section, wrong
-
-SHORTEST_S: Final = 0.001
-"""The shortest fault, and the earliest end of a process."""
+from trackfield.scenario.quantities import MOST_NODES, SHORT_S, Instant, LaterInstant, SomeShare
+from trackfield.scenario.section import Section, Word, wrong
+from trackfield.words import quoted
 
 T = TypeVar("T")
-Ids = Annotated[tuple[str, ...], Field(min_length=1)]
-Instant = Annotated[float, Field(ge=SHORTEST_S)]
+Ids = Annotated[tuple[Word, ...], Field(min_length=1, max_length=MOST_NODES)]
 
 
 class FaultSection(Section):
@@ -21,13 +20,11 @@ class FaultSection(Section):
 
     kind: str
     nodes: Ids | None = Field(default=None, description="the affected processes, by id; or give a share or a role")
-    share: float | None = Field(
+    share: SomeShare | None = Field(
         default=None,
-        gt=0,
-        le=1,
         description="share of the role, or else of the sensor nodes, drawn by seed and fault number; instead of nodes",
     )
-    role: str | None = Field(
+    role: Word | None = Field(
         default=None,
         min_length=1,
         description="all processes of this role, like node or fusion; with share, a share of them",
@@ -41,17 +38,17 @@ class FaultSection(Section):
             raise wrong("affects no process", "nodes (a list of ids), share (from 0 to 1) or role", ".nodes")
         if self.nodes is not None and others:
             raise wrong("is given together with nodes", "one of the two", f".{others[0]}")
-        for id in self.nodes or ():
-            if self.nodes and self.nodes.count(id) > 1:
-                raise wrong(f"{id!r} is given twice", "each id once", ".nodes")
+        for id, times in Counter(self.nodes).items():
+            if times > 1:
+                raise wrong(f"{quoted(id)} is given twice", "each id once", ".nodes")
         return self
 
 
 class WindowFault(FaultSection):
     """A fault that ends."""
 
-    at_s: NotNegative = Field(description="when it begins")
-    until_s: Positive = Field(description="when it ends")
+    at_s: Instant = Field(description="when it begins")
+    until_s: LaterInstant = Field(description="when it ends")
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> Self:
@@ -61,15 +58,15 @@ class WindowFault(FaultSection):
 class SensorFault(FaultSection):
     """A fault of a sensor, which may last to the end of the run."""
 
-    at_s: NotNegative = Field(description="when it begins")
-    until_s: Positive | None = Field(default=None, description="when it ends; unset: never")
+    at_s: Instant = Field(description="when it begins")
+    until_s: LaterInstant | None = Field(default=None, description="when it ends; unset: never")
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> Self:
         return ordered(self, self.at_s, self.until_s)
 
 
-def ordered(fault: T, at_s: float, until_s: float | None, least_s: float = SHORTEST_S) -> T:
+def ordered(fault: T, at_s: float, until_s: float | None, least_s: float = SHORT_S) -> T:
     """The fault; raises an error if it ends too early."""
     if until_s is not None and round(until_s - at_s, 9) < least_s:  # 2.82 is a second after 1.82, but not in binary
         raise wrong(f"is {until_s:g}", f"a time at least {least_s:g} s after at_s, which is {at_s:g}", ".until_s")

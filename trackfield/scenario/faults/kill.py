@@ -6,11 +6,12 @@ from typing import Literal
 
 from pydantic import Field
 
-from trackfield.scenario.faults.fault import FaultSection, Instant
+from trackfield.scenario.faults.fault import FaultSection
+from trackfield.scenario.quantities import LaterInstant
 
 
 class Kill(FaultSection):
     """A process ends, for good."""
 
     kind: Literal["kill"] = Field(default="kill", description="a process ends for good")
-    at_s: Instant = Field(description="when it happens")
+    at_s: LaterInstant = Field(description="when it happens")

@@ -6,8 +6,8 @@ from typing import Final, Literal, Self
 
 from pydantic import Field, model_validator
 
-from trackfield.scenario.faults.fault import FaultSection, Instant, ordered
-from trackfield.scenario.section import Positive
+from trackfield.scenario.faults.fault import FaultSection, ordered
+from trackfield.scenario.quantities import LaterInstant
 
 MIN_DOWN_S: Final = 1.0
 """The shortest time for which a restarted process is down."""
@@ -17,8 +17,8 @@ class Restart(FaultSection):
     """A process ends, and is started again with only what it stored."""
 
     kind: Literal["restart"] = Field(default="restart", description="a process ends and is started again later")
-    at_s: Instant = Field(description="when it happens")
-    until_s: Positive = Field(
+    at_s: LaterInstant = Field(description="when it happens")
+    until_s: LaterInstant = Field(
         json_schema_extra={"expected": "a number, at least 1 s after at_s"}, description="when it is started again"
     )
 

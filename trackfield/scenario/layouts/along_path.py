@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil, floor
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,9 +11,12 @@ from pydantic import Field
 from trackfield.errors import ScenarioError
 from trackfield.scenario.layouts.layout import Ground, SpacedSection, check_number, numbered
 from trackfield.scenario.places import Place
-from trackfield.scenario.section import Positive
+from trackfield.scenario.quantities import Distance
 from trackfield.world.path import Path
 from trackfield.world.windows import Array, distances
+
+MOST_PLACES: Final = 2_000_000
+"""Places of the grid that are looked at, to find those near a path."""
 
 
 class AlongPath(SpacedSection):
@@ -22,7 +25,7 @@ class AlongPath(SpacedSection):
     layout: Literal["along-path"] = Field(
         default="along-path", description="a grid, but only where a target comes near"
     )
-    within_m: Positive = Field(default=150.0, description="a place has a sensor if a path comes within this distance")
+    within_m: Distance = Field(default=150.0, description="a place has a sensor if a path comes within this distance")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """The places within reach of a path, or the ``nodes`` places nearest to one.
@@ -42,6 +45,7 @@ class AlongPath(SpacedSection):
                 key="field.within_m",
                 expected=f"more than half the spacing of {self.spacing_m:g} m",
             )
+        check_number(len(points))
         return numbered(points[np.lexsort(points.T)]), None  # by y, then x
 
     def _near(self, paths: tuple[Path, ...], within: float) -> tuple[Array, Array]:
@@ -58,7 +62,7 @@ class AlongPath(SpacedSection):
         axes = [
             (floor((min(c) - within) / spacing) - 1, ceil((max(c) + within) / spacing) + 1) for c in (path.x, path.y)
         ]
-        check_number((axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]))
+        check_number((axes[0][1] - axes[0][0]) * (axes[1][1] - axes[1][0]), MOST_PLACES)
         columns, rows = (np.arange(*axis) for axis in axes)
         points: Array = (
             np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64) + 0.5

@@ -11,6 +11,7 @@ from pydantic import Field
 from trackfield.models.sound import bearing
 from trackfield.scenario.layouts.layout import Ground, LayoutSection, numbered
 from trackfield.scenario.places import Place
+from trackfield.scenario.quantities import Distance
 
 
 class Beside(LayoutSection):
@@ -19,10 +20,8 @@ class Beside(LayoutSection):
     layout: Literal["beside"] = Field(
         default="beside", description="one sensor, to the right of the first target's path"
     )
-    distance_m: float = Field(
+    distance_m: Distance = Field(
         default=15_000.0,
-        gt=0,
-        le=1e7,
         description="from the target at half time, at right angles to the line between its ends",
     )
 

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from trackfield.scenario.layouts.layout import Ground, SquareSection, numbered, offset
 from trackfield.scenario.places import Place
-from trackfield.scenario.section import Share
+from trackfield.scenario.quantities import Share
 
 
 class Jittered(SquareSection):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import floor
-from typing import Final
 
 import numpy as np
 from pydantic import Field
@@ -13,12 +12,10 @@ from pydantic import Field
 from trackfield.draw import uniform
 from trackfield.errors import ScenarioError
 from trackfield.scenario.places import Place, Point
-from trackfield.scenario.section import NotNegative, Positive, Section
+from trackfield.scenario.quantities import MOST_NODES, Distance, Length, Nodes
+from trackfield.scenario.section import Section
 from trackfield.world.path import Path
 from trackfield.world.windows import Array
-
-LIMIT: Final = 1_000_000
-"""The largest number of places; more are taken for a mistake in the units."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class LayoutSection(Section):
     def stand(self, ground: Ground) -> tuple[list[Place], Point | None]:
         """The sensors, and where the fusion centre stands if the layout says so (m).
 
-        Raises ``ScenarioError`` if there are no sensors or more than a million, or if a file cannot be used.
+        Raises ``ScenarioError`` if there are no sensors or more than ``MOST_NODES``, or if a file cannot be used.
         """
         raise NotImplementedError
 
@@ -50,11 +47,9 @@ class LayoutSection(Section):
 class SpacedSection(LayoutSection):
     """A layout with one sensor to a square of ``spacing_m``."""
 
-    spacing_m: Positive = Field(default=50.0, description="distance between neighbours of the grid")
-    nodes: int | None = Field(
+    spacing_m: Distance = Field(default=50.0, description="distance between neighbours of the grid")
+    nodes: Nodes | None = Field(
         default=None,
-        ge=1,
-        le=1_000_000,
         description="approximate number of sensors at the same spacing; the size of the field follows from it",
     )
 
@@ -62,11 +57,11 @@ class SpacedSection(LayoutSection):
 class SquareSection(SpacedSection):
     """A layout that fills a square."""
 
-    extent_m: NotNegative = Field(default=500.0, description="side of the square")
+    extent_m: Length = Field(default=500.0, description="side of the square")
 
     def side(self) -> float:
-        """The extent in units of the spacing, at most ``LIMIT``."""
-        return min(self.extent_m / self.spacing_m, LIMIT)
+        """The extent in units of the spacing, at most ``MOST_NODES``."""
+        return min(self.extent_m / self.spacing_m, MOST_NODES)
 
     def grid(self) -> Array:
         """(n, 2) places of a square grid, or of a nearly square one of about ``nodes`` places."""
@@ -98,11 +93,11 @@ def offset(seed: int, id: str) -> Point:
     return 2.0 * x - 1.0, 2.0 * y - 1.0
 
 
-def check_number(places: int) -> None:
-    """Raise ``ScenarioError`` if there are more ``places`` than ``LIMIT``."""
-    if places > LIMIT:
+def check_number(places: int, most: int = MOST_NODES) -> None:
+    """Raise ``ScenarioError`` if there are more ``places`` than ``most``."""
+    if places > most:
         raise ScenarioError(
             f"the field has {places} places or more",
             key="field.spacing_m",
-            expected=f"a value that gives at most {LIMIT}",
+            expected=f"a value that gives at most {most}",
         )

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from trackfield.scenario.layouts.layout import Ground, LayoutSection, numbered
 from trackfield.scenario.places import Place
+from trackfield.scenario.quantities import Distance, Nodes
 
 
 class Ring(LayoutSection):
@@ -17,8 +18,8 @@ class Ring(LayoutSection):
     layout: Literal["ring"] = Field(
         default="ring", description="evenly on a circle, clockwise from north; the circle touches both axes"
     )
-    radius_m: float = Field(default=250.0, gt=0, le=1e7, description="radius of the circle around (radius_m, radius_m)")
-    nodes: int = Field(default=30, ge=1, le=1_000_000, description="number of sensors")
+    radius_m: Distance = Field(default=250.0, description="radius of the circle around (radius_m, radius_m)")
+    nodes: Nodes = Field(default=30, description="number of sensors")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """The first due north of the middle, then clockwise."""

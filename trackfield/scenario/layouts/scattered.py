@@ -8,14 +8,14 @@ from pydantic import Field
 
 from trackfield.scenario.layouts.layout import Ground, SquareSection, check_number, ids, offset
 from trackfield.scenario.places import Place
-from trackfield.scenario.section import Positive
+from trackfield.scenario.quantities import Distance
 
 
 class Scattered(SquareSection):
     """Sensors anywhere in a square, independently of each other."""
 
     layout: Literal["random"] = Field(default="random", description="at random in a square with one corner at (0, 0)")
-    spacing_m: Positive = Field(default=50.0, description="side of a square with one sensor on average")
+    spacing_m: Distance = Field(default=50.0, description="side of a square with one sensor on average")
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """One sensor for each square of ``spacing_m`` in the extent, or ``nodes`` sensors at the same density."""

@@ -9,14 +9,14 @@ from pydantic import Field
 
 from trackfield.scenario.layouts.layout import Ground, LayoutSection
 from trackfield.scenario.places import Place, Point, read_places
+from trackfield.scenario.section import FileName
 
 
 class Surveyed(LayoutSection):
     """Sensors at the places that a file gives."""
 
     layout: Literal["file"] = Field(default="file", description="at the places that a file gives")
-    file: str = Field(
-        min_length=1,
+    file: FileName = Field(
         description="CSV file with id and lat,lon or x,y of each sensor, relative to the scenario's own folder",
     )
 

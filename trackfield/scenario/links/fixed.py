@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from trackfield.scenario.links.link import LinkSection
-from trackfield.scenario.section import Delay, Share
+from trackfield.scenario.quantities import Delay, Share
 
 
 class Fixed(LinkSection):

@@ -7,9 +7,11 @@ from typing import Annotated, Any, Final
 
 from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
 
-from trackfield.scenario.section import Positive, Section, wrong
+from trackfield.scenario.quantities import Distance, Exact
+from trackfield.scenario.section import Section, Word, wrong
+from trackfield.words import quoted
 
-Busy = Annotated[float, Field(ge=0, le=0.99)]
+Busy = Annotated[float, Field(ge=0, le=0.99), Exact]
 Attempts = Annotated[int, Field(ge=0, le=100)]
 
 _ACKS: Final = "a table of whole numbers from 0 to 100, like { doa = 4 }"
@@ -18,12 +20,13 @@ _ACKS: Final = "a table of whole numbers from 0 to 100, like { doa = 4 }"
 def _pairs(value: Any) -> Any:
     """A scenario is hashable, so a table is kept as its pairs."""
     if not isinstance(value, Mapping):
-        raise wrong(f"is {value!r}", _ACKS)
+        raise wrong(f"is {quoted(value)}", _ACKS)
     return tuple(sorted(value.items()))
 
 
 Acks = Annotated[
-    tuple[tuple[str, Attempts], ...],
+    tuple[tuple[Word, Attempts], ...],
+    Field(max_length=100),
     BeforeValidator(_pairs),
     PlainSerializer(dict),
     WithJsonSchema({"type": "object", "additionalProperties": {"type": "integer", "minimum": 0, "maximum": 100}}),
@@ -34,7 +37,7 @@ class LinkSection(Section):
     """A link; ``model`` is its name."""
 
     model: str
-    range_m: Positive | None = Field(
+    range_m: Distance | None = Field(
         default=None, description="beyond this distance nothing is received; unset: no limit"
     )
 

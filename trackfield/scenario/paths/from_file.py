@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import BeforeValidator, Field, JsonValue
 
 from trackfield.scenario.paths.path import Course, PathSection, whole_steps
+from trackfield.scenario.section import FileName, Word
 from trackfield.world.path import Path
 from trackfield.world.tracks import read_track, track_origin
 from trackfield.world.windows import Array
@@ -24,14 +25,14 @@ def _text(value: Any) -> Any:
 _MOMENT: Final[dict[str, JsonValue]] = {
     "expected": "HH:MM[:SS], an ISO date and time, or seconds for a file that counts seconds"
 }
-Moment = Annotated[str, BeforeValidator(_text)]
+Moment = Annotated[Word, BeforeValidator(_text)]
 
 
 class FromFile(PathSection):
     """A recorded track."""
 
     path: Literal["file"] = Field(default="file", description="a recorded track")
-    file: str = Field(min_length=1, description="GPX or CSV file, relative to the scenario's own folder")
+    file: FileName = Field(description="GPX or CSV file, relative to the scenario's own folder")
     from_: Moment | None = Field(
         default=None,
         alias="from",

@@ -6,10 +6,13 @@ from typing import Final, Literal
 
 from pydantic import Field
 
+from trackfield.errors import ScenarioError
 from trackfield.scenario.paths.path import NS, Course, PathSection
 from trackfield.world import targets
 from trackfield.world.path import Path
 
+LONGEST_S: Final = 200_000.0
+"""Over two days at some metres a second, on the flat; the paper's paths last a minute."""
 _LENGTH_S: Final = {"s1": 60, "s2": 75, "s3": 40}
 
 
@@ -25,6 +28,9 @@ class Manoeuvre(PathSection):
         """As long as the run, or else as in the paper."""
         steps = course.steps or _LENGTH_S[self.path] * NS // course.step_ns
         end_s = steps * course.step_ns / NS
+        if end_s > LONGEST_S:
+            what = f"{self.path} would go on for {end_s:g} s"
+            raise ScenarioError(what, key=f"{course.key}.steps", expected=f"at most {LONGEST_S:g} s in all")
         match self.path:
             case "s1":
                 return steps, targets.s1(course.seed, steps, course.step_ns / NS, self.id)

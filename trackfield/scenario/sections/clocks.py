@@ -17,7 +17,7 @@ class Clocks(Section):
         default=0.0, ge=0, le=10_000, description="standard deviation of a node's clock drift (us in a second)"
     )
     ramp_ppm_per_h: float = Field(
-        default=0.0, ge=-1000, le=1000, description="by how much every node's drift grows in an hour, as it warms up"
+        default=0.0, ge=-100, le=100, description="by how much every node's drift grows in an hour, as it warms up"
     )
     sync: bool = Field(
         default=True, description="nodes whose clocks are off ask the centre for the time, over the radio"
@@ -26,7 +26,7 @@ class Clocks(Section):
         default=8, ge=1, le=1000, description="requests and replies of a synchronisation; the quickest pair counts"
     )
     resync_s: float = Field(
-        default=60.0, gt=0, le=1e6, description="a node that stays awake synchronises again after this time"
+        default=60.0, ge=0.1, le=1e6, description="a node that stays awake synchronises again after this time"
     )
 
     @property

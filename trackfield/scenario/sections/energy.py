@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field
 
+from trackfield.scenario.quantities import Joules, Millijoules
 from trackfield.scenario.section import Section
-
-Joules = Annotated[float, Field(gt=0, le=1e9)]
 
 
 class Energy(Section):
@@ -21,4 +20,4 @@ class Energy(Section):
     centre_battery_j: Joules | None = Field(
         default=None, description="battery of the fusion centre; unset: mains, never empty"
     )
-    sample_mj: float = Field(default=0.0, ge=0, le=1e9, description="energy of each reading of the sensor")
+    sample_mj: Millijoules = Field(default=0.0, description="energy of each reading of the sensor")

@@ -9,7 +9,9 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.options import EXPECTED, Options, tables
 from trackfield.scenario.paths.legs import LEGS, Legs
-from trackfield.scenario.section import NotNegative, Positive, Section, wrong
+from trackfield.scenario.quantities import Acceleration, Coordinate, Distance, Duration, Speed
+from trackfield.scenario.section import Section, Word, wrong
+from trackfield.words import quoted
 
 
 class Fusion(Section):
@@ -20,10 +22,10 @@ class Fusion(Section):
         json_schema_extra={"expected": EXPECTED},
         description='options of single trackers; with tracker = "...", a new name is a variant of that tracker',
     )
-    trackers: tuple[str, ...] = Field(
-        default=("fix-imm-ukf",), min_length=1, description="which trackers run side by side"
+    trackers: tuple[Word, ...] = Field(
+        default=("fix-imm-ukf",), min_length=1, max_length=100, description="which trackers run side by side"
     )
-    deadline_s: float = Field(default=0.3, gt=0, description="how long a step waits for its reports; at most step_s")
+    deadline_s: Duration = Field(default=0.3, description="how long a step waits for its reports; at most step_s")
     max_age_s: float = Field(
         default=0.0,
         ge=0,
@@ -33,11 +35,13 @@ class Fusion(Section):
     smooth_lag: int = Field(
         default=0, ge=0, le=100, description="also publish smoothed tracks, this many steps later; 0: none"
     )
-    target_sd_m: Positive = Field(
+    target_sd_m: Distance = Field(
         default=3.0, description="standard deviation of the position that an adaptive threshold aims at"
     )
-    x_m: float | None = Field(default=None, description="where the centre stands, east; unset: the middle of the field")
-    y_m: float | None = Field(
+    x_m: Coordinate | None = Field(
+        default=None, description="where the centre stands, east; unset: the middle of the field"
+    )
+    y_m: Coordinate | None = Field(
         default=None, description="where the centre stands, north; unset: the middle of the field"
     )
     path: Legs | None = Field(
@@ -45,10 +49,10 @@ class Fusion(Section):
         json_schema_extra=LEGS,
         description="positions of a moving centre over time, in metres east and north; unset: it does not move",
     )
-    sigma_v: NotNegative = Field(
+    sigma_v: Acceleration = Field(
         default=0.1, description="standard deviation of the acceleration, m/s^2, for trackers with one motion model"
     )
-    lost_m: Positive = Field(
+    lost_m: Distance = Field(
         default=50.0,
         description="a track with a larger error is lost; one without a prior is restarted if its sd exceeds this",
     )
@@ -56,7 +60,7 @@ class Fusion(Section):
         default="none",
         description="start around the true state (paper), or from the first reports alone (none)",
     )
-    prior_sd: tuple[Positive, Positive, Positive, Positive] = Field(
+    prior_sd: tuple[Distance, Distance, Speed, Speed] = Field(
         default=(20.0, 20.0, 4.0, 4.0),
         description="standard deviations of the paper's prior: x, y in m, vx, vy in m/s",
     )
@@ -67,12 +71,14 @@ class Fusion(Section):
         known = (info.context or {}).get("trackers")
         for name in trackers:
             if trackers.count(name) > 1:
-                raise wrong(f"{name!r} is given twice", "each tracker once")
+                raise wrong(f"{quoted(name)} is given twice", "each tracker once")
             if (
                 known is not None
                 and tables(info.data.get("options", ())).get(name, {}).get("tracker", name) not in known
             ):
-                raise wrong(f"unknown tracker {name!r}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}")
+                raise wrong(
+                    f"unknown tracker {quoted(name)}{suggestion(name, known)}", f"one of {', '.join(sorted(known))}"
+                )
         return trackers
 
     @model_validator(mode="after")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
+from trackfield.scenario.quantities import Exact
 from trackfield.scenario.section import Section
 
 
 class Run(Section):
     """The times of a run."""
 
-    setup_s: float = Field(
-        default=0.0, ge=0, le=1e6, description="emulated time before the first step, from which all other times count"
+    setup_s: Annotated[float, Field(ge=0, le=1e6), Exact] = Field(
+        default=0.0, description="emulated time before the first step, from which all other times count"
     )

@@ -7,13 +7,14 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from trackfield.scenario.paths import MAX_STEPS
-from trackfield.scenario.section import Positive, Section, wrong
+from trackfield.scenario.quantities import Distance
+from trackfield.scenario.section import Section, wrong
 
 
 class Lost(Section):
     """A track is lost if it was too far off, or missing, for ``steps`` in a row among the last ``within``."""
 
-    beyond_m: Positive | None = Field(
+    beyond_m: Distance | None = Field(
         default=None, description="a step with a larger position error is bad; unset: fusion.lost_m"
     )
     steps: int = Field(

@@ -9,7 +9,8 @@ from pydantic import Field, model_validator
 
 from trackfield.models.sound import audible_radius
 from trackfield.scenario.places import Place
-from trackfield.scenario.section import Share, wrong
+from trackfield.scenario.quantities import Share
+from trackfield.scenario.section import wrong
 from trackfield.scenario.sensors.sensor import SensorSection
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
@@ -24,7 +25,7 @@ class Acoustic(SensorSection):
     reach_key: ClassVar[str] = "sensor.threshold"
 
     kind: Literal["acoustic"] = Field(default=ACOUSTIC, description="an array of microphones: level and bearing")
-    level_db: float = Field(default=70.0, gt=0, le=200, description="the target's level at 1 m")
+    level_db: float = Field(default=70.0, ge=0.001, le=200, description="the target's level at 1 m")
     alpha: float = Field(
         default=2.0,
         ge=0.5,
@@ -38,7 +39,9 @@ class Acoustic(SensorSection):
     )
     threshold_min: Share = Field(default=0.70, description="lower bound of an adaptive threshold")
     threshold_max: Share = Field(default=0.80, description="upper bound of an adaptive threshold")
-    doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
+    doa_sd_deg: float = Field(
+        default=3.0, ge=0.001, le=180, description="standard deviation of the direction of arrival"
+    )
     level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
     margin_db: float = Field(
         default=1.0, ge=0, le=100, description="a sensor is awake from this far below its threshold"

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from pydantic import ConfigDict, Field
 
 from trackfield.scenario.places import Place
+from trackfield.scenario.quantities import Option
 from trackfield.scenario.sensors.sensor import SensorSection
 from trackfield.world.own import PlacedSensor, plain
 from trackfield.world.path import Path
@@ -19,11 +20,13 @@ class OwnSensor(SensorSection):
     """A kind of sensor that a user adds (docs/extending.md); further keys are its options, checked by its class."""
 
     model_config = ConfigDict(extra="allow")
-    __pydantic_extra__: dict[str, bool | int | float | str]
+    __pydantic_extra__: dict[str, Option]
 
     reach_key: ClassVar[str] = "sensor.range_m"
 
-    kind: str = Field(min_length=1, description="a sensor of your own; its options are further keys of this section")
+    kind: str = Field(
+        min_length=1, max_length=100, description="a sensor of your own; its options are further keys of this section"
+    )
 
     @property
     def options(self) -> dict[str, bool | int | float | str]:

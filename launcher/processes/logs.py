@@ -1,0 +1,31 @@
+"""The logs of the processes of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from trackfield.errors import RunFailed
+
+LOG_TAIL: Final = 12
+"""Lines that are quoted of the log of a process that failed."""
+
+
+class Logged:
+    """What writes a log for each process into ``folder``."""
+
+    folder: Path
+
+    def log(self, name: str) -> Path:
+        """A process's log."""
+        return self.folder / "logs" / f"{name}.log"
+
+    def log_tail(self, name: str) -> str:
+        """The last lines of a process's log."""
+        log = self.log(name)
+        return "\n".join(log.read_text(errors="replace").splitlines()[-LOG_TAIL:]) if log.exists() else ""
+
+    def failure(self, what: str, name: str) -> RunFailed:
+        """The error that this process failed, with the end of its log."""
+        tail, log = self.log_tail(name), self.log(name)
+        return RunFailed(f"{what}; its log, {log}, ends:\n{tail}" if tail else what, process=name, log=tail)

@@ -1,0 +1,1 @@
+"""What of a run is on disk before its tables are, and the tables made from it if the recorder dies."""

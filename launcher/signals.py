@@ -1,0 +1,32 @@
+"""The signals that ask the program to end."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Ctrl-C, a plain kill, and a terminal that is closed."""
+
+
+@contextmanager
+def handling(handle: Callable[[int], object], numbers: Iterable[signal.Signals] = ENDING) -> Iterator[None]:
+    """Call ``handle`` with the number of each of these signals that comes.
+
+    A closed terminal is no signal for a program that was told to ignore it (``nohup``). Only the main thread can
+    handle signals; in another, nothing changes.
+    """
+    old = {}
+    try:
+        for number in numbers:
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                old[number] = signal.signal(number, lambda number, _: handle(number))
+    except ValueError:  # not the main thread: the caller handles signals
+        pass
+    try:
+        yield
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)

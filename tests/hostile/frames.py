@@ -1,0 +1,218 @@
+"""Bad frames: on the plane that models the radio."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import msgpack
+
+from tests.hostile.samples import ALARM, EITHER, REFUSED, Draw, Means, Sample, bad
+from trackfield.role import NS
+from trackfield.wire import Doa, Envelope, Threshold, encode
+from trackfield.wire.messages import Measurement, SyncReply, SyncRequest
+
+DATA = "data"
+
+
+def report(draw: Draw) -> bytes:
+    """A bearing that points anywhere, as loud as can be."""
+    step = max(draw.known.now_ns // NS, 1)
+    return encode(Doa(step, draw.uniform(0, 359), draw.uniform(60, 90)))
+
+
+def stamp(draw: Draw, sent_ns: int | None = None, incarnation: int = 0, copy: int = 0) -> bytes:
+    """An envelope of just now."""
+    if sent_ns is None:
+        sent_ns = max(draw.known.now_ns - draw.randrange(NS // 2), 0)
+    return Envelope(sent_ns, incarnation, copy, draw.randrange(1000), time.monotonic_ns()).pack()
+
+
+def inbox(src: str, dst: str, kind: str = "doa", medium: str = "field") -> str:
+    return f"data/{medium}/to/{dst}/{src}/{kind}"
+
+
+def to_centre(draw: Draw, payload: bytes, attachment: bytes | None) -> Sample:
+    """A frame that looks like one of a node's."""
+    return Sample(inbox(draw.node(), draw.known.centre), payload, attachment)
+
+
+def frames_heard(draw: Draw) -> list[Sample]:
+    return [sample for sample in draw.known.heard_below("data/") if sample.attachment]
+
+
+# --- what no process would take for a message ------------------------------------------------------------------------
+
+
+@bad(DATA, REFUSED)
+def no_message(draw: Draw) -> Sample:
+    return to_centre(draw, draw.junk(256), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def oversized(draw: Draw) -> Sample:
+    size = draw.choice([257, 300, 5000, 100_000])
+    return to_centre(draw, draw.choice([b"\x90", b"\x00", b"\xff"]) * size, stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def another_version_or_kind(draw: Draw) -> Sample:
+    version, kind = draw.choice([(2, 1), (0, 1), (1, 0), (1, 99), (1, 255), (-1, 1), (2**63, 1)])
+    return to_centre(draw, msgpack.packb([version, kind, 3, 100, 6000]), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def wrong_fields(draw: Draw) -> Sample:
+    fields: list[int | float] = draw.choice(
+        [[3, 40000, 6000], [3, -1, 6000], [70000, 1, 1], [3, 1], [3, 1, 1, 1], [True, 1, 1], [1.5, 1, 1]]
+    )
+    return to_centre(draw, msgpack.packb([1, 1, *fields]), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def any_value(draw: Draw) -> Sample:
+    return to_centre(draw, msgpack.packb(draw.value()), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def key_of_another_kind(draw: Draw) -> Sample:
+    message = draw.choice([Threshold(3, 60.0), SyncReply(1, 2, 3, 4), Measurement(3, (1, 2))])
+    return to_centre(draw, encode(message), stamp(draw))
+
+
+# --- bad envelopes ----------------------------------------------------------------------------------------------------
+
+
+@bad(DATA, REFUSED)
+def no_envelope(draw: Draw) -> Sample:
+    """At a speed other than 1 its arrival says nothing about emulated time."""
+    return to_centre(draw, report(draw), None)
+
+
+@bad(DATA, REFUSED)
+def bad_envelope(draw: Draw) -> Sample:
+    negative = b"\xff" * 8 + bytes(16)
+    return to_centre(draw, report(draw), draw.choice([b"", b"x", bytes(23), bytes(25), draw.junk(20), negative]))
+
+
+@bad(DATA, REFUSED)
+def sent_in_the_future(draw: Draw) -> Sample:
+    ahead = draw.choice([30 * NS, 3600 * NS, 2**62])
+    return to_centre(draw, report(draw), stamp(draw, min(draw.known.now_ns + ahead, 2**63 - 1)))
+
+
+@bad(DATA, ALARM)
+def life_that_nobody_has(draw: Draw) -> Sample:
+    return to_centre(draw, report(draw), stamp(draw, incarnation=draw.choice([2, 3, 500, 65535])))
+
+
+# --- strangers --------------------------------------------------------------------------------------------------------
+
+
+@bad(DATA, REFUSED)
+def sender_that_nobody_knows(draw: Draw) -> Sample:
+    return Sample(inbox(draw.stranger(), draw.anyone()), report(draw), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def receiver_that_nobody_knows(draw: Draw) -> Sample:
+    return Sample(inbox(draw.stranger(), draw.stranger()), report(draw), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def medium_that_nobody_has(draw: Draw) -> Sample:
+    key = inbox(draw.stranger(), draw.known.centre, medium=draw.choice(["backbone", "air", "\x1b[31m"]))
+    return Sample(key, report(draw), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def broadcast_of_a_stranger(draw: Draw) -> Sample:
+    key = f"data/field/all/{draw.choice(['c0', 'c9', 'all'])}/{draw.stranger()}/doa"
+    return Sample(key, report(draw), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def key_that_is_none(draw: Draw) -> Sample:
+    centre = draw.known.centre
+    keys = [
+        f"data/field/to/{centre}",
+        f"data/field/to/{centre}/n000",
+        f"data/field/to/{centre}/n000/doa/more/and/more",
+        f"data/field/to/{centre}/\x1b[2J\x1b]0;pwned\x07/doa",
+        f"data/field/to/{centre}/n0\n00/doa",
+        f"data/field/to/{centre}/{'y' * 40_000}/doa",
+        f"data/field/to/{centre}/\u202en000/doa",
+        "data/field/to/*/n000/doa",
+        f"data/field/to/{centre}/*/doa",
+        f"data/field/to/{centre}/**",
+        "data/**",
+        "**",
+    ]
+    return Sample(draw.choice(keys), report(draw), stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def deleted_frame(draw: Draw) -> Sample:
+    return Sample(inbox(draw.node(), draw.known.centre), means=Means.DELETE)
+
+
+# --- frames of the field, once more ----------------------------------------------------------------------------------
+
+
+@bad(DATA, REFUSED)
+def frame_once_more(draw: Draw) -> Sample | None:
+    frames = frames_heard(draw)
+    return draw.choice(frames) if frames else None
+
+
+@bad(DATA, ALARM)
+def frame_once_more_with_other_content(draw: Draw) -> Sample | None:
+    frames = [sample for sample in frames_heard(draw) if sample.key.endswith("/doa")]
+    return replace(draw.choice(frames), payload=report(draw)) if frames else None
+
+
+@bad(DATA, EITHER)
+def mutated_frame(draw: Draw) -> Sample | None:
+    frames = frames_heard(draw)
+    if not frames:
+        return None
+    frame = draw.choice(frames)
+    if draw.random() < 0.5:
+        return replace(frame, payload=draw.mutated(frame.payload))
+    return replace(frame, attachment=draw.mutated(frame.attachment or b""))
+
+
+# --- forgeries under names of the field -----------------------------------------------------------------------------
+
+
+@bad(DATA, ALARM)
+def forged_report(draw: Draw) -> Sample:
+    return to_centre(draw, report(draw), stamp(draw, copy=draw.choice([0, 0, 7])))
+
+
+@bad(DATA, ALARM)
+def forged_report_of_the_past(draw: Draw) -> Sample:
+    return to_centre(draw, report(draw), stamp(draw, draw.randrange(max(draw.known.now_ns, 1))))
+
+
+@bad(DATA, ALARM)
+def forged_threshold(draw: Draw) -> Sample:
+    step = max(draw.known.now_ns // NS, 1)
+    return Sample(
+        inbox(draw.known.centre, draw.node(), "threshold"), encode(Threshold(step, draw.uniform(0, 150))), stamp(draw)
+    )
+
+
+@bad(DATA, ALARM)
+def forged_time(draw: Draw) -> Sample:
+    asked = [sample for sample in frames_heard(draw) if sample.key.endswith("/sync-request")]
+    request = msgpack.unpackb(draw.choice(asked).payload) if asked else [1, 2, 0, 0]
+    wrong_us = draw.randrange(10**9)
+    reply = SyncReply(request[2], request[3], wrong_us, wrong_us)
+    return Sample(inbox(draw.known.centre, draw.node(), "sync-reply"), encode(reply), stamp(draw))
+
+
+@bad(DATA, ALARM)
+def forged_question_for_the_time(draw: Draw) -> Sample:
+    request = SyncRequest(draw.randrange(65536), draw.randrange(10**9))
+    return Sample(inbox(draw.node(), draw.known.centre, "sync-request"), encode(request), stamp(draw))

@@ -1,0 +1,191 @@
+"""What a recorder takes from the wire, and what it refuses: samples by hand, no session."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import msgpack
+import pytest
+import zenoh
+
+from launcher.record.listener import Listener
+from launcher.records import Plan
+from tests.simulated import spcpf
+from trackfield.drivers.frames import Queued, Told
+from trackfield.drivers.seal import Seal
+from trackfield.drivers.telemetry import pack
+from trackfield.role import NS, Publish, State, TrackPoint
+from trackfield.wire.codec import encode
+from trackfield.wire.envelope import Envelope
+from trackfield.wire.error import WireError
+from trackfield.wire.messages import Doa
+
+NOW = 5 * NS
+REPORT = encode(Doa(1, 90.0, 60.0))
+FINAL = {
+    "sent": 1, "told": 1, "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5,
+    "metered_ns": 0, "slip": {}, "latency": {}, "cpu_s": 0.1,
+}  # fmt: skip
+
+
+@pytest.fixture
+def plan() -> Plan:
+    return spcpf(1, ["target.steps=5"])
+
+
+@pytest.fixture
+def listener(plan: Plan) -> Listener:
+    no_session: Any = None
+    return Listener(no_session, plan, Seal())
+
+
+def report(listener: Listener, sent_ns: int, *, src: str = "n060", to: str = "fusion", **more: Any) -> None:
+    payload = more.pop("payload", REPORT)
+    listener.take(f"data/field/to/{to}/{src}/doa", payload, Envelope(sent_ns, **more).pack(), NOW)
+
+
+def refused(call: Any, *arguments: Any, **more: Any) -> str:
+    with pytest.raises(WireError) as caught:
+        call(*arguments, **more)
+    return caught.value.reason
+
+
+def test_a_frame_of_a_node_is_entered(listener: Listener) -> None:
+    report(listener, NOW)
+    report(listener, NOW)
+    assert listener.ledger.sent_by == {"n060": 1}
+
+
+@pytest.mark.parametrize(
+    ("reason", "frame"),
+    [
+        ("future", {"sent_ns": NOW + 51_000_000}),
+        ("sender", {"sent_ns": 1, "src": "stranger"}),
+        ("receiver", {"sent_ns": 1, "to": "n061"}),
+        ("receiver", {"sent_ns": 1, "to": "nobody"}),
+        ("receiver", {"sent_ns": 1, "src": "fusion", "to": "fusion"}),
+        ("life", {"sent_ns": 1, "incarnation": 1}),
+        ("size", {"sent_ns": 1, "payload": bytes(257)}),
+        ("size", {"sent_ns": 1, "payload": bytes(10_000_000)}),
+    ],
+)
+def test_a_frame_that_no_process_can_have_sent_is_refused(listener: Listener, reason: str, frame: Any) -> None:
+    assert refused(report, listener, **frame) == reason
+    assert not listener.ledger.sent_by
+
+
+def test_a_frame_may_say_that_it_leaves_after_the_end(listener: Listener) -> None:
+    """It waited for its radio, and is counted as in flight."""
+    end_ns = listener.plan.run.end_ns
+    assert refused(report, listener, end_ns) == "future"
+    waiting = Envelope(end_ns + 60 * NS).pack()
+    listener.take("data/field/to/fusion/n060/doa", REPORT, waiting, end_ns)
+    assert listener.ledger.sent_by == {"n060": 1}
+
+
+def test_the_same_frame_with_another_payload_is_a_forgery(listener: Listener) -> None:
+    report(listener, 1)
+    assert refused(report, listener, 1, payload=encode(Doa(1, 91.0, 60.0))) == "conflict"
+
+
+@pytest.mark.parametrize(
+    ("key", "payload", "reason"),
+    [
+        ("telemetry/ghost/final", msgpack.packb(FINAL), "process"),
+        ("telemetry/n060~1/final", msgpack.packb(FINAL), "life"),
+        ("telemetry/n060/final", msgpack.packb(5), "malformed"),
+        ("telemetry/n060/final", msgpack.packb({**FINAL, "sent": "many"}), "malformed"),
+        ("telemetry/n060/final", msgpack.packb({**FINAL, "latency": {5000: 1}}), "malformed"),
+        ("telemetry/n060/counts", msgpack.packb({"delivered": 1.5}), "malformed"),
+        ("telemetry/n060/event", msgpack.packb(["state", [1, 3], 5, ""]), "malformed"),
+        ("telemetry/n060/event", pack(Told((NOW + NS, 3), State("lost"))), "future"),
+        ("telemetry/n060/event", pack(Told((1, 3), Queued("doa", 2**61, 1, 1))), "future"),
+        ("telemetry/fusion/event", pack(Told((1, 3), Publish(TrackPoint("t", "x", 2**61, "waiting")))), "future"),
+        ("telemetry/n060/rumour", b"", "key"),
+        ("telemetry/**", b"", "key"),
+        ("**", b"", "key"),
+        ("control/start", b"soon", "malformed"),
+        ("control/recorder/life", msgpack.packb({"a": 1}), "malformed"),
+        ("control/recorder/life", b"\xc1", "malformed"),
+        ("control/launcher", b"", "key"),
+    ],
+)
+def test_telemetry_and_orders_that_are_none_are_refused(
+    listener: Listener, key: str, payload: bytes, reason: str
+) -> None:
+    assert refused(listener.take, key, payload, None, NOW) == reason
+    assert not listener.ledger.finals
+    assert not listener.ledger.counts
+
+
+def test_a_life_may_be_announced_after_its_first_frame(plan: Plan) -> None:
+    """The two come by ways of their own, and a recorder that stood still has both before it."""
+    told: list[tuple[str, bytes, bytes | None]] = [
+        ("data/field/to/fusion/n060/doa", REPORT, Envelope(NOW, incarnation=1).pack()),
+        ("data/field/to/fusion/n060/doa", REPORT, Envelope(NOW, incarnation=2).pack()),
+    ]
+    listener = arrived(plan, *told)
+    assert not listener.ledger.sent_by
+    life = next(p for p in plan.processes if p.id == "n060")
+    order = msgpack.packb(replace(life, incarnation=1, start_ns=NS).plain())
+    come(listener, ("control/start", b"0", None), ("control/recorder/life", order, None))
+    assert listener.ledger.sent_by == {"n060~1": 1}
+    listener.give_up()
+    assert listener.ledger.refused == {"life": 1}
+    assert listener.ledger.interference()["frames"] == 1
+
+
+def arrived(plan: Plan, *samples: tuple[str, bytes, bytes | None], seal: Seal | None = None) -> Listener:
+    """A listener that has processed these samples, as if they had come through Zenoh."""
+    no_session: Any = None
+    listener = Listener(no_session, plan, seal or Seal())
+    come(listener, *samples)
+    return listener
+
+
+def come(listener: Listener, *samples: tuple[str, bytes, bytes | None]) -> None:
+    for key, payload, attachment in samples:
+        listener._inbox.append((NOW, _Sample(key, payload, attachment)))  # type: ignore[arg-type]
+    listener.drain()
+
+
+class _Sample:
+    """As much of a ``zenoh.Sample`` as a listener looks at."""
+
+    def __init__(self, key: str, payload: bytes, attachment: bytes | None) -> None:
+        self.key_expr = key
+        self.payload = zenoh.ZBytes(payload)
+        self.attachment = None if attachment is None else zenoh.ZBytes(attachment)
+
+
+def test_what_has_no_seal_is_refused_and_told(plan: Plan) -> None:
+    seal = Seal(b"secret")
+    event = pack(Told((1, 3), State("reporting")))
+    start = ("control/start", b"0", seal.stamp("control/start", b"0"))
+    good = ("telemetry/n060/event", event, seal.stamp("telemetry/n060/event", event))
+    forged = [("telemetry/n060/event", event, None), good, ("**", b"", None), ("control/end", b"3", None)]
+    listener = arrived(plan, start, good, *forged, seal=Seal(b"secret"))
+    assert listener.ledger._told_by == {"n060": 1}
+    assert listener.ledger.interference() == {"frames": 0, "telemetry": 3, "answers": 0}
+    assert listener.ledger.run.end_ns == plan.run.end_ns
+
+
+def test_more_than_a_process_says_it_sent_is_interference(listener: Listener) -> None:
+    for t in range(3):
+        report(listener, t)
+        listener.take("telemetry/n060/event", pack(Told((t, 3), State("reporting"))), None, NOW)
+    listener.take("telemetry/n060/final", msgpack.packb({**FINAL, "forged": 4}), None, NOW)
+    assert listener.ledger.interference() == {"frames": 2, "telemetry": 2, "answers": 4}
+    listener.take("telemetry/n060/final", msgpack.packb({**FINAL, "cpu_s": 9.0}), None, NOW)
+    assert listener.ledger.interference()["telemetry"] == 3
+
+
+def test_before_the_start_nothing_can_have_been_sent(plan: Plan) -> None:
+    """Frames that only overtook the order to start are entered when it comes."""
+    frame = ("data/field/to/fusion/n060/doa", REPORT)
+    listener = arrived(plan, *((*frame, Envelope(t).pack()) for t in (1, NOW + NS, 2**62)))
+    assert not listener.ledger.sent_by
+    come(listener, ("control/start", b"0", None))
+    assert listener.ledger.sent_by == {"n060": 1}
+    assert listener.ledger.refused == {"future": 2}
