@@ -15,6 +15,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
+from tests.running import until
 from trackfield.drivers import ask as asking
 from trackfield.drivers.ask import REFUSED, JoinError, TokenError, answer, question_of
 from trackfield.drivers.intake import Refusals
@@ -53,6 +54,9 @@ class Stage:
                 held.append(session.declare_queryable(keys.CLAIM, gives))
             if launcher:
                 held.append(session.liveliness().declare_token(keys.launcher(session.info.zid())))
+            ready = f"ready/{session.info.zid()}"
+            held.append(session.liveliness().declare_token(ready))
+            until(lambda: any(token.ok for token in self.process.liveliness().get(ready)))
             yield
 
     def join(self, token: bytes = b"") -> ProcessSpec:
