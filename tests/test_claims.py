@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from launcher.processes.claims import GRACE_S, OFFERED_S, Claims
+from launcher.processes.places.claims import GRACE_S, OFFERED_S, Claims
 
 FIELD = {"fusion": "fusion", "n000": "node", "n001": "node"}
 

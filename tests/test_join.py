@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -13,6 +15,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
+from tests.running import until
 from trackfield.drivers import ask as asking
 from trackfield.drivers.ask import REFUSED, JoinError, TokenError, answer, question_of
 from trackfield.drivers.intake import Refusals
@@ -34,19 +37,26 @@ class Stage:
     """A router with a process that asks, and as many as wanted that answer it."""
 
     def __init__(self, endpoint: str) -> None:
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self.process = self._session()
         self.refused = Refusals()
 
     def _session(self) -> zenoh.Session:
-        return open_client(self._endpoint, "run")
+        return open_client(self.endpoint, "run")
 
     @contextmanager
-    def answering(self, answers: Answers, *, launcher: bool = False) -> Iterator[None]:
+    def answering(self, answers: Answers, *, launcher: bool = False, name: str = "") -> Iterator[None]:
+        """Somebody answers who joins, as a ``launcher`` or not, and gives this ``name`` to who claims a place."""
         with self._session() as session:
             held: list[Any] = [session.declare_queryable(keys.JOIN, Callback(answers, indirect=False))]
+            if name:
+                gives = Callback(lambda query: answer(query, keys.CLAIM, {"name": name}, Seal()), indirect=False)
+                held.append(session.declare_queryable(keys.CLAIM, gives))
             if launcher:
                 held.append(session.liveliness().declare_token(keys.launcher(session.info.zid())))
+            ready = f"ready/{session.info.zid()}"
+            held.append(session.liveliness().declare_token(ready))
+            until(lambda: any(token.ok for token in self.process.liveliness().get(ready)))
             yield
 
     def join(self, token: bytes = b"") -> ProcessSpec:
@@ -166,3 +176,27 @@ def test_a_process_makes_its_own_role_whatever_it_is_told(stage: Stage) -> None:
     told = {**TOLD, "process": {**NODE.plain(), "factory": "subprocess:check_call"}}
     with stage.answering(telling(told), launcher=True):
         assert stage.join() == NODE
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"config": {"nonsense": 1}},
+        {"config": {}},
+        {"clock": {"x": 1}},
+        {"sound": {"position": 1}},
+        {"media": (5,)},
+        {"cells": ("*", "**")},
+        {"faults": (5,)},
+    ],
+    ids="-".join,
+)
+def test_a_launcher_of_another_version_is_one_message(stage: Stage, changed: dict[str, Any]) -> None:
+    told = {**TOLD, "process": {**NODE.plain(), **changed}}
+    with stage.answering(telling(told), launcher=True, name="n1"):
+        command = [sys.executable, "-m", "node", "--connect", stage.endpoint, "--run", "run"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"node: cannot join the run run through {stage.endpoint}: ")
+    assert "makes no node here" in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -14,7 +14,7 @@ import zenoh
 
 from launcher.plan.prepare import load, planned
 from launcher.processes.alarms import Alarms
-from launcher.processes.open_registry import LEAD_S, OpenRegistry
+from launcher.processes.places.open_registry import LEAD_S, OpenRegistry
 from tests.running import until
 from trackfield.drivers.ask import JoinError, TokenError
 from trackfield.drivers.claim import claim
@@ -187,7 +187,7 @@ def test_of_two_that_joined_at_once_the_first_that_is_there_has_the_place(run: R
 
 
 def test_a_second_token_for_a_living_process_is_an_alarm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("launcher.processes.open_registry.TICKET_S", 0.2)
+    monkeypatch.setattr("launcher.processes.places.open_registry.TICKET_S", 0.2)
     with run.guest("n003") as kept, run.guest("n003") as first:
         kept.join()
         first.join().appear().confirm()
@@ -198,7 +198,7 @@ def test_a_second_token_for_a_living_process_is_an_alarm(run: Run, monkeypatch: 
 
 
 def test_a_ticket_does_not_last(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("launcher.processes.open_registry.TICKET_S", 0.2)
+    monkeypatch.setattr("launcher.processes.places.open_registry.TICKET_S", 0.2)
     with run.guest() as guest:
         guest.join()
         time.sleep(0.2)

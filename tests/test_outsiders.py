@@ -78,7 +78,7 @@ def test_neither_a_flood_of_claims_nor_forged_tokens_keep_the_processes_out(
         code, said = run.finish(60)
         assert len(held) == len(NAMES)
     assert code == 1
-    assert "somebody else interfered: 5 tokens did not come from this run" in said
+    assert "somebody interfered with the run: 5 liveliness tokens of no process of the run (interference)" in said
     assert run.metrics()["processes"]["died"] == []
     assert tracked(run) == 12
 

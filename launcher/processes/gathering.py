@@ -18,7 +18,7 @@ from zenoh.handlers import Callback
 
 from launcher.processes.children import Children
 from launcher.processes.deployment import GOOD_END, Deployment
-from launcher.processes.open_registry import OpenRegistry
+from launcher.processes.places.open_registry import OpenRegistry
 from trackfield.drivers.intake import opened
 from trackfield.drivers.seal import token_from
 from trackfield.drivers.spec import ProcessSpec

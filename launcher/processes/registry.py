@@ -13,7 +13,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from launcher.processes.alarms import QUESTIONS, TOKENS, Alarms
-from launcher.processes.tickets import LENGTH, Tickets
+from launcher.processes.places.tickets import LENGTH, Tickets
 from launcher.records import LIVE, RECORDER, Plan
 from trackfield.drivers.ask import REFUSED, UNSEALED, answer, question_of
 from trackfield.drivers.intake import opened, printable, read, unpacked

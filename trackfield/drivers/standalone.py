@@ -16,7 +16,7 @@ from setproctitle import setproctitle
 
 from trackfield.drivers.ask import JoinError, RefusedError, TokenError
 from trackfield.drivers.claim import claim, find_run
-from trackfield.drivers.intake import Refusals
+from trackfield.drivers.intake import Refusals, printable
 from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
@@ -52,8 +52,6 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
             break
         except ScenarioError as error:
             sys.exit(f"{role}: {error} (--own tells this process where a class of yours is)")
-        except (TypeError, ValueError, LookupError, AttributeError) as error:
-            sys.exit(f"{role}: cannot be what the launcher says: {type(error).__name__}: {error}")
         except (JoinError, zenoh.ZError) as error:
             which = " ".join(filter(None, ["the run", arguments.run]))
             why = f"{role}: cannot join {which} through {arguments.connect}: {error}"
@@ -104,6 +102,10 @@ def _take_place(session: zenoh.Session, role: str, factory: str, place: str) -> 
         process.confirm(host)
     except RefusedError as error:
         raise _TakenError(str(error)) from None
+    except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
+        why = printable(f"{type(error).__name__}: {error}")
+        what = f"what the launcher tells makes no {role} here ({why})"
+        raise JoinError(f"{what}: it is of another version of Trackfield, or no launcher") from None
     return process
 
 

@@ -14,7 +14,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from launcher.processes.alarms import Alarms
-from launcher.processes.claims import Claims
+from launcher.processes.places.claims import Claims
 from launcher.processes.registry import Registry
 from launcher.records import Plan
 from trackfield.drivers.intake import printable
