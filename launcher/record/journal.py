@@ -99,7 +99,8 @@ class Telling:
         for event in events:
             self._tell(timeline, event)
         for (t_ns, process), error_ns in islice(self.ledger.clock_errors.items(), self._errors_told, None):
-            timeline.clock_error(t_ns, process, error_ns / 1e6)
+            if t_ns < self.plan.run.end_ns:  # of a frame, as above
+                timeline.clock_error(t_ns, process, error_ns / 1e6)
         self._errors_told = len(self.ledger.clock_errors)
 
     def _tell(self, timeline: Timeline, event: Event) -> None:
