@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from reprlib import Repr
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError
@@ -11,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError
 from launcher.nested import flat
 from launcher.record.verdict import Verdict
 from trackfield.errors import ScenarioError
+from trackfield.words import quoted
 
 MOST: Final = 1e100
 """The largest number that a figure can have; sums and squares of such numbers are still numbers."""
@@ -252,17 +252,8 @@ def first_problem(error: ValidationError) -> tuple[str, str]:
     """The key of the first value that is wrong, and what is wrong with it; both fit into a line."""
     first = error.errors(include_url=False, include_context=False)[0]
     key = ".".join(map(str, first["loc"]))
-    what = "is missing" if first["type"] == "missing" else f"is {short(first['input'])}"
-    return (key if key.isprintable() and len(key) <= 80 else short(key)), what
-
-
-def short(value: object) -> str:
-    """A value from a file as it fits into a message: not longer than a line, without control characters."""
-    return _SHORT.repr(value)
-
-
-_SHORT: Final = Repr()
-_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxother = 2, 60, 60
+    what = "is missing" if first["type"] == "missing" else f"is {quoted(first['input'])}"
+    return (key if key.isprintable() and len(key) <= 80 else quoted(key)), what
 
 
 class RunFigures(_Figures):

@@ -18,7 +18,6 @@ from launcher.plan.architectures import architecture_of
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import end_of, planned_faults
 from launcher.record.journal import METRICS
-from launcher.record.measures import short
 from launcher.record.reading import files as reading
 from launcher.record.reading.files import Manifest
 from launcher.records import ARRIVED, SENSES, Place, last_due
@@ -26,6 +25,7 @@ from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
+from trackfield.words import quoted
 
 REPORTS: Final = ("doa", "measurement")
 """The kinds of message that carry what a sensor measured."""
@@ -249,10 +249,10 @@ def read_run(folder: Path) -> Run:
     )
     reading.check_belongs(folder, run.places, end_of(site), points, frames)
     if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):
-        what = f"are {short(metrics['scenario'])} and {metrics['seed']}"
+        what = f"are {quoted(metrics['scenario'])} and {metrics['seed']}"
         reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)
     if strange := {track.tracker for track in run.tracks} - set(run.trackers):
-        what = f"is {short(min(strange))}, which has no figures"
+        what = f"is {quoted(min(strange))}, which has no figures"
         reading.refuse(folder / reading.TRACKS, "tracker", what, f"one of {', '.join(run.trackers)}")
     return run
 

@@ -12,6 +12,7 @@ import msgpack
 from trackfield.drivers.inbox import bytes_of
 from trackfield.drivers.seal import Seal
 from trackfield.wire.error import WireError
+from trackfield.words import plain, shortened
 
 if TYPE_CHECKING:
     import zenoh
@@ -93,5 +94,4 @@ class Refusals:
 
 def printable(text: object, most: int = SHOWN) -> str:
     """A text that may be anything, for a log or a terminal: short, without control characters."""
-    shown = ascii(str(text))[1:-1]
-    return shown if len(shown) <= most else f"{shown[:most]}..."
+    return plain(shortened(str(text), most))

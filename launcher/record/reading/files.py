@@ -20,11 +20,12 @@ from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from launcher.files import recovering
 from launcher.record.journal import METRICS
-from launcher.record.measures import Count, Number, RunFigures, first_problem, short
+from launcher.record.measures import Count, Number, RunFigures, first_problem
 from launcher.record.reading.columns import COLUMNS, Column
 from launcher.records import ARRIVED, SENSES, Place
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
+from trackfield.words import quoted
 
 MANIFEST: Final = "manifest.json"
 SCENARIO: Final = "scenario.toml"
@@ -149,7 +150,7 @@ def check_belongs(folder: Path, places: Collection[Place], end_ns: int, points: 
         (MESSAGES, "dst", messages["dst"], ids),
     ):
         if strange := set(pc.unique(values).to_pylist()) - known:
-            refuse(folder / name, column, f"names {short(min(strange))}, which is not there", OF_THIS)
+            refuse(folder / name, column, f"names {quoted(min(strange))}, which is not there", OF_THIS)
     arrived = messages.filter(pc.is_in(messages["outcome"], pa.array(ARRIVED)))
     for name, column, values in (
         (TRACKS, "at_ns", points["at_ns"]),
@@ -244,7 +245,7 @@ def _check_values(file: Path, name: str, values: pa.ChunkedArray, column: Column
         if values.null_count:
             refuse(file, name, "lacks a value inside a row", "whole rows")
     if column.known and (strange := set(pc.unique(values).to_pylist()) - column.known - {None}):
-        refuse(file, name, f"is {short(min(strange))}", f"one of {', '.join(sorted(column.known))}")
+        refuse(file, name, f"is {quoted(min(strange))}", f"one of {', '.join(sorted(column.known))}")
     if column.finite and not pc.all(pc.is_finite(values), min_count=0).as_py():
         refuse(file, name, "is not a number somewhere", "finite numbers")
     if column.least is not None and len(values) > values.null_count:
