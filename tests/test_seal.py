@@ -67,9 +67,10 @@ def test_without_a_token_everything_passes() -> None:
 
 
 def test_the_token_of_the_environment_may_be_any_text() -> None:
-    assert token_from({}) == token_from({TOKEN: ""}) == b""
-    tokens = [token_from({TOKEN: text}) for text in ("a", "b", "a" * 1000, "\udcff")]
-    assert len(set(tokens)) == 4
+    assert token_from({}, "run") == token_from({TOKEN: ""}, "run") == b""
+    tokens = [token_from({TOKEN: text}, "run") for text in ("a", "b", "a" * 1000, "\udcff")]
+    tokens.append(token_from({TOKEN: "a"}, "another run"))
+    assert len(set(tokens)) == 5
     assert all(Seal(token).stamp(KEY, DATA) for token in tokens)
 
 

@@ -71,14 +71,14 @@ def test_a_process_of_another_make_joins(endpoint: str, key: bytes) -> None:
 
 
 def test_the_seal_that_is_printed() -> None:
-    text, number, order, where, printed = re.findall(
-        r"With the token `(\w+)`, the seal with number (\d+) of the order `(\d+)` at `([a-z/]+)` is\s+`([0-9a-f]{48})`",
+    text, run, number, order, where, printed = re.findall(
+        r"With the token `(\w+)`, in the run `(\w+)`, the seal with number (\d+) of the order `(\d+)` at `([a-z/]+)` is\s+`([0-9a-f]{48})`",
         DOCS,
     )[0]
     stamp = bytes.fromhex(printed)
-    key = hashlib.blake2b(text.encode()).digest()
+    key = hashlib.blake2b(f"{text}\0{run}".encode()).digest()
     assert seal(key, where, int(number), order.encode()) == stamp
-    ours = Seal(token_from({"TRACKFIELD_TOKEN": text}))
+    ours = Seal(token_from({"TRACKFIELD_TOKEN": text}, run))
     with pytest.raises(WireError):
         ours.check(where, order.encode() + b"0", stamp)
     ours.check(where, order.encode(), stamp)

@@ -161,7 +161,7 @@ class Deployment(Logged):
         with suppress(WireError):  # the recorder counts it
             name, _ = keys.parse_telemetry(str(sample.key_expr))
             opened(sample, self.seal)
-            if name in self._lives and self.registry.start_ns is not None:
+            if self.now_ns >= self._end_ns and name in self._lives:
                 self._reached.add(name)
 
     def _on_status(self, sample: zenoh.Sample) -> None:
@@ -181,6 +181,7 @@ class Deployment(Logged):
             if tick(missing, len(wanted)):
                 return
             self._look_at_start()
+            self._orders.look(self.registry.arrivals)
             for name in sorted(missing & self._watch.still(patience.STILL_S)):
                 raise self.failure(f"{name} was stopped from outside at start, and not continued", name)
             if time.monotonic() > deadline:
@@ -219,7 +220,7 @@ class Deployment(Logged):
     def watch(self, tick: Callable[[], bool]) -> None:
         """Follow the run to its end; ``tick()`` returns True to end it early."""
         ending = False
-        while missing := self._to_the_end() - self._reached - self._watch.gone:
+        while (missing := self._to_the_end() - self._reached - self._watch.gone) or self._to_be_killed():
             self._tend()
             if self._router_is_gone():
                 if not self._sockets:
@@ -240,6 +241,11 @@ class Deployment(Logged):
     def _to_the_end(self) -> set[str]:
         """The processes that should report that they have reached the end."""
         return {name for name, life in self._lives.items() if life.kill_ns is None or life.kill_ns >= self._end_ns}
+
+    def _to_be_killed(self) -> bool:
+        """Whether a planned kill is still to come."""
+        kills = [life.kill_ns for name, life in self._lives.items() if life.kill_ns and name not in self._watch.gone]
+        return any(self.now_ns < kill_ns < self._end_ns for kill_ns in kills)
 
     def _end_early(self) -> None:
         soon_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)

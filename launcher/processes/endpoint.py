@@ -43,7 +43,8 @@ class SocketFolder:
         self.path = _new_folder()
         self.endpoint = f"unixsock-stream/{self.path / _NAME}"
         self._lock = os.open(self.path, os.O_RDONLY)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        with suppress(OSError):  # not every file system has locks
+            fcntl.flock(self._lock, fcntl.LOCK_EX)
         _sweep(self.path.parent)
 
     def clear(self) -> None:
@@ -116,7 +117,7 @@ def _sweep(place: Path) -> None:
         with suppress(OSError):  # another user's, in use, or removed by another launcher
             if time.time() - folder.stat().st_mtime < _YOUNG_S:
                 continue
-            lock = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW)
+            lock = os.open(folder, os.O_RDONLY | os.O_NOFOLLOW | os.O_DIRECTORY)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 shutil.rmtree(folder, ignore_errors=True)

@@ -56,6 +56,8 @@ class Guests(Children):
 
     def left(self, name: str) -> None:
         """This guest sent its final record."""
+        if name in self._left:
+            return
         self._left.add(name)
         self._ended.append((name, GOOD_END))
 
@@ -110,7 +112,7 @@ class Gathering(Deployment):
 
     def _token(self) -> bytes:
         """As in the environment, which all processes of the run share; without one, they trust their router."""
-        return token_from(os.environ)
+        return token_from(os.environ, self.plan.run.run)
 
     def _make_children(self) -> Children:
         self._guests = Guests(self.registry)

@@ -111,11 +111,11 @@ class Telling:
                 timeline.battery(event.t_ns, event.process, share)
             case Died(why):
                 timeline.death(event.t_ns, event.process, why)
-            case Queued(_, sent_ns, waited_ns, ahead):
-                timeline.queue(sent_ns - waited_ns, event.process, ahead)
+            case Queued(ahead=ahead):
+                timeline.queue(event.t_ns, event.process, ahead)
             case Note(text):
                 timeline.note(event.t_ns, event.process, text)
-            case Publish(point):
+            case Publish(point) if point.at_ns <= self.plan.run.end_ns:  # its source's clock may be ahead
                 truth, _ = nearest(self.plan.paths, point)
                 late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
                 timeline.estimate(point, truth[:2] if truth else None, late_ns)

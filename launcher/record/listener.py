@@ -12,15 +12,13 @@ import zenoh
 from launcher.record.journal import Telling, Unplanned
 from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
-from launcher.record.samples import counts_of, deaths_of, event_of, final_of, life_of
+from launcher.record.samples import MAX_EVENT, counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.frames import Queued, Told
 from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import role_factory
-from trackfield.drivers.telemetry import Telemetry
-from trackfield.role import NS, Publish
+from trackfield.role import NS
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -33,6 +31,8 @@ SETTLE_S: Final = 1.0
 
 MAX_WAITING: Final = 10_000
 """How many samples may wait until the life that they are from is announced."""
+SLOWEST_NS: Final = 10 * NS
+"""No radio takes longer for a frame with all its repeats."""
 SILENT: Final = ("reached", "stored", "status")
 """Telemetry that is for others than a recorder."""
 
@@ -60,6 +60,7 @@ class Intake:
         self._start_ns: int | None = None
         self._seen = Seen()
         self._early_ns = round(EARLY_NS * plan.run.speed)
+        self._backlog_ns = (plan.run.queue + 1) * SLOWEST_NS
 
     def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
         """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.
@@ -95,7 +96,9 @@ class Intake:
 
         At the end of a run all processes also send the frames that wait for their radios.
         """
-        if now_ns is None or (t_ns > now_ns + self._early_ns and now_ns < self.ledger.run.end_ns):
+        end_ns = self.ledger.run.end_ns
+        latest_ns = end_ns + self._backlog_ns if now_ns is not None and now_ns >= end_ns else now_ns
+        if latest_ns is None or t_ns > max(latest_ns, (now_ns or 0) + self._early_ns):
             raise WireError("future", "later than now")
 
     def _foreign(self) -> Envelope:
@@ -110,7 +113,7 @@ class Intake:
         if what == "event":
             event = event_of(data)
             self._check_time(event.key[0], now_ns)
-            if latest(event) > self.plan.run.end_ns:
+            if event.key[0] > self.plan.run.end_ns:
                 raise WireError("future", "after the end of the run")
             self.ledger.told(process, event)
         elif what == "counts":
@@ -119,17 +122,6 @@ class Intake:
             self.ledger.final(process, final_of(data))
         elif what not in SILENT:
             raise WireError("key", "no telemetry of a process")
-
-
-def latest(event: Telemetry) -> int:
-    """The latest instant that a piece of telemetry is about (ns)."""
-    t_ns: int = event.key[0]
-    match event:
-        case Told(_, Publish(point)):
-            return max(t_ns, point.at_ns)
-        case Told(_, Queued(_, sent_ns, waited_ns)):
-            return max(t_ns, sent_ns - waited_ns)
-    return t_ns
 
 
 class Listener(Intake):
@@ -193,7 +185,7 @@ class Listener(Intake):
         One of an unknown life, or from before the start, may only have overtaken the order that tells of it.
         """
         waits = error.reason == "life" or (error.reason == "future" and self._start_ns is None)
-        if waits and len(self._waiting) < MAX_WAITING:
+        if waits and len(self._waiting) < MAX_WAITING and len(arrived[2]) <= MAX_EVENT:
             self._waiting.append((arrived, error))
             return
         self._refusals.add(arrived[1], error)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
-from annotated_types import Ge, Le, Len
+from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
@@ -27,15 +27,15 @@ Count = Annotated[int, Ge(0), Le(2**63 - 1)]
 Small = Annotated[int, Ge(-(2**31)), Le(2**31 - 1)]
 """Fits a column of 32 bits."""
 Ns = Annotated[int, Ge(-MAX_NS), Le(MAX_NS)]
-Text = Annotated[str, Len(0, 1000)]
-Five = tuple[Count, Count, Count, Count, Count]
+Five = tuple[Ns, Ns, Ns, Ns, Ns]
+"""Of an ``Activity``; time is negative while a frame is under way that was counted as a whole."""
 Buckets = dict[Annotated[int, Ge(-1000), Le(1000)], Count]
 """Of a ``Histogram``: a duration of exp(1000 / 20) ns is beyond any."""
 
 _KEY: Final = TypeAdapter[EventKey](
-    tuple[Ns, Literal[0], Text]
-    | tuple[Ns, Literal[1], Text, Text, Ns, Count, Count, Text, Text]
-    | tuple[Ns, Literal[2], Ns, Text]
+    tuple[Ns, Literal[0], str]
+    | tuple[Ns, Literal[1], str, str, Ns, Count, Count, str, str]
+    | tuple[Ns, Literal[2], Ns, str]
     | tuple[Ns, Literal[3]]
 )
 _STRICT: Final = ConfigDict(strict=True, extra="forbid", frozen=True)
@@ -64,13 +64,13 @@ class Status(BaseModel):
 
     t_s: float
     sent: Count
-    outcomes: dict[Text, Count]
-    states: dict[Text, Count]
-    errors: dict[Text, float | None]
+    outcomes: dict[str, Count]
+    states: dict[str, Count]
+    errors: dict[str, float | None]
 
 
-_COUNTS: Final = TypeAdapter(dict[Text, Count])
-_DEATHS: Final = TypeAdapter(tuple[tuple[Text, float | None, Text], ...])
+_COUNTS: Final = TypeAdapter(dict[str, Count])
+_DEATHS: Final = TypeAdapter(tuple[tuple[str, float | None, str], ...])
 _COLUMNS: Final = {"step": Small | None, "lag": Small, "term": Small}
 
 
@@ -78,7 +78,7 @@ def _values(kind: type) -> TypeAdapter[Any]:
     """Parses the fields of a flat dataclass, in their order."""
     assert is_dataclass(kind)
     hints = get_type_hints(kind)
-    bounded = {int: Ns, str: Text, tuple[float, ...]: tuple[float, ...], Medium: Medium}
+    bounded = {int: Ns, tuple[float, ...]: tuple[float, ...], Medium: Medium}
     types = [_COLUMNS.get(f.name) or bounded.get(hints[f.name], hints[f.name]) for f in fields(kind)]
     together: Any = tuple.__class_getitem__(tuple(types))
     return TypeAdapter(together)
@@ -103,7 +103,7 @@ def _event(told: Any) -> Telemetry:
             return Told(key, Overflowed(_frame(_made(Frame, values))))
         case "refused":
             (reason,) = values
-            return Refused(key, TypeAdapter(Text).validate_python(reason, strict=True))
+            return Refused(key, TypeAdapter(str).validate_python(reason, strict=True))
         case "undone" if not values:
             return Undone(key)
     return Told(key, _made(_PLAIN[name], values))

@@ -247,7 +247,8 @@ def read_run(folder: Path) -> Run:
         tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course),
         Frames(frames, site.origin_ns),
     )
-    reading.check_belongs(folder, run.places, end_of(site), points, frames)
+    jumps = (run.faults.of(place.id).jumps for place in run.places)
+    reading.check_belongs(folder, run.places, end_of(site), jumps, points, frames)
     if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):
         what = f"are {quoted(metrics['scenario'])} and {metrics['seed']}"
         reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)

@@ -64,7 +64,8 @@ def replay(
     scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
     messages = read_table(run, MESSAGES)
     plan = planned(scenario)
-    check_belongs(run, plan.info.places, plan.run.end_ns, read_table(run, TRACKS), messages)
+    jumps = (p.jumps for p in plan.processes)
+    check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
     fusions = read_fusions(run)
     _check_usable(run, plan, fusions, rows)

@@ -29,8 +29,8 @@ MAX_QUESTION: Final = 1000
 """The longest question (bytes)."""
 MAX_WHY: Final = 500
 """Characters of a refusal that are shown."""
-STRANGE_ROUNDS: Final = 3
-"""So many times a question is asked of which all answers lack the run's seal."""
+STRANGE_S: Final = 5.0
+"""So long a question is asked of which all answers lack the run's seal: the launcher may only be away."""
 
 
 class JoinError(RuntimeError):
@@ -54,7 +54,7 @@ def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: 
     deadline = time.monotonic() + ANSWER_TIMEOUT_S
     launcher = "" if seal.token else _launcher(session)
     wrong: list[WireError] = []
-    rounds = 0
+    strange_s: float | None = None
     while time.monotonic() < deadline:
         before = len(wrong)
         told = _asked(session, key, question, seal, launcher, wrong)
@@ -64,8 +64,9 @@ def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: 
             if REFUSED in told:
                 raise (TokenError if UNSEALED in told else RefusedError)(printable(told[REFUSED], MAX_WHY))
             return told
-        rounds += len(wrong) > before
-        if seal.token and rounds >= STRANGE_ROUNDS:
+        if len(wrong) > before and strange_s is None:
+            strange_s = time.monotonic() + STRANGE_S
+        if seal.token and strange_s is not None and time.monotonic() > strange_s:
             what = f"the answers lack the seal of the token in {TOKEN}"
             raise TokenError(f"{what}: the run was started with another one or without, or somebody pretends to be it")
         time.sleep(RETRY_S)

@@ -61,6 +61,6 @@ class Heritage:
 def _bequeathed(record: Any) -> tuple[bytes, Activity]:
     """What a final record leaves to the next life."""
     stored, used = record["stored"], spent(record)
-    if not isinstance(stored, bytes) or not all(type(n) is int and n >= 0 for n in used):
+    if not isinstance(stored, bytes) or not all(type(n) is int for n in used):
         raise WireError("malformed", "no final record")
     return stored, used

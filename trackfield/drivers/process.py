@@ -255,6 +255,7 @@ class Process:
         except WireError as error:
             self._strange.add(sample.key_expr, error)
             return
+        self._counts["foreign"] += sample.attachment is None
         if envelope.put_ns:
             self._latency.add(arrived_ns - envelope.put_ns)
         self._receive(frame)
@@ -263,7 +264,6 @@ class Process:
         """The envelope of a foreign device's frame that came without one."""
         if self._speed != 1 or self._start_ns is None:
             return no_stamp()
-        self._counts["foreign"] += 1
         return Envelope(max(arrived_ns - self._start_ns, 0), 0, 0, 0, 0)
 
     def _receive(self, frame: Frame) -> None:

@@ -18,10 +18,13 @@ _NUMBER: Final = Struct("<Q")
 _MAC_BYTES: Final = 16
 
 
-def token_from(environment: Mapping[str, str]) -> bytes:
-    """The token that processes share which are started elsewhere; empty if there is none, and they trust the router."""
-    text = environment.get(TOKEN, "")
-    return blake2b(text.encode(errors="surrogateescape")).digest() if text else b""
+def token_from(environment: Mapping[str, str], run: str) -> bytes:
+    """The token of a run that processes share which are started elsewhere.
+
+    Empty if there is none, and they trust the router. What is sealed in one run has no valid seal in another.
+    """
+    text = environment.get(TOKEN, "").encode(errors="surrogateescape")
+    return blake2b(text + b"\0" + run.encode()).digest() if text else b""
 
 
 class Seal:

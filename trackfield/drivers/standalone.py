@@ -76,10 +76,11 @@ def _leave() -> NoReturn:
 def _join(role: str, factory: str, arguments: argparse.Namespace) -> Process:
     """A process that has a place. Raises ``JoinError``."""
     run = arguments.run or find_run(arguments.connect)
+    seal = Seal(token_from(os.environ, run))
     for _ in range(TRIES):
         session = open_client(arguments.connect, run)
         try:
-            return _take_place(session, role, factory, arguments.id or "")
+            return _take_place(session, seal, role, factory, arguments.id or "")
         except _TakenError as error:
             taken = error
             session.close()  # type: ignore[no-untyped-call]
@@ -93,8 +94,8 @@ class _TakenError(JoinError):
     """Another process was faster at the place that this one was offered."""
 
 
-def _take_place(session: zenoh.Session, role: str, factory: str, place: str) -> Process:
-    seal, host = Seal(token_from(os.environ)), socket.gethostname()
+def _take_place(session: zenoh.Session, seal: Seal, role: str, factory: str, place: str) -> Process:
+    host = socket.gethostname()
     name = claim(session, role, host, place, seal, Refusals())
     setproctitle(f"trackfield {role} {name}")
     try:

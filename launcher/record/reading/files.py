@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
@@ -31,6 +31,7 @@ MANIFEST: Final = "manifest.json"
 SCENARIO: Final = "scenario.toml"
 TRACKS: Final = "tracks.parquet"
 MESSAGES: Final = "messages.parquet"
+AHEAD_NS: Final = 3_600_000_000_000
 LARGEST: Final = 256_000_000
 """The most bytes of a file that is read as one text."""
 OF_THIS: Final = f"those of the run of its {SCENARIO}"
@@ -138,10 +139,19 @@ def refuse(file: Path, key: str, what: str, expected: str = "the values of a run
     raise ScenarioError(what, file=str(file), key=key, expected=expected)
 
 
-def check_belongs(folder: Path, places: Collection[Place], end_ns: int, points: pa.Table, messages: pa.Table) -> None:
+def check_belongs(
+    folder: Path,
+    places: Collection[Place],
+    end_ns: int,
+    jumps: Iterable[Sequence[tuple[int, int]]],
+    points: pa.Table,
+    messages: pa.Table,
+) -> None:
     """Raise ``ScenarioError`` if tracks or frames name a process that the scenario lacks, or are of after the run.
 
-    ``end_ns`` is its planned end, since its start. Frames from elsewhere may claim to have been sent at any time.
+    ``end_ns`` is its planned end, since its start; a point may be of later if the clock of its source is ahead, by its
+    ``jumps`` (at ns, by ns) or, without any, by up to ``AHEAD_NS``. Frames from elsewhere may claim to have been sent
+    at any time.
     """
     ids, sensors = {place.id for place in places}, {place.id for place in places if SENSES in place.tags}
     for name, column, values, known in (
@@ -152,13 +162,14 @@ def check_belongs(folder: Path, places: Collection[Place], end_ns: int, points: 
         if strange := set(pc.unique(values).to_pylist()) - known:
             refuse(folder / name, column, f"names {quoted(min(strange))}, which is not there", OF_THIS)
     arrived = messages.filter(pc.is_in(messages["outcome"], pa.array(ARRIVED)))
-    for name, column, values in (
-        (TRACKS, "at_ns", points["at_ns"]),
-        (TRACKS, "told_ns", points["told_ns"]),
-        (MESSAGES, "due_ns", arrived["due_ns"]),
+    ahead_ns = AHEAD_NS + max((sum(by for _, by in own if by > 0) for own in jumps), default=0)
+    for name, column, values, most_ns in (
+        (TRACKS, "at_ns", points["at_ns"], end_ns + ahead_ns),
+        (TRACKS, "told_ns", points["told_ns"], end_ns),
+        (MESSAGES, "due_ns", arrived["due_ns"], end_ns),
     ):
-        if (latest := pc.max(values).as_py() or 0) > end_ns:
-            refuse(folder / name, column, f"is {latest:,}", f"{end_ns:,}, the end of the run, at most")
+        if (latest := pc.max(values).as_py() or 0) > most_ns:
+            refuse(folder / name, column, f"is {latest:,}", f"{most_ns:,} at most: the run ended at {end_ns:,}")
 
 
 # --- files ------------------------------------------------------------------------------------------------------------
