@@ -124,7 +124,7 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
     key = keys.telemetry(RECORDER, "status")
     told = bench.session.declare_subscriber(key, Callback(on_status, indirect=False))
     recorder = Child("launcher.record.recorder:record", RECORDER, str(folder / "log"), graceful=True)
-    bench.children.fork(RECORDER, recorder, bench.endpoint, bench.plan, folder)
+    bench.children.fork(RECORDER, recorder, bench.endpoint, bench.plan, folder, b"")  # without seals
     _until(lambda: len(heard) > 1 or not bench.children.alive(RECORDER))
     if len(heard) == 1:
         raise RuntimeError(f"the recorder died: {(folder / 'log').read_text()}")

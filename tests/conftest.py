@@ -21,6 +21,7 @@ ALLOWED_SKIPS: Final = {
     "no container engine": "an engine needs rights that not every machine gives; where one is, its tests run",
     "no Chromium": "a browser is large; where one is, it opens what users open",
     "no peer": "others' filters, with which the benchmark compares, are installed by make bench alone",
+    "no small disk": "to mount one takes rights that not every machine gives; where they are, it is filled",
     "no data file": "recordings of real vehicles and sounds are not ours to put into the repository",
 }
 """How the reason of an allowed skip begins, and why it is allowed."""

@@ -162,7 +162,8 @@ def test_what_the_network_loses_is_between_the_two_bounds(settings: list[str]) -
 
 def test_where_there_is_no_bound_there_is_nothing_to_say() -> None:
     """Bearings without error, no centre, nobody who reports without a prior."""
-    exact = spcpf(1, [*STRAIGHT, "sensor.doa_sd_deg=0"])
+    plan = spcpf(1, STRAIGHT)
+    exact = replace(plan, tracking={**plan.tracking, "doa_sd_deg": 0.0})
     assert run_bound(exact, used_by(("n012", 1))) == {}
     nobody = replace(spcpf(1, STRAIGHT), tracking={})
     reports = used_by(("n012", 1), ("n013", 1))

@@ -72,8 +72,8 @@ def test_an_unknown_name_gets_the_nearest(
     [
         ("link.loss=2", ["link.loss: is 2", "a number from 0 to 1"]),
         ("link.loss=high", ['link.loss: is "high"', "a number from 0 to 1"]),
-        ("sensor.doa_sd_deg=-1", ["sensor.doa_sd_deg: is -1", "a number from 0 to 180"]),
-        ("sensor.doa_sd_deg=nan", ["sensor.doa_sd_deg: is NaN", "a number from 0 to 180"]),
+        ("sensor.doa_sd_deg=-1", ["sensor.doa_sd_deg: is -1", "a number from 0.001 to 180"]),
+        ("sensor.doa_sd_deg=nan", ["sensor.doa_sd_deg: is NaN", "a number from 0.001 to 180"]),
         ("field.spacing_m=0", ["field.spacing_m: is 0", "a number from 0.001 to 10000000"]),
         ("field.jitter=1.5", ["field.jitter: is 1.5", "a number from 0 to 1"]),
         ("field.radius_m=0", ["field.radius_m: is 0", "a number from 0.001 to 10000000"]),
@@ -313,7 +313,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_it_is_made(trackfiel
 @pytest.mark.parametrize("speed", ["0", "-1", "101", "inf", "nan"])
 def test_a_speed_out_of_range_is_refused(trackfield: Call, tmp_path: Path, speed: str) -> None:
     said = trackfield("run", "spcpf", "--speed", speed)
-    assert_refused(said, f"--speed: is {float(speed)}", "more than 0, at most 100")
+    assert_refused(said, f"--speed: is {float(speed)}", "more than 0: from 0.001 to 100")
     assert everything(tmp_path) == set()
 
 

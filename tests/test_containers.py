@@ -63,6 +63,7 @@ class Field:
             "TRACKFIELD_RUN": SCENARIO,
             "TRACKFIELD_RUNS": str(folder),
             "TRACKFIELD_USER": f"{os.getuid()}:{os.getgid()}",
+            "TRACKFIELD_TOKEN": uuid.uuid4().hex,
         }
 
     def up(self, nodes: int) -> None:
@@ -142,6 +143,11 @@ def test_a_field_of_containers_tracks_to_the_end_whatever_befalls_some(seen: See
     assert seen.code == 1, seen.said
     assert [tracker["lost"] for tracker in seen.metrics["trackers"].values()] == [False, False]
     assert max(pq.read_table(seen.folder / "tracks.parquet")["step"].to_pylist()) == 60
+
+
+def test_nobody_else_interfered(seen: Seen) -> None:
+    """Nor were containers that were cut off, or that came twice, taken for strangers."""
+    assert set(seen.metrics["interference"].values()) == {0}
 
 
 def test_who_is_gone_is_reported(seen: Seen) -> None:

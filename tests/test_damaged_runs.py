@@ -49,7 +49,7 @@ def test_each_damage_is_one_message_or_no_matter(home: Path, part: int) -> None:
     said = []
     for seed in range(1 + part * TRIES // 4, 1 + (part + 1) * TRIES // 4):
         done, end = attempt(home, seed)
-        if bad := wrong(end):
+        if bad := wrong(end, done):
             said.append(f"python -m tests.damaged_runs --tries 1 --seed {seed}: {done}: {bad}")
     assert not said, "\n".join(said)
 
@@ -66,6 +66,7 @@ def test_each_damage_is_one_message_or_no_matter(home: Path, part: int) -> None:
         (Ended(2, "", "trackfield: \x1b[31m"), "control characters"),
         (Ended(0, "", "", "KeyError"), "KeyError"),
         (Ended(-11, "", ""), "exit code -11"),
+        (Ended(1, "", "failed"), "exit code 1: failed"),
     ],
 )
 def test_what_is_wrong_is_found(end: Ended, what: str) -> None:
@@ -248,6 +249,14 @@ def test_a_run_that_goes_on_or_was_killed_is_named_as_such(trackfield: Call, bad
         "bad: has no metrics.json: its run still goes on, or was killed; expected the folder of a finished run; "
         "trackfield recover bad finishes it"
     )
+    assert_said(trackfield, said)
+
+
+def test_figures_of_a_run_whose_recorder_died_name_what_finishes_it(trackfield: Call, bad: Path) -> None:
+    with_json(bad / "metrics.json", lambda metrics: metrics["frames"].update(sent=None))
+    (bad / "record.log").write_bytes(b"")
+    figures = "the figures of a run by this version, whose recorder did not die"
+    said = f"bad/metrics.json: frames.sent: is None; expected {figures}; trackfield recover bad finishes it"
     assert_said(trackfield, said)
 
 

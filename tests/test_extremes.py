@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import psutil
 import pytest
 
 from launcher.plan.prepare import checked, planned, warned
@@ -24,8 +25,8 @@ EXTREMES: tuple[Any, ...] = (
     *(sign * value for sign in (1, -1) for value in (1000, 65536, 1e6, 1e7, 1e9, 2**31, 2**53, 1e18, 1e154, 1e308)),
     *(2**63 - 1, -(2**63), 2**63, 2**64, 2**20_000, float("inf"), float("-inf"), float("nan"), True, "", "1", [], {}),
 )
-LONGEST_S, LARGEST = 100, 4 << 30
-"""Seconds, of which a free machine needs a tenth, and bytes."""
+LONGEST_S, LARGEST = 100, 3 << 30
+"""Seconds, of which a free machine needs a tenth, and further bytes."""
 
 
 def unbounded(about: Any, path: str) -> Iterator[str]:
@@ -118,7 +119,8 @@ def bounded() -> Iterator[None]:
 
     before, limits = signal.signal(signal.SIGALRM, late), resource.getrlimit(resource.RLIMIT_AS)
     signal.alarm(LONGEST_S)
-    resource.setrlimit(resource.RLIMIT_AS, (LARGEST, limits[1]))
+    size = psutil.Process().memory_info().vms + LARGEST
+    resource.setrlimit(resource.RLIMIT_AS, (size, limits[1]))
     try:
         yield
     finally:

@@ -4,65 +4,28 @@ from __future__ import annotations
 
 import signal
 import socket
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
 from tests.command_line import Call, trackfield
+from tests.outside import OPTIONS, Start, join, process, router, start
 from tests.running import Run, until
 
-__all__ = ["trackfield"]
+__all__ = ["router", "start", "trackfield"]
 LEASE_S = 10.0
 """After which Zenoh gives up a session of which nothing is heard."""
-OPTIONS = ("spcpf", "--nodes", "4", "--set", "target.steps=12", "--set", "sensor.threshold=0.5", "--external")
 LONGER = tuple(option.replace("target.steps=12", "target.steps=30") for option in OPTIONS)
 
 
-Start = Callable[..., subprocess.Popen[str]]
-
-
-@contextmanager
-def process(*arguments: str, said: Path) -> Iterator[subprocess.Popen[str]]:
-    with said.open("w") as file:
-        started = subprocess.Popen([sys.executable, "-m", *arguments], stderr=file, text=True)
-    try:
-        yield started
-    finally:
-        started.kill()
-        started.wait()
-
-
-@pytest.fixture
-def start(router: str, tmp_path: Path) -> Iterator[Start]:
-    """``start(role, option, ...)`` starts a process that waits for a run; none of them has anything to complain of."""
-    with ExitStack() as stack:
-        logs: list[Path] = []
-
-        def call(role: str, *options: str) -> subprocess.Popen[str]:
-            logs.append(tmp_path / f"log{len(logs)}")
-            return stack.enter_context(process(role, "--connect", router, "--wait", *options, said=logs[-1]))
-
-        yield call
-        assert [log.read_text() for log in logs] == [""] * len(logs)
-
-
-@pytest.fixture
-def router(tmp_path: Path) -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_router_ends_when_it_is_told(number: int, tmp_path: Path) -> None:
     said = tmp_path / "router"
-    with process("launcher", "router", "--listen", endpoint, said=said) as router:
-        until(lambda: said.read_text() == f"router at {endpoint}\n")
-        yield endpoint
-        assert router.poll() is None
-        router.send_signal(signal.SIGINT)
+    with process("launcher", "router", "--listen", f"unixsock-stream/{tmp_path}/s", said=said) as router:
+        until(lambda: said.read_text().startswith("router at "))
+        router.send_signal(number)
         assert router.wait(10) == 0
 
 
@@ -120,13 +83,6 @@ def test_who_stands_still_for_longer_than_a_lease_was_out_of_reach(router: str, 
 # --- one message for what cannot be ---------------------------------------------------------------------------------
 
 
-def join(*arguments: str) -> tuple[int, str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "node", *arguments], capture_output=True, text=True, timeout=60, check=False
-    )
-    return done.returncode, done.stderr
-
-
 def test_without_a_run_there_is_none_to_join(router: str) -> None:
     assert join("--connect", router) == (1, f"node: cannot join the run through {router}: there is no run yet\n")
 
@@ -158,7 +114,8 @@ def test_a_run_that_starts_its_own_processes_gives_no_places(router: str, tmp_pa
     run.started()
     code, said = join("--connect", router)
     assert code == 1
-    assert "the launcher starts all processes of this run itself: name the place to take with --id" in said
+    assert "the launcher starts all processes of this run itself: it gives places with --external only" in said
+    assert join("--connect", router, "--id", "n000") == (code, said)
     assert run.finish(60)[0] == 0
 
 

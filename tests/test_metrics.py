@@ -43,7 +43,7 @@ energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
 lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
-recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens}
+recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens,questions}
 """
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),

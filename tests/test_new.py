@@ -102,7 +102,7 @@ def test_nothing_is_overwritten(trackfield: Call, tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("mine",), "mine: FILE: does not end in .toml; expected mine.toml"),
-        (("my field.toml",), 'name: is "my field"; expected letters, digits, and _ . - between them'),
+        (("my field.toml",), 'name: is "my field"; expected up to 100 letters, digits, and _ . - between them'),
         (("nowhere/mine.toml",), "nowhere/mine.toml: FILE: cannot be written (No such file or directory)"),
         (("mine.toml", "--from", "buss"), "unknown scenario 'buss'; did you mean bus?"),
     ],

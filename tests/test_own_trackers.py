@@ -162,6 +162,24 @@ def test_options_of_trackers_that_there_are_none() -> None:
     plan_with("spcpf", options={"bootstrap": {"n": 30}})  # of one that does not run today
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        ("n", 10**9, "a whole number from 1 to 100000"),
+        ("n", 0, "a whole number from 1 to 100000"),
+        ("n", True, "a whole number from 1 to 100000"),
+        ("ess_share", 1.5, "a number from 0 to 1"),
+        ("ess_share", 1e-320, ""),
+    ],
+)
+def test_an_option_out_of_its_range(option: str, value: Any, expected: str) -> None:
+    if not expected:
+        plan_with("bootstrap", options={"bootstrap": {option: value}})
+        return
+    said = refused("bootstrap", options={"bootstrap": {option: value}})
+    assert said == f"fusion.options.bootstrap.{option}: is {value!r}; expected {expected}"
+
+
 def test_bad_options_end_the_command(trackfield: Call) -> None:
     said = trackfield("run", "spcpf", "--virtual", "--set", "fusion.options.spcpf.nominal=3", "--out", "a")
     assert (said.code, said.out) == (2, "")

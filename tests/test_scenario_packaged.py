@@ -168,8 +168,8 @@ def test_the_tables_have_every_key_with_unit_default_and_range() -> None:
     assert '| `threshold` | acoustic |  | `0.75` | a number from 0 to 1, or "adaptive" |' in text
     assert "### `[[faults]]`" in text
     assert "| `jump_ms` | clock_jump | ms | required | a number from -1e9 to 1e9, but not 0 |" in text
-    assert "| `delay_ms` | fixed | ms | `5.0` | a number of at least 1 |" in text
-    assert "| `delay_ms` | gilbert_elliott | ms | `20.0` | a number of at least 1 |" in text
+    assert "| `delay_ms` | fixed | ms | `5.0` | a number from 1 to 3600000 |" in text
+    assert "| `delay_ms` | gilbert_elliott | ms | `20.0` | a number from 1 to 3600000 |" in text
     assert "| `file` | file |  | required | a text |" in text
     assert all(key.meaning for section in sections_of_file().values() for key in section.keys(None).values())
 

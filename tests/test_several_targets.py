@@ -39,7 +39,7 @@ def crossing(*settings: str) -> Plan:
 
 def test_each_report_is_of_the_target_that_is_louder_at_the_sensor() -> None:
     """Without noise a bearing points to the nearer of the two, as both are equally loud."""
-    plan = crossing("sensor.doa_sd_deg=0", "link.model=ideal", "fusion.trackers=['predict-only']")
+    plan = crossing("sensor.doa_sd_deg=0.001", "link.model=ideal", "fusion.trackers=['predict-only']")
     ledger, _ = simulate(plan)
     places = {place.id: (place.x, place.y) for place in plan.info.places}
     told = {"car": 0, "truck": 0}

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.running import until
+
 TRACKFIELD = f"{sys.executable} -m launcher"
 RUN = f"{TRACKFIELD} run spcpf --nodes 9 --set target.steps=2 --out mine"
 TABLES = {"metrics.json", "messages.parquet", "tracks.parquet", "run.rrd", "report.html"}
@@ -33,12 +35,14 @@ def test_a_run_in_virtual_time_needs_none_either(streams: str, tmp_path: Path) -
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
 
 
-def test_a_terminal_that_is_gone_does_not_end_a_run(tmp_path: Path) -> None:
-    """Whatever is written to it fails (EIO), and it is told to end no matter what (nohup)."""
+@pytest.mark.parametrize("driver", ["--virtual --set target.steps=400", "--speed 5 --set target.steps=20"])
+def test_a_terminal_that_goes_away_does_not_end_a_run_that_ignores_it(driver: str, tmp_path: Path) -> None:
+    """From then on whatever is written to it fails (EIO)."""
     ours, theirs = pty.openpty()
-    command = f"trap '' HUP; exec {RUN} --virtual"
+    command = f"trap '' HUP; exec {TRACKFIELD} run spcpf --nodes 9 --out mine {driver}"
     run = subprocess.Popen(["bash", "-c", command], cwd=tmp_path, stdout=theirs, stderr=theirs, start_new_session=True)
     os.close(theirs)
+    until((tmp_path / "mine" / "manifest.json").exists)
     os.close(ours)
     assert run.wait(60) == 0
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
@@ -76,3 +80,22 @@ def test_arguments_are_text(arguments: str, tmp_path: Path) -> None:
     assert said.stderr.startswith("trackfield: '")
     assert said.stderr.endswith("\\udcff' is not text; expected UTF-8\n") or "\\udcff=1' is not text" in said.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_role_that_stands_alone_needs_no_streams_either(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m node --connect tcp/127.0.0.1:9 --run r --id n001"
+    assert shell(f"{command} >&- 2>&-", tmp_path).returncode == 1
+    assert shell(f"{command} 2>/dev/full", tmp_path).returncode == 1
+
+
+def test_a_script_without_streams_runs_processes(tmp_path: Path) -> None:
+    """What it opens gets the numbers of the streams, and is not for its processes."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, trackfield as tf\n"
+        "held = [os.open(os.devnull, os.O_RDONLY) for _ in range(3)]\n"
+        "field = tf.Scenario.load('zhai-spcpf', {'target.steps': 2, 'field.nodes': 9})\n"
+        "tf.run(field, driver='processes', out='mine')\n"
+    )
+    assert shell(f"{sys.executable} {script} <&- >&- 2>&-", tmp_path).returncode == 0
+    assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES

@@ -260,7 +260,7 @@ def test_a_zygote_that_cannot_be_is_a_failed_run(monkeypatch: pytest.MonkeyPatch
 def test_a_zygote_that_does_not_answer_is_not_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is traced, or waits for a disk: to be continued does not help it."""
     monkeypatch.setattr(children, "ASK_S", 0.1)
-    monkeypatch.setattr(children, "ANSWER_S", 0.3)
+    monkeypatch.setattr(children, "FORK_S", 0.3)
     monkeypatch.setattr(children, "_ZYGOTE", "import time; time.sleep(60)  # {path} {orders} {preload}")
     some = Children(1)
     for _ in range(2):

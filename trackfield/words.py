@@ -13,7 +13,7 @@ MOST: Final = 40
 LONGEST: Final = 500
 """The number of characters of a part of a message."""
 
-_BITS: Final = 64
+_BITS: Final = 128
 _HIDDEN: Final = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 """Kinds of characters that are obeyed instead of shown: controls, directions of writing, halves of pairs, new lines."""
 
@@ -26,7 +26,7 @@ class _Short(Repr):
         self.maxlevel, self.maxstring, self.maxother, self.maxlong = 3, MOST, MOST, MOST
 
     def repr_int(self, x: int, level: int) -> str:
-        """One of more than 64 bits is not written out."""
+        """A very long one is not written out."""
         bits = x.bit_length()
         return repr(x) if bits <= _BITS else f"a whole number of {bits} bits"
 

@@ -14,7 +14,7 @@ def router(
 ) -> None:
     """Run a Zenoh router for runs whose processes start elsewhere, until Ctrl-C."""
     from launcher.options import check_endpoint
-    from launcher.processes.router import serve
+    from launcher.processes.endpoint import serve
 
     for endpoint in listen:
         check_endpoint(endpoint, "--listen")

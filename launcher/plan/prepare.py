@@ -25,6 +25,9 @@ from trackfield.scenario.paths import FromFile
 from trackfield.scenario.problems import section_of
 from trackfield.world.path import Path as TruePath
 
+SLOWEST: Final = 0.001
+FASTEST: Final = 100.0
+"""Emulated seconds in a second."""
 MAX_LINKS: Final = 2000
 """In a field of more places, the reception of links is not worked out for the timeline."""
 
@@ -147,8 +150,8 @@ def checked(scenario: Scenario, seed: int | None = None) -> Scenario:
 
 def check_speed(speed: float) -> None:
     """Raise ``ScenarioError`` unless a run can go at this speed."""
-    if not 0 < speed <= 100:
-        raise ScenarioError(f"is {speed}", key="--speed", expected="more than 0, at most 100")
+    if not SLOWEST <= speed <= FASTEST:
+        raise ScenarioError(f"is {speed}", key="--speed", expected=f"more than 0: from {SLOWEST:g} to {FASTEST:g}")
 
 
 def planned(scenario: Scenario, speed: float = 1.0) -> Plan:

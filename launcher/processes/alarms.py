@@ -11,7 +11,9 @@ ORDERS: Final = "orders"
 ANSWERS: Final = "answers"
 """Answers in the launcher's place."""
 TOKENS: Final = "tokens"
-"""Liveliness tokens of no process of the run."""
+"""Liveliness tokens of no process of the run, or of a second one in a place, or of a second launcher."""
+QUESTIONS: Final = "questions"
+"""Questions without the seal of the run."""
 
 
 class Alarms:

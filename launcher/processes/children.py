@@ -31,8 +31,10 @@ KILL_TIMEOUT_S: Final = 5.0
 POLL_S: Final = 0.02
 ASK_S: Final = 3.0
 """How long the zygote may take to answer before it is continued, in case that somebody stopped it."""
-ANSWER_S: Final = 60.0
-"""How long it may take at all: the first answer comes when all is imported."""
+FORK_S: Final = 60.0
+"""How long it may take to fork: it does so for the first time when all is imported."""
+WAIT_S: Final = 15.0
+"""How long it may take to say how a process ended."""
 ZYGOTE: Final = "zygote"
 WITH_ZYGOTE: Final = "ended with its zygote"
 STAT_BYTES: Final = 128
@@ -207,7 +209,7 @@ class _Zygote:
     def fork(self, *order: Any) -> int:
         """The id of a new process. Raises ``RunFailed`` if there is none."""
         content = pickle.dumps(order)
-        pid = self._ask(ORDER.pack(len(content), 0) + content)
+        pid = self._ask(ORDER.pack(len(content), 0) + content, FORK_S)
         if pid is None or pid < 0:
             why = "the zygote has ended or does not answer" if pid is None else os.strerror(-pid)
             raise RunFailed(f"a process could not be forked: {why}")
@@ -215,7 +217,7 @@ class _Zygote:
 
     def wait(self, pid: int) -> int | None:
         """The exit code of a process that has ended; None if the zygote has ended, too."""
-        status = self._ask(ORDER.pack(0, pid))
+        status = self._ask(ORDER.pack(0, pid), WAIT_S)
         return None if status is None else os.waitstatus_to_exitcode(status)
 
     def ended(self) -> int:
@@ -231,9 +233,9 @@ class _Zygote:
         self._process.kill()
         self._thread.join(KILL_TIMEOUT_S)
 
-    def _ask(self, order: bytes) -> int | None:
+    def _ask(self, order: bytes, timeout_s: float) -> int | None:
         """The answer to an order; None if it has ended or does not answer, and then it is not asked again."""
-        deadline = time.monotonic() + ANSWER_S
+        deadline = time.monotonic() + timeout_s
         left, answer = memoryview(order), b""
         while len(answer) < ANSWER.size:
             try:

@@ -110,7 +110,8 @@ class Deployment(Logged):
             self._fork_router()
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
-        own = self.endpoint, self.plan, self.folder, self.seal.token, str(self._sockets)
+        sockets = str(self._sockets.path) if self._sockets else ""
+        own = self.endpoint, self.plan, self.folder, self.seal.token, sockets
         self._children.fork(RECORDER, recorder, *own)
         for life in self.plan.processes:
             self._fork_role(life)

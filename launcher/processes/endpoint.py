@@ -1,4 +1,4 @@
-"""Where the router of a run listens, and the session by it."""
+"""Where the router of a run listens, the session by it, and a router by itself."""
 
 from __future__ import annotations
 
@@ -7,16 +7,20 @@ import os
 import re
 import shutil
 import socket
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from threading import Event
 from typing import Final
 
 import zenoh
+from setproctitle import setproctitle
 
-from trackfield.drivers.session import open_client
+from launcher.signals import handling
+from trackfield.drivers.session import open_client, open_router
 from trackfield.errors import RunFailed
 
 PREFIX: Final = "trackfield-run-"
@@ -60,6 +64,21 @@ def session_by(endpoint: str, run: str, timeout_s: float) -> zenoh.Session:
     except zenoh.ZError as error:
         what = f"no Zenoh router answers at {endpoint} (or it refuses the credentials of this process)"
         raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+
+
+def serve(endpoints: Sequence[str]) -> None:
+    """Be the router at these endpoints until it is told to end. Raises ``RunFailed`` if it cannot listen there."""
+    done = Event()
+    setproctitle("trackfield router")
+    places = ", ".join(endpoints)
+    try:
+        router = open_router(*endpoints)
+    except zenoh.ZError as error:
+        raise RunFailed(f"cannot listen at {places}: {str(error).partition(' at /')[0]}") from None
+    with handling(lambda _: done.set()):
+        print(f"router at {places}", file=sys.stderr)
+        done.wait()
+    router.close()  # type: ignore[no-untyped-call]
 
 
 def _new_folder() -> Path:

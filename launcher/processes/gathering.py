@@ -18,7 +18,7 @@ from zenoh.handlers import Callback
 
 from launcher.processes.children import Children
 from launcher.processes.deployment import GOOD_END, Deployment
-from launcher.processes.registry import Registry
+from launcher.processes.places.open_registry import OpenRegistry
 from trackfield.drivers.intake import opened
 from trackfield.drivers.seal import token_from
 from trackfield.drivers.spec import ProcessSpec
@@ -32,18 +32,22 @@ STOP_TIMEOUT_S: Final = 60.0
 REFRESH_S: Final = 5.0
 """How often to ask which processes are alive, besides being notified."""
 LOST: Final = "gone: its token was lost"
+UNTOLD: Final = "left without its final record"
+FINAL_S: Final = 2.0
+"""How long a final record may come after the end of the process that sent it."""
 
 
 class Guests(Children):
     """The recorder, which is a child process, and guests, which are not: a guest out of reach counts as stopped."""
 
-    def __init__(self, registry: Registry) -> None:
+    def __init__(self, registry: OpenRegistry) -> None:
         super().__init__(1)
         self._registry = registry
         self._expected: dict[str, None] = {}
         self._came: set[str] = set()
         self._left: set[str] = set()
         self._dismissed: set[str] = set()
+        self._gone_at: dict[str, float] = {}
         self._ended: list[tuple[str, str]] = []
 
     def expect(self, name: str) -> None:
@@ -56,7 +60,7 @@ class Guests(Children):
         self._ended.append((name, GOOD_END))
 
     def dismiss(self, names: Iterable[str]) -> None:
-        """These have nothing left to do: from now on, those that are gone count as having left."""
+        """These have nothing left to do: from now on, those that are gone are not out of reach, but have left."""
         self._dismissed.update(names)
 
     def names(self) -> list[str]:
@@ -76,9 +80,12 @@ class Guests(Children):
             return False
         if name in self._registry.live:
             self._came.add(name)
+            self._gone_at.pop(name, None)
             return False
         if name in self._dismissed:
-            self.left(name)
+            if time.monotonic() - self._gone_at.setdefault(name, time.monotonic()) > FINAL_S:
+                self._left.add(name)
+                self._ended.append((name, UNTOLD))
             return False
         return name in self._came
 
@@ -96,8 +103,10 @@ class Gathering(Deployment):
     stopped = "was out of reach"
     _refresh_at = 0.0
 
-    def _registry(self) -> Registry:
-        return Registry(self.plan, self.seal, self.alarms, open=True)
+    registry: OpenRegistry
+
+    def _registry(self) -> OpenRegistry:
+        return OpenRegistry(self.plan, self.seal, self.alarms)
 
     def _token(self) -> bytes:
         """As in the environment, which all processes of the run share; without one, they trust their router."""
@@ -152,7 +161,7 @@ class Gathering(Deployment):
         return False
 
     def finish(self) -> None:
-        """As in any deployment, but without waiting for processes that never joined, or for final records."""
+        """As in any deployment, but without waiting for processes that never joined."""
         self._guests.dismiss(self._reached)
         if self.registry.start_ns is None:
             self._watch.gone.update(set(self._lives) - self.registry.live)

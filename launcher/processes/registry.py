@@ -1,9 +1,9 @@
-"""The places of a run and the processes that are alive: answers all that ask at ``control/join``, early or late."""
+"""The places of a run and the processes that are alive: answers all that ask for their place, early or late."""
 
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, replace
 from threading import Lock
@@ -12,58 +12,66 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
-from launcher.processes.alarms import TOKENS, Alarms
-from launcher.processes.claims import Claims
+from launcher.processes.alarms import QUESTIONS, TOKENS, Alarms
+from launcher.processes.places.tickets import LENGTH, Tickets
 from launcher.records import LIVE, RECORDER, Plan
-from trackfield.drivers.ask import REFUSED, answer
+from trackfield.drivers.ask import REFUSED, UNSEALED, answer, question_of
 from trackfield.drivers.intake import opened, printable, read, unpacked
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.join import token
+from trackfield.drivers.seal import TOKEN, Seal
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
-from trackfield.wire.keys import check_id
 
-LEAD_S: Final = 0.5
-"""From giving a place again to the beginning of its next life, of which the recorder has to know by then."""
+RECORDERS: Final = (RECORDER, LIVE)
+"""They do not join: the launcher tells them all."""
 REFRESH_TIMEOUT_S: Final = 2.0
+NO_SEAL: Final = f"the question lacks the seal of this run: set {TOKEN} as it is set for the launcher"
+
+NO_PLACES: Final = "the launcher starts all processes of this run itself: it gives places with --external only"
 
 
 class Registry:
     """The lives of a run by name, planned ones and those added during the run.
 
     ``run`` is common to all, ``start_ns`` the host's monotonic time at which emulated time began (None: not yet),
-    ``live`` the names of those that are alive as Zenoh sees it, ``arrivals`` how often one joined or returned.
-    An ``open`` registry also gives places to processes that do not ask for one by name: ``hosts`` has the host of each
-    by name, and ``births`` has each new life with the name of the life before it.
+    ``live`` the names of those that joined and are alive as Zenoh sees it, ``arrivals`` how often one joined or
+    returned, ``hosts`` the host of each that told it.
     """
 
-    def __init__(self, plan: Plan, seal: Seal, alarms: Alarms, *, open: bool = False) -> None:
+    def __init__(self, plan: Plan, seal: Seal, alarms: Alarms) -> None:
         self.run, self._seal, self._alarms = plan.run, seal, alarms
         self.start_ns: int | None = None
         self.live: set[str] = set()
         self.arrivals = 0
+        self.hosts: dict[str, str] = {}
         self._lives = {p.name: p for p in plan.processes}
         self._stored: dict[str, bytes] = {}
         self._unplanned: set[str] = set()
-        self._claims = Claims({p.name: p.role for p in plan.processes}) if open else None
-        self._places = {p.name: p.name for p in plan.processes}  # of each life: that of the first one in it
-        self._latest = dict(self._places)  # of each place: the life that it has now
+        self._tickets = Tickets()
+        self._holds: dict[str, str] = {}  # the ticket of the process that lives, or lived last, under each name
+        self._own = ""
         self._lock = Lock()
-        self.births: deque[tuple[str, ProcessSpec]] = deque()
-        self.hosts: dict[str, str] = {}
 
     def declare(self, session: zenoh.Session) -> None:
         """Answer and listen from now on, for as long as the session is open."""
+        self._own = keys.launcher(session.info.zid())
+        liveliness = session.liveliness()
+        launchers = f"{keys.LAUNCHER}/*"
         self._held = [
-            session.declare_queryable(keys.JOIN, Callback(self._answer, indirect=False)),
+            session.declare_queryable(keys.JOIN, Callback(self._on_join, indirect=False)),
             session.declare_queryable(keys.CLAIM, Callback(self._on_claim, indirect=False)),
+            *self._more(session),
             session.declare_subscriber(keys.telemetry_of_all("stored"), Callback(self._on_stored, indirect=False)),
-            session.liveliness().declare_subscriber(
-                keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True
-            ),
+            liveliness.declare_subscriber(keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True),
+            liveliness.declare_subscriber(launchers, Callback(self._on_launcher, indirect=False), history=True),
             # last: processes that see it may ask at once
-            session.liveliness().declare_token(keys.launcher(session.info.zid())),
+            liveliness.declare_token(self._own),
         ]
+
+    def _more(self, session: zenoh.Session) -> list[Any]:
+        """What else is declared."""
+        return []
 
     def end(self, end_ns: int) -> None:
         """The run ends early, at this emulated time; processes that join later are told so."""
@@ -71,65 +79,82 @@ class Registry:
 
     def next_life(self, name: str, start_ns: int) -> ProcessSpec:
         """The life after the life ``name``, from this emulated time to the planned end of that one."""
-        last = self._lives[name]
-        incarnation = 1 + max(p.incarnation for p in self._lives.values() if p.id == last.id)
-        life = replace(last, incarnation=incarnation, start_ns=start_ns)
+        life = self._following(name, start_ns)
         self._lives[life.name] = life
         self._unplanned.add(life.name)
         return life
 
-    def claim(self, role: str, host: str) -> str | None:
-        """The name to join under for a process on this host, None if all places of the role are taken.
-
-        While emulated time runs, a process that takes a place after another is a new life. Raises ``LookupError`` where
-        there is no place to give, now or later.
-        """
-        if self._claims is None:
-            raise LookupError("the launcher starts all processes of this run itself: name the place to take with --id")
-        now_ns = self._now_ns()
-        if now_ns is not None and now_ns >= self.run.end_ns:
-            raise LookupError("the run is over")
-        with self._lock:
-            taken = self._claims.take(role, host, time.monotonic())
-            if taken is None:
-                return None
-            place, again = taken
-            name = self._latest[place]
-            if again and now_ns is not None:
-                life = self.next_life(name, max(now_ns, 0) + round(LEAD_S * self.run.speed * 1e9))
-                self.births.append((name, life))
-                name = self._latest[place] = life.name
-                self._places[name] = place
-            self.hosts[name] = host
-            return name
+    def _following(self, name: str, start_ns: int) -> ProcessSpec:
+        last = self._lives[name]
+        incarnation = 1 + max(p.incarnation for p in self._lives.values() if p.id == last.id)
+        return replace(last, incarnation=incarnation, start_ns=start_ns)
 
     def refresh(self, session: zenoh.Session) -> None:
         """Ask which processes are alive: notice of their end is lost while the launcher itself is out of reach."""
         known = set(self.live)
         replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
-        there = {self._named(token.key_expr) for token in replies if token}
+        there = {str(live.key_expr) for live in replies if live}
         if there and None not in replies:
-            for name in known - there:
-                self._seen(name, there=False)
+            for name in known:
+                if self._token(name, ticket := self._holds[name]) not in there:
+                    self._went(name, ticket)
 
-    def _now_ns(self) -> int | None:
-        return None if self.start_ns is None else round((time.monotonic_ns() - self.start_ns) * self.run.speed)
+    # --- what differs if processes are started elsewhere ----------------------------------------------------------
 
-    # --- Zenoh's threads ------------------------------------------------------------------------------------------
+    def _life(self, name: str, now_ns: int) -> ProcessSpec:
+        """The life of a process that joins under this name now (monotonic). Raises ``LookupError`` if it may not."""
+        if name not in self._lives:
+            raise LookupError(f"no process {printable(name)} in this run")
+        return self._lives[name]
 
-    def _answer(self, query: zenoh.Query) -> None:
-        name = query.payload.to_bytes().decode(errors="replace") if query.payload else ""
-        life = self._lives.get(name)
-        if life is None:
-            told: dict[str, Any] = {REFUSED: f"no process {printable(name)} in this run"}
-        else:
-            told = {
-                "run": asdict(self.run),
-                "process": life.plain(),
-                "start_ns": self.start_ns,
-                "stored": self._stored.get(life.id, b"") if name in self._unplanned else None,
-            }
-        answer(query, told, self._seal)
+    def _admit(self, name: str, given_ns: int) -> bool:
+        """Whether a process that shows a ticket of this time has the place of this name; under the lock."""
+        return name in self._lives and name not in self.live
+
+    def _here(self, name: str) -> None:
+        """The process of this name is there, for the first time or again; under the lock."""
+
+    def _left(self, name: str) -> None:
+        """The process of this name is gone; under the lock."""
+
+    # --- Zenoh's threads: questions -------------------------------------------------------------------------------
+
+    def _on_join(self, query: zenoh.Query) -> None:
+        self._reply(query, keys.JOIN, 1, self._join)
+
+    def _on_claim(self, query: zenoh.Query) -> None:
+        """Give no place, to nobody, which needs no seal."""
+        with suppress(zenoh.ZError):
+            answer(query, keys.CLAIM, {REFUSED: NO_PLACES}, self._seal)
+
+    def _reply(self, query: zenoh.Query, key: str, count: int, tell: Callable[..., dict[str, Any]]) -> None:
+        """Answer with what ``tell`` makes of the ``count`` texts of a question, or say why not."""
+        told: dict[str, Any]
+        try:
+            told = tell(*read(_texts, question_of(query, key, self._seal), count))
+        except LookupError as error:
+            told = {REFUSED: str(error)}
+        except WireError as error:
+            told = {REFUSED: str(error)}
+            if error.reason == "seal":
+                told = {REFUSED: NO_SEAL, UNSEALED: True}
+                self._alarms.add(QUESTIONS)
+        with suppress(zenoh.ZError):  # who asked is gone
+            answer(query, key, told, self._seal)
+
+    def _join(self, name: str) -> dict[str, Any]:
+        now_ns = time.monotonic_ns()
+        life = self._life(name, now_ns)
+        taken_over = life.name in self._unplanned or life.name not in self._lives
+        return {
+            "run": asdict(self.run),
+            "process": life.plain(),
+            "start_ns": self.start_ns,
+            "stored": self._stored.get(life.id, b"") if taken_over else None,
+            "ticket": self._tickets.give(name, now_ns),
+        }
+
+    # --- Zenoh's threads: tokens, and what processes store --------------------------------------------------------
 
     def _on_stored(self, sample: zenoh.Sample) -> None:
         with suppress(WireError):  # the recorder counts it
@@ -138,41 +163,61 @@ class Registry:
             if name in self._lives:
                 self._stored[keys.id_of(name)] = stored
 
+    def _on_launcher(self, sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT and str(sample.key_expr) != self._own:
+            self._alarms.add(TOKENS)
+
     def _on_live(self, sample: zenoh.Sample) -> None:
-        if name := self._named(sample.key_expr):
-            self._seen(name, there=sample.kind == zenoh.SampleKind.PUT)
-
-    def _named(self, token: zenoh.KeyExpr) -> str | None:
-        """The life that this token is of; None, and counted, if no process of the run has declared it."""
-        name = str(token).partition("/")[2].partition("/")[0]
-        if name in self._lives or name in (RECORDER, LIVE):
-            live = keys.live(name)
-            if str(token) == keys.live(name, self._seal.mark(live)):
-                return name
-        self._alarms.add(TOKENS)
-        return None
-
-    def _seen(self, name: str, *, there: bool) -> None:
-        with self._lock:
-            if self._claims is not None and name == self._latest.get(place := self._places.get(name, "")):
-                self._claims.seen(place, live=there, now=time.monotonic())
-        if there:
-            self.live.add(name)
-            self.arrivals += 1
-        else:
-            self.live.discard(name)
-
-    def _on_claim(self, query: zenoh.Query) -> None:
+        there = sample.kind == zenoh.SampleKind.PUT
+        key = str(sample.key_expr)
+        name, ticket = self._parts(key)
         try:
-            role, host = read(_claimed, query.payload.to_bytes() if query.payload else b"")
-            name = self.claim(role, host)
-            told = {"name": name} if name else {REFUSED: f"every place of a {role} is taken"}
-        except (LookupError, WireError) as error:
-            told = {REFUSED: str(error)}
-        answer(query, told, self._seal)
+            known = key == self._token(name, ticket) and (there or self._holds.get(name) == ticket)
+            given_ns = 0 if name in RECORDERS else self._tickets.given_ns(name, ticket)
+        except WireError:
+            known = False
+        if not there:
+            if known:
+                self._went(name, ticket)
+        elif not known or not self._came(name, ticket, given_ns):
+            self._alarms.add(TOKENS)
+
+    @staticmethod
+    def _parts(key: str) -> tuple[str, str]:
+        """Whose token this is, and its ticket; the recorders have none."""
+        name, _, mark = key.partition("/")[2].partition("/")
+        return name, "" if name in RECORDERS else mark[:LENGTH]
+
+    def _token(self, name: str, ticket: str) -> str:
+        """The key of the token of this life. Raises ``WireError`` if it is no name."""
+        return token(name, ticket, self._seal)
+
+    def _came(self, name: str, ticket: str, given_ns: int) -> bool:
+        """Note that a process of the run is there; False if it should not be."""
+        with self._lock:
+            new = name not in RECORDERS and self._holds.get(name) != ticket
+            if new and not self._admit(name, given_ns):
+                return self._was_late(name, given_ns)
+            self._holds[name] = ticket
+            self.live.add(name)
+            self._here(name)
+            self.arrivals += 1
+            return True
+
+    def _was_late(self, name: str, given_ns: int) -> bool:
+        """Whether a process that was not admitted may have come by mistake, and will leave; under the lock."""
+        return False
+
+    def _went(self, name: str, ticket: str) -> None:
+        with self._lock:
+            if self._holds.get(name) == ticket and name in self.live:
+                self.live.discard(name)
+                self._left(name)
 
 
-def _claimed(question: bytes) -> tuple[str, str]:
-    """Role and host of a process that asks for a place."""
-    role, host = unpacked(question, 1000)
-    return check_id(role), printable(host) if isinstance(host, str) else ""
+def _texts(question: bytes, count: int) -> list[str]:
+    """The texts of a question; the bytes at its end only make it different from all others."""
+    *texts, nonce = unpacked(question)
+    if type(nonce) is not bytes or len(texts) != count or not all(type(text) is str for text in texts):
+        raise WireError("malformed", "no question")
+    return list(map(str, texts))

@@ -56,7 +56,9 @@ def _joined(seal: Seal) -> tuple[RunSpec, ProcessSpec]:
         peers={_CENTRE: (5.0, 5.0)},
         power=asdict(DEVICES["cc2420"]),
     )
-    answer = msgpack.packb({"run": asdict(_RUN), "process": spec.plain(), "start_ns": None, "stored": None})
+    answer = msgpack.packb(
+        {"run": asdict(_RUN), "process": spec.plain(), "start_ns": None, "stored": None, "ticket": "t"}
+    )
     seal.check(keys.JOIN, answer, seal.stamp(keys.JOIN, answer))
     seal.mark(keys.live(_NODE))
     told = read(joined, unpacked(answer), _NODE, spec.factory)

@@ -28,6 +28,7 @@ from setproctitle import setproctitle
 
 from launcher.processes.garbage import look_seldom
 from trackfield.plugins import load
+from trackfield.streams import steady
 
 ORDER: Final = Struct("=qq")
 """An order: to fork what so many bytes after it say, or (no bytes) to wait for the end of the process with this id."""
@@ -72,6 +73,7 @@ def serve(orders: int, preload: Iterable[str]) -> None:
 
 def _prepare(preload: Iterable[str]) -> None:
     """Do once what all children would do."""
+    steady()
     os.setsid()  # the terminal's Ctrl-C is for the launcher alone
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _PRCTL(_PR_SET_PDEATHSIG, signal.SIGKILL)

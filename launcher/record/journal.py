@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -14,7 +13,7 @@ from math import hypot
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
-from launcher.files import patiently, write_whole
+from launcher.files import patiently, reason, write_whole
 from launcher.record.bounds import run_bound
 from launcher.record.diary import Event
 from launcher.record.ledger import Ledger
@@ -29,8 +28,6 @@ from trackfield.role import NS, Note, Publish, State
 if TYPE_CHECKING:
     from launcher.timeline.timeline import Timeline
 
-log = logging.getLogger(__name__)
-
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
 TIMELINE_FAILED: Final = "the timeline failed: "
@@ -42,13 +39,13 @@ Unplanned = tuple[str, float | None, str]
 class Telling:
     """Hands on what the ledger has settled to a timeline.
 
-    ``make`` makes the timeline, when there is first something to show. ``failure`` says why that failed (empty: it did
+    ``make`` makes the timeline, when there is first something to show. ``error`` is why that failed (None: it did
     not); it is left alone from then on.
     """
 
     def __init__(self, plan: Plan, ledger: Ledger, make: Callable[[], Timeline]) -> None:
         self.plan, self.ledger = plan, ledger
-        self.failure = ""
+        self.error: Exception | None = None
         self._make = cache(make)
         self.states: dict[str, str] = {}
         self.errors: dict[str, float | None] = {}
@@ -80,13 +77,12 @@ class Telling:
 
     def show(self, tell: Callable[[Timeline], object]) -> None:
         """Tell the timeline, as long as it did not fail: nothing else depends on it."""
-        if self.failure:
+        if self.error:
             return
         try:
             tell(self._make())
-        except Exception as error:
-            self.failure = f"{type(error).__name__}: {error}" if not isinstance(error, RunFailed) else str(error)
-            log.exception("the timeline failed")
+        except Exception as error:  # noqa: BLE001  whatever it is, the tables are worth more
+            self.error = error
 
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
@@ -103,7 +99,8 @@ class Telling:
         for event in events:
             self._tell(timeline, event)
         for (t_ns, process), error_ns in islice(self.ledger.clock_errors.items(), self._errors_told, None):
-            timeline.clock_error(t_ns, process, error_ns / 1e6)
+            if t_ns < self.plan.run.end_ns:  # of a frame, as above
+                timeline.clock_error(t_ns, process, error_ns / 1e6)
         self._errors_told = len(self.ledger.clock_errors)
 
     def _tell(self, timeline: Timeline, event: Event) -> None:
@@ -154,7 +151,7 @@ class Journal(Telling):
 
     def make_room(self) -> None:
         """Give up the timeline, which a log can make again, for the tables' sake: the disk is full."""
-        self.failure = os.strerror(ENOSPC)
+        self.error = self.error or OSError(ENOSPC, os.strerror(ENOSPC))
         with suppress(OSError):
             os.truncate(self._file, 0)  # it is still open
             self._file.unlink()
@@ -170,7 +167,13 @@ class Journal(Telling):
         for t_ns, sd_m in self._bound.items():
             self.show(lambda timeline: timeline.bound(t_ns, sd_m))  # noqa: B023  called at once
         self.show(lambda timeline: timeline.close())
-        return f"{TIMELINE_FAILED}{self.failure}" if self.failure else ""
+        if self.error is None:
+            return ""
+        if isinstance(self.error, RunFailed):
+            self.make_room()
+            return f"{TIMELINE_FAILED}{self.error}"
+        why = reason(self.error) if isinstance(self.error, OSError) else f"{type(self.error).__name__}: {self.error}"
+        return f"{TIMELINE_FAILED}{why}"
 
 
 def summary(journal: Journal) -> dict[str, Any]:

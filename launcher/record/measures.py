@@ -237,6 +237,7 @@ class Interference(_Figures):
     answers: Count
     orders: Count
     tokens: Count
+    questions: Count
 
 
 class Recorder(_Figures):

@@ -72,7 +72,7 @@ def run_metrics(
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped(), "complaints": []},
-        "interference": {**ledger.interference(), "orders": 0, "tokens": 0},
+        "interference": {**ledger.interference(), "orders": 0, "tokens": 0, "questions": 0},
     }
 
 

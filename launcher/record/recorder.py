@@ -129,6 +129,7 @@ class Recorder(Listener):
         metrics["recorder"]["complaints"] = self._outages()
         self._write_metrics(metrics)
         if failure := self.journal.draw():
+            log.error("%s", failure, exc_info=self.journal.error)
             metrics["recorder"]["complaints"].append(f"{failure}; trackfield recover draws it")
             self._write_metrics(metrics)
         else:

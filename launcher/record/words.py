@@ -61,6 +61,7 @@ INTERFERENCE: Final = {
     "answers": "answers in the launcher's place",
     "orders": "orders that the launcher did not give",
     "tokens": "liveliness tokens of no process of the run",
+    "questions": "questions without the seal of the run",
 }
 """What others did in a run, by the keys of ``interference``."""
 

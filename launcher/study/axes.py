@@ -104,13 +104,13 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
 
 
 def _axis(key: str, values: Iterable[Any]) -> Axis:
-    listed = islice(_listed(key, values, "two values or more, like [50, 75]"), MOST_VARIANTS + 1)
+    listed = tuple(islice(_listed(key, values, "two values or more, like [50, 75]"), MOST_VARIANTS + 1))
+    check_values({key: listed})
     given = tuple(map(_plain, listed))
-    check_values({key: given})
     if key == "seed":
         raise ScenarioError("is not varied: a study has seeds of its own", key=key, expected="seeds")
     if len(given) < 2:
-        what = f"has {f'one value, {label(given[0])}' if given else 'no value'}"
+        what = f"has {f'one value, {shortened(label(given[0]))}' if given else 'no value'}"
         raise ScenarioError(what, key=key, expected="two values or more; --set sets a single one")
     for name, times in Counter(map(label, given)).items():
         if times > 1:

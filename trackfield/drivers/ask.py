@@ -8,8 +8,8 @@ from typing import Any, Final
 import msgpack
 import zenoh
 
-from trackfield.drivers.intake import Refusals, unpacked
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.intake import Refusals, printable, unpacked
+from trackfield.drivers.seal import TOKEN, Seal
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
 
@@ -17,12 +17,32 @@ ANSWER_TIMEOUT_S: Final = 60.0
 ASK_TIMEOUT_S: Final = 10.0
 """For one query: if thousands ask at once, a query or its reply may get lost."""
 RETRY_S: Final = 0.2
+LOOKS: Final = 5
+"""How often to look for the launcher's token, which may come a moment after its run is known."""
 REFUSED: Final = "refused"
 """The key under which an answer says why there is none."""
+UNSEALED: Final = "unsealed"
+"""The key of an answer to a question without the run's seal."""
+
+
+MAX_QUESTION: Final = 1000
+"""The longest question (bytes)."""
+MAX_WHY: Final = 500
+"""Characters of a refusal that are shown."""
+STRANGE_ROUNDS: Final = 3
+"""So many times a question is asked of which all answers lack the run's seal."""
 
 
 class JoinError(RuntimeError):
     """The launcher has no place for this process, or does not answer."""
+
+
+class RefusedError(JoinError):
+    """The launcher says no, and why."""
+
+
+class TokenError(JoinError):
+    """This process and those that answer do not share a token."""
 
 
 def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: Refusals) -> dict[str, Any]:
@@ -33,39 +53,85 @@ def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: 
     """
     deadline = time.monotonic() + ANSWER_TIMEOUT_S
     launcher = "" if seal.token else _launcher(session)
+    wrong: list[WireError] = []
+    rounds = 0
     while time.monotonic() < deadline:
-        for answer in answers(session, key, question, ASK_TIMEOUT_S):
-            if answer.ok is None:
-                continue  # Zenoh's own reply where there is no answer in time, or a stranger's
-            try:
-                told = _checked(answer, key, question, seal, launcher)
-            except WireError as error:
+        before = len(wrong)
+        told = _asked(session, key, question, seal, launcher, wrong)
+        if told is not None:
+            for error in wrong:
                 refused.add(key, error)
-                continue
             if REFUSED in told:
-                raise JoinError(str(told[REFUSED]))
+                raise (TokenError if UNSEALED in told else RefusedError)(printable(told[REFUSED], MAX_WHY))
             return told
+        rounds += len(wrong) > before
+        if seal.token and rounds >= STRANGE_ROUNDS:
+            what = f"the answers lack the seal of the token in {TOKEN}"
+            raise TokenError(f"{what}: the run was started with another one or without, or somebody pretends to be it")
         time.sleep(RETRY_S)
     raise JoinError("no launcher answers in this run")
 
 
-def answers(session: zenoh.Session, key: str, question: bytes, timeout_s: float, handler: Any = None) -> Any:
+def _asked(
+    session: zenoh.Session, key: str, question: bytes, seal: Seal, launcher: str, wrong: list[WireError]
+) -> dict[str, Any] | None:
+    """The launcher's answer to a question that is asked once, if it came; what is ``wrong`` with all others."""
+    stamp = seal.stamp(_asking(key, question), question)
+    for answer in answers(session, key, question, ASK_TIMEOUT_S, stamp=stamp):
+        if answer.ok is None:
+            continue  # Zenoh's own reply where there is no answer in time, or a stranger's
+        try:
+            return _checked(answer, key, question, seal, launcher)
+        except WireError as error:
+            wrong.append(error)
+    return None
+
+
+def answers(
+    session: zenoh.Session, key: str, question: bytes, timeout_s: float, handler: Any = None, stamp: bytes | None = None
+) -> Any:
     """Everybody's answers to a question, as they come, or to ``handler``."""
-    everybody = zenoh.QueryTarget.ALL
-    each = zenoh.ConsolidationMode.NONE
-    return session.get(key, handler, payload=question, timeout=timeout_s, target=everybody, consolidation=each)
+    return session.get(
+        key,
+        handler,
+        payload=question,
+        attachment=stamp,
+        timeout=timeout_s,
+        target=zenoh.QueryTarget.ALL,
+        consolidation=zenoh.ConsolidationMode.NONE,
+    )
 
 
-def answer(query: zenoh.Query, told: dict[str, Any], seal: Seal) -> None:
-    """Answer a question, as the launcher."""
+def question_of(query: zenoh.Query, key: str, seal: Seal) -> bytes:
+    """What a process of the run asks at this key. Raises ``WireError`` (``key``, ``size``, ``seal``).
+
+    Whoever heard a question can ask it again: it must do no harm.
+    """
+    question, attachment = query.payload, query.attachment
+    if str(query.key_expr) != key:
+        raise WireError("key", "a question to many")
+    if question is None or not 0 < len(question) <= MAX_QUESTION:
+        raise WireError("size", f"a question has up to {MAX_QUESTION} bytes")
+    asked = question.to_bytes()
+    seal.known(_asking(key, asked), asked, attachment.to_bytes() if attachment else None)
+    return asked
+
+
+def answer(query: zenoh.Query, key: str, told: dict[str, Any], seal: Seal) -> None:
+    """Answer a question at this key, as the launcher."""
     payload = msgpack.packb(told)
-    about = subject(str(query.key_expr), query.payload.to_bytes() if query.payload else b"")
-    query.reply(query.key_expr, payload, attachment=seal.stamp(about, payload))
+    about = subject(key, query.payload.to_bytes()[:MAX_QUESTION] if query.payload else b"")
+    query.reply(key, payload, attachment=seal.stamp(about, payload))
 
 
 def subject(key: str, question: bytes) -> str:
     """What the seal of an answer is about: no answer can pass for one to another question."""
     return f"{key}?{question.hex()}"
+
+
+def _asking(key: str, question: bytes) -> str:
+    """What the seal of a question is about: no question can pass for an answer."""
+    return f"{key}!{question.hex()}"
 
 
 def _checked(answer: zenoh.Reply, key: str, question: bytes, seal: Seal, launcher: str) -> dict[str, Any]:
@@ -89,10 +155,12 @@ def session_of(answer: zenoh.Reply) -> str:
 
 def _launcher(session: zenoh.Session) -> str:
     """The id of the launcher's session, as its token names it. Raises ``JoinError`` unless there is exactly one."""
-    found = session.liveliness().get(f"{keys.LAUNCHER}/*", timeout=ASK_TIMEOUT_S)
-    sessions = sorted(str(token.ok.key_expr).rpartition("/")[2] for token in found if token.ok)
-    if not sessions:
-        raise JoinError("no launcher answers in this run")
-    if len(sessions) > 1:
-        raise JoinError(f"{len(sessions)} launchers claim this run: somebody pretends to be one")
-    return sessions[0]
+    for _ in range(LOOKS):
+        found = session.liveliness().get(f"{keys.LAUNCHER}/*", timeout=ASK_TIMEOUT_S)
+        sessions = sorted(str(token.ok.key_expr).rpartition("/")[2] for token in found if token.ok)
+        if len(sessions) > 1:
+            raise JoinError(f"{len(sessions)} launchers claim this run: somebody pretends to be one")
+        if sessions:
+            return sessions[0]
+        time.sleep(RETRY_S)
+    raise JoinError("no launcher answers in this run")

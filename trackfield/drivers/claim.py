@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
 import msgpack
 import zenoh
 
 from trackfield.drivers.ask import ANSWER_TIMEOUT_S, JoinError, ask
-from trackfield.drivers.intake import Refusals, read
+from trackfield.drivers.intake import Refusals, printable, read
+from trackfield.drivers.join import NONCE_BYTES
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import open_client
 from trackfield.wire import keys
@@ -24,16 +27,17 @@ def find_run(endpoint: str) -> str:
     if not runs:
         raise JoinError("there is no run yet")
     if len(runs) > 1:
-        raise JoinError(f"there are {len(runs)} runs, name one with --run: {', '.join(runs)}")
+        raise JoinError(f"there are {len(runs)} runs, name one with --run: {printable(', '.join(runs), 1000)}")
     return runs[0]
 
 
-def claim(session: zenoh.Session, role: str, host: str, seal: Seal, refused: Refusals) -> str:
-    """The name of a free place of this role to join under: the place that this host had before, if it had one.
+def claim(session: zenoh.Session, role: str, host: str, place: str, seal: Seal, refused: Refusals) -> str:
+    """The name to join under, at this ``place`` or (empty) at a free one of the role: first the one this host had.
 
-    Raises ``JoinError`` if there is none or no launcher answers.
+    Raises ``JoinError`` if it is taken, or there is none, or no launcher answers.
     """
-    told = ask(session, keys.CLAIM, msgpack.packb([role, host]), seal, refused)
+    question = msgpack.packb([role, host, place, os.urandom(NONCE_BYTES)])
+    told = ask(session, keys.CLAIM, question, seal, refused)
     try:
         return read(keys.check_name, told.get("name"))
     except WireError as error:

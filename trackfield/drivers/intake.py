@@ -91,7 +91,7 @@ class Refusals:
             log.warning("refused a sample on %s: %s (no. %d)", printable(key), printable(error), count)
 
 
-def printable(text: object) -> str:
+def printable(text: object, most: int = SHOWN) -> str:
     """A text that may be anything, for a log or a terminal: short, without control characters."""
     shown = ascii(str(text))[1:-1]
-    return shown if len(shown) <= SHOWN else f"{shown[:SHOWN]}..."
+    return shown if len(shown) <= most else f"{shown[:most]}..."

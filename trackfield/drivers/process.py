@@ -28,7 +28,7 @@ from trackfield.drivers.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds, opened
-from trackfield.drivers.join import join
+from trackfield.drivers.join import confirm, join, token
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import build_core, link_of
 from trackfield.drivers.telemetry import pack
@@ -88,7 +88,15 @@ class Process:
             )
         if joined.start_ns is not None:
             self._start_ns = joined.start_ns
-        self._token = session.liveliness().declare_token(keys.live(name, seal.mark(keys.live(name))))
+        self._ticket = joined.ticket
+        self._token = session.liveliness().declare_token(token(name, joined.ticket, seal))
+
+    def confirm(self, host: str) -> None:
+        """Wait until the launcher has seen this process, which was started elsewhere, on ``host``.
+
+        Raises ``JoinError`` if another has the place: two may have asked for it at once.
+        """
+        confirm(self.session, self.name, self._ticket, host, self._seal, self._forged)
 
     def _inboxes(self) -> list[str]:
         id, media = self.spec.id, self.spec.media

@@ -48,14 +48,21 @@ class Seal:
         """Raise ``WireError`` (``seal``) unless a holder of the token sent this, later than all others at this key."""
         if not self.token:
             return
+        number = self.known(key, payload, attachment)
+        if number <= self._latest.get(key, 0):
+            raise WireError("seal", "sent before")
+        self._latest[key] = number
+
+    def known(self, key: str, payload: bytes, attachment: bytes | None) -> int:
+        """The number of this seal, of which nothing is kept: anyone may send the same again.
+
+        Raises ``WireError`` (``seal``) unless a holder of the token made it.
+        """
         stamp = attachment or b""
         number, mac = stamp[: _NUMBER.size], stamp[_NUMBER.size :]
-        if not compare_digest(mac, self._mac(key, number, payload)):
+        if self.token and not compare_digest(mac, self._mac(key, number, payload)):
             raise WireError("seal", "not sent by a process of this run")
-        (n,) = _NUMBER.unpack(number)
-        if n <= self._latest.get(key, 0):
-            raise WireError("seal", "sent before")
-        self._latest[key] = n
+        return int.from_bytes(number, "little")
 
     def mark(self, text: str) -> str:
         """A seal as text, for what has no attachment; empty without a token."""

@@ -14,9 +14,9 @@ from typing import Final, NoReturn
 import zenoh
 from setproctitle import setproctitle
 
-from trackfield.drivers.ask import JoinError
+from trackfield.drivers.ask import JoinError, RefusedError, TokenError
 from trackfield.drivers.claim import claim, find_run
-from trackfield.drivers.intake import Refusals
+from trackfield.drivers.intake import Refusals, printable
 from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
@@ -29,6 +29,8 @@ from trackfield.wire.keys import check_name
 _OWN: Final = re.compile(r"(sensor|tracker):[^=:]+=[\w.]+:[\w.]+")
 RETRY_S: Final = 1.0
 """How often a waiting process looks for a run with a free place."""
+TRIES: Final = 5
+"""How often a process asks for a place, if others come before it at those that it is offered."""
 
 
 def main(role: str, factory: str, description: str | None, *, installed: bool = False) -> None:
@@ -43,6 +45,7 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
     os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
     setproctitle(f"trackfield {role}")
+    said = ""
     while True:
         try:
             process = _join(role, factory, arguments)
@@ -50,9 +53,13 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
         except ScenarioError as error:
             sys.exit(f"{role}: {error} (--own tells this process where a class of yours is)")
         except (JoinError, zenoh.ZError) as error:
+            which = " ".join(filter(None, ["the run", arguments.run]))
+            why = f"{role}: cannot join {which} through {arguments.connect}: {error}"
             if not arguments.wait:
-                which = " ".join(filter(None, ["the run", arguments.run]))
-                sys.exit(f"{role}: cannot join {which} through {arguments.connect}: {error}")
+                sys.exit(why)
+            if isinstance(error, TokenError) and why != said:  # waiting alone does not help
+                said = why
+                print(why, file=sys.stderr, flush=True)
             time.sleep(RETRY_S)
     process.run()
     _leave()
@@ -67,16 +74,39 @@ def _leave() -> NoReturn:
 
 
 def _join(role: str, factory: str, arguments: argparse.Namespace) -> Process:
+    """A process that has a place. Raises ``JoinError``."""
     run = arguments.run or find_run(arguments.connect)
-    session = open_client(arguments.connect, run)
-    seal = Seal(token_from(os.environ))
+    for _ in range(TRIES):
+        session = open_client(arguments.connect, run)
+        try:
+            return _take_place(session, role, factory, arguments.id or "")
+        except _TakenError as error:
+            taken = error
+            session.close()  # type: ignore[no-untyped-call]
+        except BaseException:
+            session.close()  # type: ignore[no-untyped-call]
+            raise
+    raise taken
+
+
+class _TakenError(JoinError):
+    """Another process was faster at the place that this one was offered."""
+
+
+def _take_place(session: zenoh.Session, role: str, factory: str, place: str) -> Process:
+    seal, host = Seal(token_from(os.environ)), socket.gethostname()
+    name = claim(session, role, host, place, seal, Refusals())
+    setproctitle(f"trackfield {role} {name}")
     try:
-        name = arguments.id or claim(session, role, socket.gethostname(), seal, Refusals())
-        setproctitle(f"trackfield {role} {name}")
-        return Process(session, name, factory, seal)
-    except JoinError:
-        session.close()  # type: ignore[no-untyped-call]
-        raise
+        process = Process(session, name, factory, seal)
+        process.confirm(host)
+    except RefusedError as error:
+        raise _TakenError(str(error)) from None
+    except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
+        why = printable(f"{type(error).__name__}: {error}")
+        what = f"what the launcher tells makes no {role} here ({why})"
+        raise JoinError(f"{what}: it is of another version of Trackfield, or no launcher") from None
+    return process
 
 
 def _own(text: str) -> tuple[str, str]:

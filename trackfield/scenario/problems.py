@@ -82,6 +82,10 @@ def _problem(error: Mapping[str, Any], near: Near) -> tuple[list[str], str, str]
         case "own":
             what, expected = context["what"], context["expected"]
             path = [*(path if context["key"].startswith(".") else ()), *filter(None, context["key"].split("."))] or path
+        case "too_long":
+            what, expected = f"has more than {context['max_length']} entries", "fewer"
+        case "string_too_long":
+            what, expected = f"has more than {context['max_length']} characters", "fewer"
         case "extra_forbidden":
             what, expected = _unknown(path, section, kind, near)
         case "union_tag_invalid" if section:

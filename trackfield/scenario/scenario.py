@@ -129,6 +129,8 @@ def _written(source: str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], st
 
 
 def _file_of(source: str | Path) -> Path:
+    if not isinstance(source, str | Path):
+        raise ScenarioError(f"is {quoted(source)}", key="scenario", expected="the name, file or contents of one")
     file = Path(source)
     if isinstance(source, str):
         if source in names() or source in ALIASES:

@@ -12,7 +12,7 @@ import numpy as np
 from trackfield.draw import normal
 from trackfield.errors import ScenarioError, together
 from trackfield.scenario.layouts import Ground
-from trackfield.scenario.paths import MAX_STEPS, Course, origin_of
+from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sensors import Acoustic
@@ -23,7 +23,7 @@ from trackfield.world.windows import Array, Windows, distances, merged, windows
 Leg = tuple[int, float, float]
 
 MOST_POINTS: Final = 500_000
-"""Steps times targets."""
+"""Steps of all targets together."""
 MOST_HEARERS: Final = 2_000_000
 """Sensors times targets."""
 _NS: Final = 1_000_000_000
@@ -133,14 +133,20 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     step_ns, targets = _step_ns(scenario), scenario.keyed_targets
     origin = origin_of(targets) if len(targets) > 1 else None  # a single target decides the origin itself
     course = partial(Course, scenario.seed, step_ns, scenario.steps, origin)
-    runs = together(partial(target.run, course(key)) for key, target in targets)
+    followed = 0
+
+    def run(key: str, target: PathSection) -> tuple[int, Path]:
+        nonlocal followed
+        if followed > MOST_POINTS:
+            what = f"the paths of {len(targets)} targets have more than {MOST_POINTS} steps in all"
+            raise ScenarioError(what, key="targets", expected="fewer targets, or fewer or longer steps")
+        steps, path = target.run(course(key))
+        followed += steps
+        return steps, path
+
+    runs = together(partial(run, key, target) for key, target in targets)
     longest = max(steps for steps, _ in runs)
     steps = min(longest, scenario.steps or longest)
-    if steps * len(runs) > MOST_POINTS:
-        what = f"the run would have {steps} steps of {len(runs)} targets"
-        raise ScenarioError(
-            what, key="targets", expected=f"at most {MOST_POINTS} points of paths: fewer targets or steps"
-        )
     if steps > MAX_STEPS:
         what, key = f"the run would have {steps} steps", f"{targets[0][0]}.steps"
         raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, the highest step that a report can hold")

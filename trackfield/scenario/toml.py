@@ -16,7 +16,8 @@ MOST_BYTES: Final = 4 * MIB
 DEEPEST: Final = 16
 """No value of a scenario is as many tables and lists deep."""
 
-_BITS: Final = 63
+_BITS: Final = 127
+"""A whole number of more is none that anybody meant; which numbers a key allows, its type says."""
 
 
 def read_toml(file: Path) -> tuple[dict[str, Any], str]:
@@ -39,7 +40,7 @@ def parsed(text: str) -> dict[str, Any]:
 
 
 def check_values(values: Mapping[str, Any], file: str = "") -> None:
-    """Raise ``ScenarioError`` for what no TOML file holds: whole numbers of more than 64 bits, keys that are no text.
+    """Raise ``ScenarioError`` for what no TOML file holds: numbers without end, keys that are no text.
 
     Also for values too deep in tables and lists, which may hold themselves if they are not from a file.
     """
@@ -50,7 +51,7 @@ def check_values(values: Mapping[str, Any], file: str = "") -> None:
             expected = f"no value more than {DEEPEST} deep in tables and lists"
             raise ScenarioError("is too deep", file=file, key=key, expected=expected)
         if isinstance(value, int) and value.bit_length() > _BITS:
-            raise ScenarioError(f"is {quoted(value)}", file=file, key=key, expected=f"at most {_BITS + 1} bits")
+            raise ScenarioError(f"is {quoted(value)}", file=file, key=key, expected="a number of at most 38 digits")
         if isinstance(value, Mapping):
             left += ((_within(key, name, file), one, depth + 1) for name, one in value.items())
         elif isinstance(value, list | tuple):

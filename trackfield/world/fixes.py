@@ -23,6 +23,8 @@ Fix = tuple[Any, ...]
 
 _FIRST_YEAR: Final = 1900
 _LAST_YEAR: Final = 2199
+ISO: Final = f"an ISO date and time of the years {_FIRST_YEAR} to {_LAST_YEAR}"
+"""The times that ``moment`` takes, in words."""
 _SHORTEST_S: Final = 0.001
 """Fixes are at one instant, or at least so far apart: nearer, no speed follows from them."""
 
@@ -106,7 +108,7 @@ def moment(text: str) -> datetime:
 
 _COLUMNS: Final[dict[str, Column]] = {
     **PLACES,
-    "time": (moment, f"an ISO date and time of the years {_FIRST_YEAR} to {_LAST_YEAR}"),
+    "time": (moment, ISO),
     "t_s": (partial(number, 1e9), "seconds"),
 }
 _FORMATS: Final = (("time", "lat", "lon"), ("t_s", "x", "y"))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
 from trackfield.words import quoted
-from trackfield.world.fixes import Array, Fixes, moment, read_fixes
+from trackfield.world.fixes import ISO, Array, Fixes, moment, read_fixes
 from trackfield.world.path import Interval, Knot, Path
 from trackfield.world.rows import number
 
@@ -137,7 +137,7 @@ def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -
             when = moment(text)
             return ((when if when.tzinfo else when.replace(tzinfo=zero.tzinfo)) - zero).total_seconds()
     except ValueError:
-        expected = "seconds" if zero is None else "HH:MM[:SS] or an ISO date and time"
+        expected = "seconds" if zero is None else f"HH:MM[:SS] or {ISO}"
         raise ScenarioError(f"{quoted(text)} is not a time", file=str(file), key=key, expected=expected) from None
     zone = clock.tzinfo or zero.tzinfo
     first = (datetime.combine(zero.astimezone(zone).date(), clock.replace(tzinfo=zone)) - zero).total_seconds()

@@ -80,7 +80,12 @@ def check_run(folder: Path) -> None:
 
 def read_figures(folder: Path) -> RunFigures:
     """metrics.json."""
-    return RunFigures.of(_json(folder, METRICS), str(folder / METRICS))
+    figures = _json(folder, METRICS)
+    try:
+        return RunFigures.of(figures, str(folder / METRICS))
+    except ScenarioError as error:
+        expected = error.expected + recovering(folder)
+        raise ScenarioError(error.what, file=error.file, key=error.key, expected=expected) from None
 
 
 def read_manifest(folder: Path) -> Manifest:

@@ -39,7 +39,9 @@ class Acoustic(SensorSection):
     )
     threshold_min: Share = Field(default=0.70, description="lower bound of an adaptive threshold")
     threshold_max: Share = Field(default=0.80, description="upper bound of an adaptive threshold")
-    doa_sd_deg: float = Field(default=3.0, ge=0, le=180, description="standard deviation of the direction of arrival")
+    doa_sd_deg: float = Field(
+        default=3.0, ge=0.001, le=180, description="standard deviation of the direction of arrival"
+    )
     level_sd_db: float = Field(default=0.0, ge=0, le=100, description="standard deviation of the measured level")
     margin_db: float = Field(
         default=1.0, ge=0, le=100, description="a sensor is awake from this far below its threshold"
