@@ -27,7 +27,7 @@ from trackfield.wire import Envelope, WireError, keys
 
 SPEED: Final = 4.0
 STARTING_S: Final = 3.0
-"""About how long a run takes until emulated time goes on, and then until all is written."""
+"""About how long a run takes until emulated time goes on, and at its end until all is written."""
 LAUNCHER, DISK = "launcher", "disk"
 OTHERS: Final = ("node", "fusion", "router", "recorder", "zygote")
 DISK_BYTES: Final = 16_000_000
@@ -60,7 +60,8 @@ class Deed:
 
     def __str__(self) -> str:
         what = "full" if self.whom == DISK else signal.Signals(self.number).name
-        return f"{self.whom} {what} at {self.at_s} s" + ("" if self.for_s is None else f" for {self.for_s} s")
+        at = f"{self.at_s} s after the first frame" if self.running else f"{self.at_s} s"
+        return f"{self.whom} {what} at {at}" + ("" if self.for_s is None else f" for {self.for_s} s")
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,26 @@ class Case:
 
     @cached_property
     def deeds(self) -> tuple[Deed, ...]:
+        """Two of three at an instant of emulated time and shortly after, the others while the run starts."""
         draw = Random(f"deeds {self.seed}")
-        span_s = 2 * STARTING_S + (self.steps + 1) / SPEED
         many = draw.choice([1, 1, 1, 2, 3, 5])
-        return tuple(sorted((_deed(draw, span_s) for _ in range(many)), key=lambda deed: deed.at_s))
+        return tuple(self._deed(draw, running=draw.random() < 0.7) for _ in range(many))
+
+    def _deed(self, draw: Random, *, running: bool) -> Deed:
+        at_s = round(draw.uniform(0, (self.steps + 1) / SPEED + STARTING_S if running else 2 * STARTING_S), 2)
+        kind = draw.choice(["signal", "signal", "kill", "kill", "kill", "stop", "stop", "disk", "end of the launcher"])
+        pause_s = draw.choice([0.3, 2.0, 4.0, 6.0])
+        match kind:
+            case "signal":
+                return Deed(at_s, LAUNCHER, draw.choice(SIGNALS), running=running)
+            case "kill":
+                number = draw.choice([signal.SIGKILL, signal.SIGKILL, signal.SIGSEGV])
+                return Deed(at_s, draw.choice(OTHERS), number, running=running)
+            case "stop":
+                return Deed(at_s, draw.choice([*OTHERS, LAUNCHER]), signal.SIGSTOP, pause_s, running)
+            case "disk":
+                return Deed(at_s, DISK, 0, pause_s, running)
+        return Deed(at_s, LAUNCHER, draw.choice([signal.SIGKILL, signal.SIGQUIT]), running=running)
 
     @property
     def steps(self) -> int:
@@ -113,22 +130,6 @@ class Case:
         """What ``trackfield run`` is told."""
         settings = [part for setting in self.settings for part in ("--set", setting)]
         return ["spcpf", "--nodes", "9", *settings, "--speed", str(SPEED)]
-
-
-def _deed(draw: Random, span_s: float) -> Deed:
-    at_s = round(draw.uniform(0, span_s), 2)
-    kind = draw.choice(["signal", "signal", "kill", "kill", "kill", "stop", "stop", "disk", "end of the launcher"])
-    pause_s = draw.choice([0.3, 2.0, 4.0, 6.0])
-    match kind:
-        case "signal":
-            return Deed(at_s, LAUNCHER, draw.choice(SIGNALS))
-        case "kill":
-            return Deed(at_s, draw.choice(OTHERS), draw.choice([signal.SIGKILL, signal.SIGKILL, signal.SIGSEGV]))
-        case "stop":
-            return Deed(at_s, draw.choice([*OTHERS, LAUNCHER]), signal.SIGSTOP, pause_s)
-        case "disk":
-            return Deed(at_s, DISK, 0, pause_s)
-    return Deed(at_s, LAUNCHER, draw.choice([signal.SIGKILL, signal.SIGQUIT]))
 
 
 # --- doing it -----------------------------------------------------------------------------------------------------
@@ -190,8 +191,8 @@ class Doer:
         again: list[tuple[float, Deed, list[psutil.Process]]] = []
         while todo or again:
             self.clock.look(self.run)
-            if todo and self._due(todo[0]):
-                deed = todo.pop(0)
+            for deed in [deed for deed in todo if self._due(deed)]:
+                todo.remove(deed)
                 if (met := self._begin(deed)) is not None and deed.for_s is not None:
                     again.append((self.now_s + deed.for_s, deed, met))
             over = self.phase() is Phase.OVER

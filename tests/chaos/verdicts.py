@@ -74,7 +74,7 @@ def _exit_code(after: Aftermath) -> Iterator[str]:
     """That of the launcher's end, of a failure, or of a signal; 0 only where nothing came in time or to notice."""
     killed = {-one.deed.number for one in after.befell(LAUNCHER) if one.deed.number in (signal.SIGKILL, signal.SIGQUIT)}
     ended = {128 + one.deed.number for one in after.befell(LAUNCHER) if one.deed.number in (*ENDING, signal.SIGQUIT)}
-    if not (after.folder / "manifest.json").exists():  # it came before the program could handle it
+    if not (after.folder / METRICS).exists():  # it came before the program handled signals, or after a failed start
         killed |= {-one.deed.number for one in after.befell(LAUNCHER)}
     others = [one for one in after.done if one.deed.whom != LAUNCHER]
     allowed = killed | ended | ({1} if others or any(one.deed.for_s for one in after.done) else set())
@@ -91,6 +91,10 @@ def _must_be_told(one: Done) -> bool:
     if one.deed.number == signal.SIGSTOP:
         return one.deed.whom != LAUNCHER and (one.deed.for_s or 0) >= SEEN_S
     return True
+
+
+def _ends(one: Done) -> bool:
+    return one.deed.number != signal.SIGSTOP
 
 
 def _texts(after: Aftermath) -> Iterator[str]:
@@ -122,8 +126,8 @@ def _recovered(after: Aftermath) -> Generator[str, None, bool]:
     logged = (after.folder / "record.log").exists()
     if metrics is None or (logged and not metrics.get("complete")):
         if not logged:
-            if after.code == 1 and any(one.phase is Phase.STARTING for one in after.done):
-                return False  # it failed before there was anything to record
+            if any(one.phase is Phase.STARTING for one in after.done):
+                return False  # it ended before there was anything to record
             yield f"neither figures nor a log to recover them from: {sorted(f.name for f in after.folder.iterdir())}"
             return False
         code, said = trackfield("recover", after.folder)
@@ -152,12 +156,10 @@ def _figures(after: Aftermath, metrics: dict[str, Any]) -> Iterator[str]:
         yield f"the ledger does not close: {frames}"
     if not isinstance(metrics.get("complete"), bool) or not metrics.get("end_reason"):
         yield f"does not say how it ended: {metrics.get('complete')}, {metrics.get('end_reason')!r}"
-    ended_early = after.launcher_died or after.code in (130, 143, 129)
-    in_time = any(one.phase in (Phase.STARTING, Phase.RUNNING) for one in after.befell(LAUNCHER))
-    if ended_early and in_time and metrics.get("complete") and after.launcher_died:
-        yield "says that it is complete, and its launcher died"
-    if after.launcher_died:
-        return
+    if metrics.get("complete") and any(one.phase is Phase.STARTING for one in after.befell(LAUNCHER) if _ends(one)):
+        yield f"says that it is complete, and was ended before it began: {metrics['end_reason']!r}"
+    if after.launcher_died or (after.befell(DISK) and not metrics.get("complete")):
+        return  # who knew of deaths is gone, or could not write them down: the terminal has them
     told = {death["id"] for death in metrics["processes"]["died"]} | {s["id"] for s in metrics["processes"]["stopped"]}
     for one in after.done:
         if _must_be_told(one) and one.deed.whom not in (LAUNCHER, "zygote") and one.name not in told:
