@@ -7,13 +7,16 @@ shared, and no child has to write it again.
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Final
+from types import SimpleNamespace
+from typing import Any, Final
 
 import msgpack
+import zenoh
 
+from trackfield.drivers.ask import subject
 from trackfield.drivers.frames import Sent, Told
-from trackfield.drivers.intake import read, unpacked
-from trackfield.drivers.join import joined
+from trackfield.drivers.intake import Refusals
+from trackfield.drivers.join import join, token
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
 from trackfield.drivers.telemetry import pack
@@ -28,10 +31,28 @@ _SECONDS: Final = 4
 _RUN: Final = RunSpec("rehearsal", 1, _SECONDS * NS, {"model": "lognormal_prr"})
 
 
+class _Launcher:
+    """A session in which the launcher answers every question: that there is a place for the node."""
+
+    def __init__(self, seal: Seal) -> None:
+        self._seal = seal
+
+    def get(self, key: str, handler: object, *, payload: bytes, **options: object) -> list[Any]:
+        """As ``zenoh.Session.get``."""
+        told = msgpack.packb(
+            {"run": asdict(_RUN), "process": _spec().plain(), "start_ns": None, "stored": None, "ticket": "t"}
+        )
+        stamp = self._seal.stamp(subject(key, payload), told)
+        return [SimpleNamespace(ok=SimpleNamespace(payload=zenoh.ZBytes(told), attachment=zenoh.ZBytes(stamp or b"")))]
+
+
 def a_node() -> int:
-    """Be a node that hears a target pass by; how many reports it sent."""
+    """Be a node that joins and hears a target pass by; how many reports it sent."""
     seal = Seal(_CENTRE.encode())
-    run, spec = _joined(seal)
+    stage: Any = _Launcher(Seal(seal.token))
+    joined = join(stage, _NODE, _spec().factory, seal, Refusals())
+    token(_NODE, joined.ticket, seal)
+    run, spec = joined.run, joined.process
     core = build_core(run, spec, link_of(run, spec.places), horizon_ns=NS)
     reports = []
     while (due := core.next_key()) is not None and due[0] < run.end_ns:
@@ -43,11 +64,11 @@ def a_node() -> int:
     return len(reports)
 
 
-def _joined(seal: Seal) -> tuple[RunSpec, ProcessSpec]:
-    """What such a node is told, as it comes from the launcher."""
+def _spec() -> ProcessSpec:
+    """What such a node is."""
     passing = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (float(_SECONDS), float(_SECONDS), 0.0, 1.0, 0.0)])
     sensor = AcousticSensor(_NODE, (0.0, 1.0), (passing,), ((0, _SECONDS * NS),), 70.0, 2.0, 50.0, 3.0, 0.0, 1)
-    spec = ProcessSpec(
+    return ProcessSpec(
         _NODE,
         "node",
         "node.role:Node",
@@ -56,10 +77,3 @@ def _joined(seal: Seal) -> tuple[RunSpec, ProcessSpec]:
         peers={_CENTRE: (5.0, 5.0)},
         power=asdict(DEVICES["cc2420"]),
     )
-    answer = msgpack.packb(
-        {"run": asdict(_RUN), "process": spec.plain(), "start_ns": None, "stored": None, "ticket": "t"}
-    )
-    seal.check(keys.JOIN, answer, seal.stamp(keys.JOIN, answer))
-    seal.mark(keys.live(_NODE))
-    told = read(joined, unpacked(answer), _NODE, spec.factory)
-    return told.run, told.process
