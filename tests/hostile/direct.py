@@ -72,7 +72,7 @@ class Parts:
         session: Any = cast("Any", self.loopback)
         self.plan = field.plan_of(1)
         self.launcher = Seal(token)
-        self.registry = Registry(self.plan, Seal(token), Alarms(), open=True)
+        self.registry = Registry(self.plan, Seal(token), Alarms())
         self.registry.declare(session)
         self.listener = Listener(session, self.plan, Seal(token))
         factories = {life.name: life.factory for life in self.plan.processes}

@@ -42,6 +42,7 @@ class Query:
 
     key_expr: str
     payload: zenoh.ZBytes
+    attachment: zenoh.ZBytes | None = None
     replies: list[Any] = field(default_factory=list)
 
     def reply(self, key: str, payload: bytes, attachment: bytes | None = None) -> None:
@@ -79,8 +80,10 @@ class Loopback:
         self.said.append(Sample(key, payload, attachment))
         self.bring(self.said[-1])
 
-    def get(self, key: str, handler: Any = None, *, payload: bytes = b"", **_: Any) -> Iterator[Any]:
-        query = Query(key, zenoh.ZBytes(payload))
+    def get(
+        self, key: str, handler: Any = None, *, payload: bytes = b"", attachment: bytes | None = None, **_: Any
+    ) -> Iterator[Any]:
+        query = Query(key, zenoh.ZBytes(payload), None if attachment is None else zenoh.ZBytes(attachment))
         self._call(self._queryables, key, query)
         return iter(query.replies)
 
