@@ -72,7 +72,8 @@ def test_a_process_of_another_make_joins(endpoint: str, key: bytes) -> None:
 
 def test_the_seal_that_is_printed() -> None:
     text, run, number, order, where, printed = re.findall(
-        r"With the token `(\w+)`, in the run `(\w+)`, the seal with number (\d+) of the order `(\d+)` at `([a-z/]+)` is\s+`([0-9a-f]{48})`",
+        r"With the token `(\w+)`, in the run `(\w+)`, the seal with number (\d+) of the order `(\d+)` at `([a-z/]+)` "
+        r"is\s+`([0-9a-f]{48})`",
         DOCS,
     )[0]
     stamp = bytes.fromhex(printed)

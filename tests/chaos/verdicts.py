@@ -188,7 +188,8 @@ def _frames(folder: Path) -> Counter[tuple[Any, ...]]:
 def _tables(after: Aftermath) -> Iterator[str]:
     """All frames are there that were sent until shortly before the first thing that could end the recording.
 
-    Only where the field itself was left alone: otherwise nobody knows what it would have sent.
+    Only where the field itself was left alone, and the machine handled its events in order: otherwise nobody knows
+    what it would have sent.
     """
     try:
         found = _frames(after.folder)
@@ -196,7 +197,8 @@ def _tables(after: Aftermath) -> Iterator[str]:
     except (OSError, ValueError) as error:
         yield f"tables cannot be read: {error}"
         return
-    if after.befell("node", "fusion", "router"):
+    timing = (_metrics(after.folder) or {}).get("timing", {})
+    if after.befell("node", "fusion", "router") or timing.get("host_late"):
         return
     until_ns = _recorded_until(after)
     wanted = Counter({frame: n for frame, n in _undisturbed(after.case).items() if frame[0] < until_ns})
