@@ -106,6 +106,8 @@ class Recorder(Listener):
         if self._told is not None:
             self._accept((time.monotonic_ns(), keys.FINISH, self._told, None))
             self._await_finals()
+            if self.now_ns() is None:  # it was never started
+                self.ledger.end(0)
             return
         self.drain()
         self.ledger.end(settled_until(self.plan, now_ns or 0))
