@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import signal
 import sys
 from errno import EPIPE
@@ -27,7 +28,7 @@ from launcher.commands import (
 )
 from launcher.files import check_text
 from launcher.processes.garbage import look_seldom
-from launcher.signals import handling
+from launcher.signals import ENDING, handling
 from trackfield.errors import ScenarioError, TrackfieldError
 from trackfield.streams import steady, unheard
 
@@ -73,6 +74,7 @@ def main() -> NoReturn:
     """The program: exit 2 with one message for bad input, 1 for a failed run, never a traceback for either."""
     steady()
     look_seldom()
+    atexit.register(_ending)
     came: list[int] = []
 
     def interrupt(number: int) -> None:
@@ -84,6 +86,12 @@ def main() -> NoReturn:
     if came and code in (0, INTERRUPTED):
         code = 128 + came[0]
     raise SystemExit(code or _lost())
+
+
+def _ending() -> None:
+    """The program ends already, with the exit code that it has: no signal changes that."""
+    for number in ENDING:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _called() -> int:
