@@ -151,6 +151,16 @@ def test_a_working_folder_whose_name_is_no_text(command: str, tmp_path: Path) ->
     assert os.listdir(folder) == []  # noqa: PTH208
 
 
+@pytest.mark.parametrize("name", ["a\u00a0b", "a\u3000b", "a\u202fb", "a\u200db", "a\u2028b", "a\ufeffb"])
+def test_a_folder_with_unusual_blanks_in_its_name(name: str, tmp_path: Path, trackfield: Call) -> None:
+    folder, trace = tmp_path / name, Path(__file__).with_name("trace.csv")
+    settings = ("--set", "link.model=trace", "--set", f"link.file={trace}")
+    done = trackfield("run", "spcpf", "--nodes", 9, "--tracker", "spcpf", "--virtual", *settings, "--out", folder)
+    assert (done.code, "no report" in done.err + done.out) == (0, False)
+    assert (folder / "report.html").exists()
+    assert trackfield("replay", folder, "--out", tmp_path / "again").code == 0
+
+
 @pytest.mark.parametrize("folder", ["/proc", "gone"])
 def test_a_working_folder_that_cannot_be_written(folder: str, tmp_path: Path) -> None:
     (tmp_path / "gone").mkdir()
