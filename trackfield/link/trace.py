@@ -68,7 +68,7 @@ class Trace:
     def _add(self, row: dict[str, str], places: Places, where: str) -> None:
         link = (row["src"], row["dst"])
         try:
-            if None in row.values():
+            if any(row[name] is None for name in COLUMNS):
                 raise ValueError("has too few cells")
             t_s, delay_ms = _number(row, "t_s", LONGEST_S), _number(row, "delay_ms", SLOWEST_MS)
             received = row["received"].strip()
