@@ -137,7 +137,11 @@ def test_a_closed_terminal_that_is_ignored_stays_ignored() -> None:
 def test_a_handler_that_was_not_set_from_python_gives_way_to_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
     """``signal.signal`` returns None for one that a library or an embedding program set."""
     put, own = signal.signal, signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(signal, "signal", lambda number, handler: put(number, handler) and None)
+
+    def tells_nothing(number: int, handler: Any) -> None:
+        put(number, handler)
+
+    monkeypatch.setattr(signal, "signal", tells_nothing)
     try:
         with handling(lambda _: None, (signal.SIGTERM,)):
             assert callable(signal.getsignal(signal.SIGTERM))
