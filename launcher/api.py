@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import pyarrow as pa
 
+from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
 from launcher.processes.limits import check_machine
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.latest import run_folder
 from launcher.record.measures import RunFigures
-from launcher.record.reading.files import MESSAGES, TRACKS, check_run, read_figures, read_table
+from launcher.record.reading.files import check_run, read_figures, read_table
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.comparison.runs import Compared, read_runs
@@ -53,12 +54,12 @@ class Result:
     @cached_property
     def tracks(self) -> pa.Table:
         """tracks.parquet: a row for each tracker, target and step. Raises ``ScenarioError`` if it is damaged."""
-        return read_table(self.path, TRACKS)
+        return read_table(self.path, TRACKS_TABLE)
 
     @cached_property
     def messages(self) -> pa.Table:
         """messages.parquet: a row for each frame and receiver. Raises ``ScenarioError`` if it is damaged."""
-        return read_table(self.path, MESSAGES)
+        return read_table(self.path, MESSAGES_TABLE)
 
     def view(self, *, web: bool = False) -> None:
         """Open the timeline in the viewer, or in a browser, and wait until it is closed."""
@@ -156,7 +157,7 @@ def run(
         inside = isinstance(out, str) and out.endswith("/")
         folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)
-    again = ["trackfield", "run", str(folder / "scenario.toml")]
+    again = ["trackfield", "run", str(folder / SCENARIO)]
     if driver == "virtual":
         return _finished(run_virtual(plan, folder, [*again, "--virtual"]))
     return _finished(run_processes(plan, folder, Quiet(), [*again, "--speed", f"{speed:g}"]))

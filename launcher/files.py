@@ -21,6 +21,13 @@ _MAY_PASS: Final = (ENOSPC, EDQUOT, EIO)
 
 LOG: Final = "record.log"
 """In the folder of a run, what it has recorded so far."""
+MANIFEST: Final = "manifest.json"
+"""In the folder of a run or a study, what it was made with."""
+SCENARIO: Final = "scenario.toml"
+"""In such a folder, the scenario, every default written out."""
+TRACKS_TABLE: Final = "tracks.parquet"
+MESSAGES_TABLE: Final = "messages.parquet"
+"""The tables of a run; a study has the first of them, too."""
 
 
 def check_writable(file: Path, key: str) -> None:

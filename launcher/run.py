@@ -136,39 +136,49 @@ def run_processes(
             LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,
         ):
             write_manifest(folder, plan, command, field.endpoint)
-            field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
-            ready_s = time.monotonic() - begun
-            if view:
-                view.wait_ready(field.registry.live, lambda: bool(ended))
-            pss: float | None = None
-            if not ended:
-                field.begin()
-                pss = _pss_mb(field)
-
-                def tick() -> bool:
-                    observer.running(field.status)
-                    if view:
-                        view.look()
-                    return bool(ended)
-
-                field.watch(tick)
-            field.finish()
+            ready_at, pss = _from_start_to_end(field, observer, view, ended)
         metrics = _recorded(plan, folder, field.deaths)
         own_cpu_s = time.process_time() - own_cpu_s + field.router_cpu_s
         cpu_s = None if metrics["cpu_s"] is None else metrics["cpu_s"] + own_cpu_s
         metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
-        metrics["processes"] |= {
-            "ready_s": ready_s,
-            "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
-            "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
-            "pss_mb_per_node": pss,
-        }
         metrics |= ended_because(_why(plan, metrics, ended, field.deaths))
-        metrics["interference"] = {
-            kind: (n or 0) + field.alarms.counts[kind] for kind, n in metrics["interference"].items()
-        }
+        metrics["processes"] |= {"ready_s": ready_at - begun, "pss_mb_per_node": pss}
+        _add_seen(metrics, field)
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
         return close_folder(plan, folder, metrics, complaints, ended)
+
+
+def _from_start_to_end(
+    field: Deployment, observer: Observer, view: LiveView | None, ended: list[int]
+) -> tuple[float, float | None]:
+    """When all processes were ready (monotonic, s), and the memory of a node (MB), if any was measured."""
+    field.wait_ready(lambda missing, of: bool(observer.starting(missing, of) or ended))
+    ready_at, pss = time.monotonic(), None
+    if view:
+        view.wait_ready(field.registry.live, lambda: bool(ended))
+
+    def tick() -> bool:
+        observer.running(field.status)
+        if view:
+            view.look()
+        return bool(ended)
+
+    if not ended:
+        field.begin()
+        pss = _pss_mb(field)
+        field.watch(tick)
+    field.finish()
+    return ready_at, pss
+
+
+def _add_seen(metrics: Metrics, field: Deployment) -> None:
+    """Add what the launcher saw: processes that died or were stopped, and its own alarms."""
+    metrics["processes"] |= {
+        "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
+        "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
+    }
+    counts = field.alarms.counts
+    metrics["interference"] = {kind: (n or 0) + counts[kind] for kind, n in metrics["interference"].items()}
 
 
 def _recorded(plan: Plan, folder: Path, deaths: Sequence[Death]) -> Metrics:

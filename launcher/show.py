@@ -7,7 +7,7 @@ import shlex
 import shutil
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
@@ -169,9 +169,9 @@ def announce(plan: Plan) -> None:
         note(remark)
 
 
-def warn(plan: Plan) -> None:
+def warn(warnings: Iterable[str]) -> None:
     """Print the warnings."""
-    for warning in plan.warnings:
+    for warning in warnings:
         console.print("[yellow]warning:[/]", Text(warning))
 
 
@@ -194,7 +194,7 @@ def assess(plan: Plan, seen: Foresight) -> None:
             worst, mean = min(shares, key=lambda link: shares[link]), sum(shares.values()) / len(shares)
             ends = f"worst {shares[worst]:.1%} ({_end(shares, worst)})"
             tell(f"reception of {kind} {_way(plan, shares)}: mean {mean:.1%}, {ends}")
-    warn(plan)
+    warn(plan.warnings)
     many = len(plan.warnings)
     console.print(f"valid, with {many} warning{'s' * (many != 1)}" if many else "[green]valid[/]")
 

@@ -16,7 +16,8 @@ def handling(handle: Callable[[int], object], numbers: Iterable[signal.Signals] 
     """Call ``handle`` with the number of each of these signals that comes.
 
     A closed terminal is no signal for a program that was told to ignore it (``nohup``). Only the main thread can
-    handle signals; in another, nothing changes.
+    handle signals; in another, nothing changes. A handler that was not set from Python cannot be put back; the
+    default takes its place.
     """
     old = {}
     try:
@@ -29,4 +30,4 @@ def handling(handle: Callable[[int], object], numbers: Iterable[signal.Signals] 
         yield
     finally:
         for number, handler in old.items():
-            signal.signal(number, handler)
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import resource
 import subprocess
@@ -80,7 +81,7 @@ def test_folders_of_launchers_that_were_killed_are_swept(tmp_path: Path, monkeyp
     ("limit", "command", "said"),
     [
         ("-n 90", "run spcpf --nodes 9", "this run needs 100 open files, and 90 are allowed (ulimit -Hn)"),
-        ("-n 200", "validate zhai-spcpf", "this run needs 324 open files, and 200 are allowed (ulimit -Hn)"),
+        ("-n 200", "run zhai-spcpf", "this run needs 324 open files, and 200 are allowed (ulimit -Hn)"),
         ("-v 2000000", "run spcpf", "this run needs 3072 MiB of address space, and 1953 are allowed (ulimit -v)"),
     ],
 )
@@ -89,6 +90,23 @@ def test_too_little_is_refused_before_anything_starts(limit: str, command: str, 
     end = "a run in virtual time (--virtual) needs much less\n"
     assert (told.returncode, told.stdout, told.stderr) == (1, "", f"trackfield: {said}\n{end}")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("options", ["", "--json", "--quiet"])
+def test_a_scenario_is_valid_on_a_machine_that_cannot_run_it(options: str, tmp_path: Path) -> None:
+    command = f"{RUN.partition(' run ')[0]} validate zhai-spcpf {options}"
+    before, told = shell(command, tmp_path), shell(f"ulimit -n 200; {command}", tmp_path)
+    assert told.returncode == before.returncode == 0, told.stderr
+    said = "this run needs 324 open files, and 200 are allowed (ulimit -Hn)"
+    if options == "--json":
+        assert json.loads(told.stdout)["machine"][0] == said
+        assert json.loads(told.stdout) | {"machine": []} == json.loads(before.stdout)
+    elif options == "--quiet":
+        assert told.stdout + told.stderr == ""
+    else:
+        findings, _, machine = " ".join(told.stderr.split()).partition(" warning: not on this machine: ")
+        assert findings == " ".join(before.stderr.split())
+        assert machine.startswith(said)
 
 
 def test_what_is_said_to_be_enough_is_enough(tmp_path: Path) -> None:
@@ -149,6 +167,16 @@ def test_a_working_folder_whose_name_is_no_text(command: str, tmp_path: Path) ->
     assert told.returncode == 2
     assert "is not text; expected UTF-8" in told.stderr
     assert os.listdir(folder) == []  # noqa: PTH208
+
+
+@pytest.mark.parametrize("name", ["a\u00a0b", "a\u3000b", "a\u202fb", "a\u200db", "a\u2028b", "a\ufeffb"])
+def test_a_folder_with_unusual_blanks_in_its_name(name: str, tmp_path: Path, trackfield: Call) -> None:
+    folder, trace = tmp_path / name, Path(__file__).with_name("trace.csv")
+    settings = ("--set", "link.model=trace", "--set", f"link.file={trace}")
+    done = trackfield("run", "spcpf", "--nodes", 9, "--tracker", "spcpf", "--virtual", *settings, "--out", folder)
+    assert (done.code, "no report" in done.err + done.out) == (0, False)
+    assert (folder / "report.html").exists()
+    assert trackfield("replay", folder, "--out", tmp_path / "again").code == 0
 
 
 @pytest.mark.parametrize("folder", ["/proc", "gone"])

@@ -132,3 +132,19 @@ def test_a_closed_terminal_that_is_ignored_stays_ignored() -> None:
     with handling(lambda _: None):
         assert signal.getsignal(signal.SIGHUP) != before
     assert signal.getsignal(signal.SIGHUP) == before
+
+
+def test_a_handler_that_was_not_set_from_python_gives_way_to_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``signal.signal`` returns None for one that a library or an embedding program set."""
+    put, own = signal.signal, signal.getsignal(signal.SIGTERM)
+
+    def tells_nothing(number: int, handler: Any) -> None:
+        put(number, handler)
+
+    monkeypatch.setattr(signal, "signal", tells_nothing)
+    try:
+        with handling(lambda _: None, (signal.SIGTERM,)):
+            assert callable(signal.getsignal(signal.SIGTERM))
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    finally:
+        put(signal.SIGTERM, own)

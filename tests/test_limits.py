@@ -27,7 +27,8 @@ def straight(end_s: float, far_m: float) -> dict[str, Any]:
         ({"target": {"path": "s1", "step_s": 0.001, "steps": 65536}}, "target.steps: is 65536; "),
         (
             {"target": straight(1000, 1e7), "sensor": {"kind": "acoustic", "level_db": 1}},
-            "target: the path has 7.87e+08 pieces of 0.0212 m, which a sensor hears or not",
+            "target: the path, 1e+04 km, is too long to be searched for sensors within 1.06 m of it; "
+            "expected at most about 63.6 km, or a longer reach",
         ),
         (
             {"targets": [{"path": "s3", "id": f"t{i}"} for i in range(100)], "target": {"path": "s3", "steps": 9000}},
@@ -67,6 +68,12 @@ def straight(end_s: float, far_m: float) -> dict[str, Any]:
 )  # fmt: skip
 def test_too_much_of_something(data: dict[str, Any], message: str) -> None:
     assert refused(BASE | data).startswith(message)
+
+
+@pytest.mark.parametrize(("north_m", "message"), [(0.0, ""), (2500.0, "sensor.threshold: the target never comes")])
+def test_sensors_that_hear_56_m_stand_by_a_flight_of_2000_km(north_m: float, message: str) -> None:
+    flight = {"path": "waypoints", "waypoints": [[0, north_m, 0], [16_500, north_m, 2.1e6]]}
+    assert refused(BASE | {"target": flight}).startswith(message)
 
 
 def test_a_scenario_that_holds_itself_is_refused() -> None:

@@ -56,10 +56,18 @@ def test_a_process_keeps_its_own_links_of_a_trace() -> None:
         ("src,dst,t_s,received,delay_ms\na,b,0,1,2\na,b,-1,1,2\n", ":3: t_s"),
         ("src,dst,t_s,received,delay_ms\na,b,0,yes,2\n", ":2: received: 'yes' is not 0 or 1"),
         ("src,dst,t_s,received,delay_ms\na,b,0,1,nan\n", ":2: delay_ms"),
-        ("src,dst,t_s,received,delay_ms\na,b,0\n", ":2: "),
+        ("src,dst,t_s,received,delay_ms\na,b,0\n", ":2: has too few cells"),
+        ("rssi,src,dst,t_s,received,delay_ms,note\n-80,a,b,0,1,2\n-80,a,b,0,1\n", ":3: has too few cells"),
     ],
 )
 def test_a_trace_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "trace.csv").write_text(text)
     with pytest.raises(ValueError, match=message):
         make_link({"model": "trace", "file": str(tmp_path / "trace.csv")}, seed=1)
+
+
+@pytest.mark.parametrize("cells", ["", ",-80", ",-80,walked by", ",-80,walked by,more"])
+def test_only_the_cells_of_its_own_columns_are_needed(cells: str, tmp_path: Path) -> None:
+    (tmp_path / "trace.csv").write_text(f"src,dst,t_s,received,delay_ms,rssi,note\na,b,0,1,2{cells}\n")
+    link = make_link({"model": "trace", "file": str(tmp_path / "trace.csv")}, seed=1)
+    assert link.fate("a", "b", "doa", 0, 0, 12) == Fate(None, 2_000_000)

@@ -1,6 +1,6 @@
 """Text files that users give: read whole, as far as they are files, text, and of a sensible size.
 
-Only the standard library: nodes use it.
+Also the limits of lengths and times, the same in scenarios and in these files. Only the standard library: nodes use it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,12 @@ from typing import Final
 MIB: Final = 1 << 20
 DATA: Final = 64 * MIB
 """The largest file of positions, fixes, or frames of a link."""
+FAR_M: Final = 1e7
+"""The largest length and coordinate: a quarter of the way around the earth."""
+LONG_S: Final = 1e9
+"""The latest time; no run lasts that long."""
+SLOW_MS: Final = 3_600_000
+"""The longest delay of a frame: an hour."""
 
 
 def read_text(file: Path, most: int = DATA) -> str:

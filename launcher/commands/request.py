@@ -76,11 +76,11 @@ class Request(Changed):
 
     def prepared(self) -> tuple[Scenario, Plan]:
         """The scenario and its plan. Raises ``ScenarioError`` with all that is wrong with this request."""
-        from launcher.options import check_driver, check_endpoint, check_viewer
+        from launcher.options import check_driver, check_endpoint
         from launcher.plan.prepare import prepare
         from launcher.record.folder import check_folder
 
-        prepared = prepare(
+        return prepare(
             self.scenario,
             1.0 if self.speed is None else self.speed,
             [
@@ -98,13 +98,17 @@ class Request(Changed):
             seed=self.seed,
             **self.options,
         )
+
+    def check_machine(self, plan: Plan) -> None:
+        """Raise ``RunFailed`` if this machine cannot do such a run."""
+        from launcher.options import check_viewer
+
         if not self.virtual:
             from launcher.processes.limits import check_machine  # loads Zenoh
 
-            check_machine(prepared[1], router=not self.connect, external=self.external)
+            check_machine(plan, router=not self.connect, external=self.external)
         if self.live:
             check_viewer()
-        return prepared
 
 
 def command(kind: type[Asked]) -> Callable[[Callable[[Asked], None]], Callable[..., None]]:

@@ -27,12 +27,13 @@ def run(request: Request) -> None:
     folder = None
     try:
         scenario, plan = request.prepared()
+        request.check_machine(plan)
         folder = prepare_folder(request.out, scenario.name, scenario.seed)
         with whole_or_none(folder):
             keep(scenario, folder)
             if not request.quiet:
                 announce(plan)
-                warn(plan)
+                warn(plan.warnings)
             outcome = _carried_out(request, plan, folder)
     except KeyboardInterrupt:
         done = folder is not None and folder.exists()

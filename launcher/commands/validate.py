@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 from launcher.commands.request import Request, command
-from trackfield.errors import ScenarioError
+from trackfield.errors import RunFailed, ScenarioError
+
+if TYPE_CHECKING:
+    from launcher.records import Plan
 
 
 @command(Request)
 def validate(request: Request) -> None:
-    """Check a scenario, with the options of run: list all that is wrong with it, or what to expect of the run."""
+    """Check a scenario, with the options of run: list all that is wrong with it, or what to expect of the run.
+
+    What this machine lacks for the run is a warning.
+    """
     from launcher.plan.foresight import foresee
     from launcher.plan.warnings import summary
-    from launcher.show import announce, assess
+    from launcher.show import announce, assess, warn
 
     try:
         _, plan = request.prepared()
@@ -21,10 +28,21 @@ def validate(request: Request) -> None:
         if request.as_json:
             print(json.dumps({"valid": False, "errors": [str(part) for part in error.parts]}, indent=2))
         raise
-    seen = foresee(plan)
+    seen, lacking = foresee(plan), _lacking(request, plan)
     if request.as_json:
         found = {"valid": True, "warnings": list(plan.warnings), "summary": list(summary(plan, seen))}
-        print(json.dumps(found, indent=2))
+        print(json.dumps(found | {"machine": lacking}, indent=2))
     if not request.quiet:
         announce(plan)
         assess(plan, seen)
+        if lacking:
+            warn([f"not on this machine: {'; '.join(lacking)}"])
+
+
+def _lacking(request: Request, plan: Plan) -> list[str]:
+    """What this machine lacks for the run."""
+    try:
+        request.check_machine(plan)
+    except RunFailed as error:
+        return str(error).splitlines()
+    return []

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import psutil
 
-from launcher.files import check_text, patiently, write_whole
+from launcher.files import MANIFEST, SCENARIO, check_text, patiently, write_whole
 from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
 from launcher.records import Plan
@@ -28,8 +28,6 @@ from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
 from trackfield.scenario.paths import FromFile
 
-SCENARIO: Final = "scenario.toml"
-MANIFEST: Final = "manifest.json"
 _NAMES: Final = "file"
 """The key of a section that names a file."""
 

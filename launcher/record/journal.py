@@ -13,7 +13,7 @@ from math import hypot
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
-from launcher.files import patiently, reason, write_whole
+from launcher.files import MESSAGES_TABLE, TRACKS_TABLE, patiently, reason, write_whole
 from launcher.record.bounds import run_bound
 from launcher.record.diary import Event
 from launcher.record.ledger import Ledger
@@ -157,8 +157,8 @@ class Journal(Telling):
             self._file.unlink()
 
     def _write_tables(self, tracks: Sequence[TrackRow], bound: Mapping[int, float]) -> None:
-        write_messages(self.ledger.rows, self.folder / "messages.parquet")
-        write_tracks(tracks, bound, self.folder / "tracks.parquet", self.plan.origin_ns)
+        write_messages(self.ledger.rows, self.folder / MESSAGES_TABLE)
+        write_tracks(tracks, bound, self.folder / TRACKS_TABLE, self.plan.origin_ns)
 
     def draw(self) -> str:
         """Write the rest of the timeline; returns why it failed, or nothing. To be called after ``tables``."""

@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
+from launcher.files import MANIFEST
 from trackfield.errors import ScenarioError
 
 RUNS: Final = Path("runs")
@@ -42,7 +43,7 @@ def finished(below: Path = RUNS) -> list[Path]:
 
 def _started(below: Path) -> Iterator[tuple[tuple[str, int], Path]]:
     """When each finished run was started: by its manifest, to the second, and within one by the age of that file."""
-    for manifest in below.glob("*/manifest.json"):
+    for manifest in below.glob(f"*/{MANIFEST}"):
         try:
             if not (manifest.is_file() and manifest.with_name("metrics.json").is_file()):
                 continue

@@ -51,23 +51,12 @@ def run_metrics(
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bound),
         "bound": bound_metrics(plan, seen_first, bound),
-        "processes": {
-            "started": len(plan.processes),
-            "ready_s": None,
-            "died": [],
-            "stopped": [],
-            "pss_mb_per_node": None,
-        },
+        "processes": _processes(len(plan.processes)),
         "frames": _frames(ledger),
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
         "latency_ms": _latencies(ledger.rows, tracks),
         "host_latency_ms": _quantiles(_merged(ledger, "latency")),
-        "timing": {
-            "speed": plan.run.speed,
-            "slip_ms": _quantiles(_merged(ledger, "slip")),
-            "inversions": _total(ledger, "inversions"),
-            "host_late": _total(ledger, "host_late"),
-        },
+        "timing": _timing(plan, ledger),
         "energy_j": energy_metrics(ledger, batteries),
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
@@ -129,6 +118,20 @@ def _target(rows: Sequence[TrackRow], target: str) -> Metrics:
     """Over the steps in which this target was the one nearest to the track, and its place was recorded."""
     own = [r for r in rows if r.has_track and r.truth and r.true_target == target and not r.interpolated]
     return {"rmse": score.rmse(offsets(own)[:, :2]) if own else None, "steps": len(own)}
+
+
+def _processes(started: int) -> Metrics:
+    """Of a run in which all went well; the launcher adds the rest."""
+    return {"started": started, "ready_s": None, "died": [], "stopped": [], "pss_mb_per_node": None}
+
+
+def _timing(plan: Plan, ledger: Ledger) -> Metrics:
+    return {
+        "speed": plan.run.speed,
+        "slip_ms": _quantiles(_merged(ledger, "slip")),
+        "inversions": _total(ledger, "inversions"),
+        "host_late": _total(ledger, "host_late"),
+    }
 
 
 def _frames(ledger: Ledger) -> Metrics:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
 from launcher.plan.architectures import architecture_of
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import end_of, planned_faults
@@ -228,8 +229,8 @@ class Run:
 def read_run(folder: Path) -> Run:
     """Read a finished run. Raises ``ScenarioError`` for any other folder, and for one whose files are damaged."""
     metrics, manifest = reading.read_figures(folder).plain(), reading.read_manifest(folder)
-    points = reading.read_table(folder, reading.TRACKS, tracks.COLUMNS)
-    frames = reading.read_table(folder, reading.MESSAGES, _COLUMNS, _TEXT)
+    points = reading.read_table(folder, TRACKS_TABLE, tracks.COLUMNS)
+    frames = reading.read_table(folder, MESSAGES_TABLE, _COLUMNS, _TEXT)
     toml, scenario = reading.read_scenario(folder)
     site = survey(scenario)
     architecture = architecture_of(site)
@@ -254,7 +255,7 @@ def read_run(folder: Path) -> Run:
         reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)
     if strange := {track.tracker for track in run.tracks} - set(run.trackers):
         what = f"is {quoted(min(strange))}, which has no figures"
-        reading.refuse(folder / reading.TRACKS, "tracker", what, f"one of {', '.join(run.trackers)}")
+        reading.refuse(folder / TRACKS_TABLE, "tracker", what, f"one of {', '.join(run.trackers)}")
     return run
 
 

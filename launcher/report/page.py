@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from launcher.files import MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.record.words import alarms, span
 from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
@@ -30,12 +31,12 @@ _SECTIONS: Final = {
     "again": "Run it again",
 }
 _FILES: Final = {
-    "scenario.toml": "the scenario as it ran, every default written out",
+    SCENARIO: "the scenario as it ran, every default written out",
     "metrics.json": "all figures of this page, and more",
-    "tracks.parquet": "estimates of each tracker at each step, and the truth; for pandas, DuckDB and others",
-    "messages.parquet": "every frame and what became of it",
+    TRACKS_TABLE: "estimates of each tracker at each step, and the truth; for pandas, DuckDB and others",
+    MESSAGES_TABLE: "every frame and what became of it",
     "run.rrd": "the timeline, for trackfield view",
-    "manifest.json": "command, versions, machine",
+    MANIFEST: "command, versions, machine",
     PLOTS: "the figures of this page",
     "logs": "the log of each process",
 }

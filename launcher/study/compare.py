@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from launcher.record.reading.files import MESSAGES, TRACKS, read_table
+from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
+from launcher.record.reading.files import read_table
 
 
 def differences(a: Path, b: Path, tolerance: float) -> list[str]:
     """The differences between two runs: tracks by more than the tolerance, or the fate of any frame."""
-    tracks, messages = ([read_table(run, name) for run in (a, b)] for name in (TRACKS, MESSAGES))
+    tracks, messages = ([read_table(run, name) for run in (a, b)] for name in (TRACKS_TABLE, MESSAGES_TABLE))
     return _track_differences(tracks[0], tracks[1], tolerance) + _frame_differences(messages[0], messages[1])
 
 

@@ -12,6 +12,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from pydantic import BaseModel
 
+from launcher.files import MANIFEST, SCENARIO, TRACKS_TABLE
 from launcher.nested import flat
 from launcher.plan.prepare import checked, planned
 from launcher.record.folder import keep, manifest, prepare_folder
@@ -26,8 +27,6 @@ from trackfield.scenario import Scenario
 
 CHOSEN: Final = "median"
 """The run folder in a study in which nothing is varied."""
-MANIFEST: Final = "manifest.json"
-SCENARIO: Final = "scenario.toml"
 MOST_CHANGES: Final = 3
 
 
@@ -135,7 +134,7 @@ class StudyFolder:
         pq.write_table(table, self.path / "study.parquet")
         _write_csv(table, self.path / "study.csv")
         _write_csv(summary.table, self.path / "summary.csv")
-        write_tracks(runs, self.design.axes, self.path / "tracks.parquet")
+        write_tracks(runs, self.design.axes, self.path / TRACKS_TABLE)
 
     def remove_median(self) -> None:
         """That of an earlier study in this folder."""

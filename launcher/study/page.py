@@ -8,10 +8,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
+from launcher.files import MANIFEST, SCENARIO, TRACKS_TABLE
 from launcher.report.templates import inline, templates
 from launcher.study.axes import TRACKER, in_words, label
 from launcher.study.figures import FIGURES
-from launcher.study.folder import CHOSEN, MANIFEST, SCENARIO, StudyFolder, seeds_in_words
+from launcher.study.folder import CHOSEN, StudyFolder, seeds_in_words
 from launcher.study.pictures.drawing import PLOTS, draw, pictured
 from launcher.study.pictures.effects import lines
 from launcher.study.pictures.pareto import default_pair, front_of
@@ -25,7 +26,7 @@ _FILES: Final = {
     "summary.csv": "the table of this page: a row for each combination and tracker, with all figures and intervals",
     "study.csv": "a row for each run and tracker",
     "study.parquet": "the same, for pandas, DuckDB and others",
-    "tracks.parquet": "the tracks of all runs, step by step",
+    TRACKS_TABLE: "the tracks of all runs, step by step",
     CHOSEN: "the run with the median RMSE, to look at: trackfield view",
     SCENARIO: "the scenario before any key is varied",
     MANIFEST: "command, versions, machine, seeds and what was varied",

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from launcher.files import LOG
+from launcher.files import LOG, MANIFEST, SCENARIO
 from launcher.plan.prepare import check_speed, load, planned
-from launcher.record.folder import MANIFEST, SCENARIO, check_scenario
+from launcher.record.folder import check_scenario
 from launcher.record.journal import METRICS
 from launcher.record.kept.recovery import recovered
 from launcher.record.measures import RunFigures

@@ -16,23 +16,20 @@ from typing import Any, Final
 
 from fusion.bank import Bank
 from fusion.stored import pack, unpack
+from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.plan.prepare import load, planned
 from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics
 from launcher.record.reading.files import (
-    MESSAGES,
-    SCENARIO,
-    TRACKS,
     check_belongs,
     check_run,
     read_figures,
     read_table,
     refuse,
 )
-from launcher.records import TRACKS as TRACKING
-from launcher.records import MessageRow, Plan
+from launcher.records import TRACKS, MessageRow, Plan
 from launcher.run import Outcome, close_folder
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
@@ -62,10 +59,10 @@ def replay(
     metrics: Metrics = read_figures(run).plain()
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
-    messages = read_table(run, MESSAGES)
+    messages = read_table(run, MESSAGES_TABLE)
     plan = planned(scenario)
     jumps = (p.jumps for p in plan.processes)
-    check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS), messages)
+    check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
     fusions = read_fusions(run)
     _check_usable(run, plan, fusions, rows)
@@ -74,7 +71,7 @@ def replay(
         keep(scenario, folder)
         write_manifest(folder, plan, command, None)
         anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
-        shutil.copyfile(run / MESSAGES, folder / MESSAGES)
+        shutil.copyfile(run / MESSAGES_TABLE, folder / MESSAGES_TABLE)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
@@ -99,10 +96,10 @@ def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
 def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> None:
     """Raise ``ScenarioError`` for a step that the run cannot have had, and for a report that no tracker can use."""
     last, reports = plan.step_of(plan.run.end_ns), _reports(rows)
-    bank = Bank(**plan.bank_of(plan.info.tagged(TRACKING)[0].id))
+    bank = Bank(**plan.bank_of(plan.info.tagged(TRACKS)[0].id))
     for one in fusions:
         if not 1 <= one.step <= last:
-            refuse(run / TRACKS, "step", f"is {one.step}", f"from 1 to {last}")
+            refuse(run / TRACKS_TABLE, "step", f"is {one.step}", f"from 1 to {last}")
         for sensor in one.sensors:
             if row := reports.get((sensor, one.step)):
                 try:
@@ -111,7 +108,7 @@ def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterab
                     usable = False
                 if not usable:
                     what = f"is no {bank.kind} message where {sensor} reported on step {one.step}"
-                    refuse(run / MESSAGES, "payload", what, "the messages of the run")
+                    refuse(run / MESSAGES_TABLE, "payload", what, "the messages of the run")
 
 
 def _reports(rows: Iterable[MessageRow]) -> dict[tuple[str, int], MessageRow]:
@@ -143,7 +140,7 @@ def read_fusions(run: Path) -> list[Fusion]:
     """The fusions of a run, process by process and in the order of time."""
     columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
     first: dict[tuple[str, int], dict[str, Any]] = {}
-    for row in read_table(run, TRACKS, columns).to_pylist():
+    for row in read_table(run, TRACKS_TABLE, columns).to_pylist():
         if not row.pop("lag") and row["step"] is not None:
             before = first.setdefault((row["source"], row["step"]), row)
             before["told_ns"] = min(before["told_ns"], row["told_ns"])

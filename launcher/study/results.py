@@ -13,13 +13,13 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from launcher.files import whole_file
+from launcher.files import TRACKS_TABLE, whole_file
 from launcher.plan.plan import make_plan
 from launcher.record.bounds import run_bound
 from launcher.record.measures import RunFigures
 from launcher.record.metrics import run_metrics
 from launcher.record.reading.columns import COLUMNS
-from launcher.record.reading.files import TRACKS, checked_table
+from launcher.record.reading.files import checked_table
 from launcher.record.tables import tracks_table
 from launcher.record.views import headline
 from launcher.record.virtually import simulate
@@ -57,7 +57,7 @@ class StudyRun:
         if isinstance(self.held, pa.Table):
             return self.held
         with _stored(self.held) as file:
-            return checked_table(file, self.held, COLUMNS[TRACKS]).replace_schema_metadata(None)
+            return checked_table(file, self.held, COLUMNS[TRACKS_TABLE]).replace_schema_metadata(None)
 
     def of(self, values: Mapping[str, Any]) -> StudyRun:
         """The same run, with these values of the varied keys."""

@@ -8,16 +8,12 @@ from bisect import bisect_right
 from pathlib import Path
 from typing import Final
 
-from trackfield.files import read_text
+from trackfield.files import LONG_S, SLOW_MS, read_text
 from trackfield.link.fate import FIELD, Fate, delay
 from trackfield.link.places import Places
 from trackfield.words import quoted
 
 COLUMNS: Final = ("src", "dst", "t_s", "received", "delay_ms")
-
-LONGEST_S: Final = 1e9
-SLOWEST_MS: Final = 3_600_000.0
-"""An hour."""
 
 Line = tuple[int, Fate]
 """From when (ns) on which fate holds."""
@@ -68,9 +64,9 @@ class Trace:
     def _add(self, row: dict[str, str], places: Places, where: str) -> None:
         link = (row["src"], row["dst"])
         try:
-            if None in row.values():
+            if any(row[name] is None for name in COLUMNS):
                 raise ValueError("has too few cells")
-            t_s, delay_ms = _number(row, "t_s", LONGEST_S), _number(row, "delay_ms", SLOWEST_MS)
+            t_s, delay_ms = _number(row, "t_s", LONG_S), _number(row, "delay_ms", SLOW_MS)
             received = row["received"].strip()
             if received not in ("0", "1"):
                 raise ValueError(f"received: {quoted(received)} is not 0 or 1")

@@ -9,12 +9,9 @@ from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field
 
+from trackfield.files import FAR_M, LONG_S, SLOW_MS
 from trackfield.scenario.section import wrong
 
-FAR_M: Final = 1e7
-"""A quarter of the way around the earth."""
-LONG_S: Final = 1e9
-"""No run lasts that long."""
 SHORT_S: Final = 0.001
 """The shortest time that makes a difference: every frame takes it."""
 MOST_SEED: Final = 2**63 - 1
@@ -50,9 +47,9 @@ LaterInstant = Annotated[float, Field(ge=SHORT_S, le=LONG_S)]
 """Seconds after the first step."""
 Duration = Annotated[float, Field(ge=SHORT_S, le=LONG_S)]
 """Seconds."""
-Delay = Annotated[float, Field(ge=1, le=3_600_000)]
+Delay = Annotated[float, Field(ge=1, le=SLOW_MS)]
 """Milliseconds from sending to arrival, at most an hour."""
-Jitter = Annotated[float, Field(ge=0, le=3_600_000), Exact]
+Jitter = Annotated[float, Field(ge=0, le=SLOW_MS), Exact]
 """Milliseconds, at most an hour."""
 Share = Annotated[float, Field(ge=0, le=1), Exact]
 """A probability, or a part of a whole."""

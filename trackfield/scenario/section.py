@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import reduce
 from operator import or_
 from typing import Annotated, Any, Final
+from unicodedata import category
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -14,6 +15,9 @@ from trackfield.words import quoted
 
 OTHER: Final = "any other"
 """Stands for all kinds of a section that users add."""
+
+_REFUSED: Final = frozenset({"Cc", "Cs"})
+"""Kinds of characters that names of files must not have: controls, and halves of pairs."""
 
 ID: Final = r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,31}"
 """The id of a process or a target, as ``trackfield.wire.keys.check_id`` accepts it."""
@@ -24,7 +28,7 @@ Id = Annotated[str, Field(pattern=f"^{ID}$", json_schema_extra={"expected": ID_W
 
 def _openable(name: str) -> str:
     """Raise an error for a name that no file can have, or that cannot be written into another file."""
-    if "\0" in name or not name.isprintable():
+    if any(category(character) in _REFUSED for character in name):
         raise wrong(f"is {quoted(name)}", "the name of a file, without control characters")
     return name
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
-from trackfield.files import read_text
+from trackfield.files import LONG_S, read_text
 from trackfield.world.gpx import TrackPoint, track_points
 from trackfield.world.rows import PLACES, Column, cell, first_of, number, read_rows
 
@@ -109,7 +109,7 @@ def moment(text: str) -> datetime:
 _COLUMNS: Final[dict[str, Column]] = {
     **PLACES,
     "time": (moment, ISO),
-    "t_s": (partial(number, 1e9), "seconds"),
+    "t_s": (partial(number, LONG_S), "seconds"),
 }
 _FORMATS: Final = (("time", "lat", "lon"), ("t_s", "x", "y"))
 _READERS: Final[dict[str, Callable[[FilePath], Fixes]]] = {".gpx": _gpx, ".csv": _csv}

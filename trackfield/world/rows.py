@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 
 from trackfield.errors import ScenarioError, combined, together
-from trackfield.files import read_text
+from trackfield.files import FAR_M, read_text
 from trackfield.words import quoted, shortened
 
 Column = tuple[Callable[[str], Any], str]
@@ -34,8 +34,8 @@ def number(limit: float, text: str) -> float:
 PLACES: Final[dict[str, Column]] = {
     "lat": (partial(number, 90.0), "degrees from -90 to 90"),
     "lon": (partial(number, 180.0), "degrees from -180 to 180"),
-    "x": (partial(number, 1e7), "metres"),
-    "y": (partial(number, 1e7), "metres"),
+    "x": (partial(number, FAR_M), "metres"),
+    "y": (partial(number, FAR_M), "metres"),
 }
 
 

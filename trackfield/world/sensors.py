@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from trackfield.errors import ScenarioError
+from trackfield.files import FAR_M
 from trackfield.options import made
 from trackfield.plugins import Maker, Plugins
 from trackfield.words import quoted
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
 ACOUSTIC: Final = "acoustic"
 """Trackfield's own kind."""
 NEAREST_M: Final = 0.001
-FAR_M: Final = 1e7
-"""The shortest and the longest range of a sensor (m)."""
+"""The shortest range of a sensor (m)."""
 FINEST: Final = 1e-12
 COARSEST: Final = 1e12
 """The smallest and the largest noise and resolution of a reading."""

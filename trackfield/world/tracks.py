@@ -18,6 +18,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
+from trackfield.files import LONG_S
 from trackfield.words import quoted
 from trackfield.world.fixes import ISO, Array, Fixes, moment, read_fixes
 from trackfield.world.path import Interval, Knot, Path
@@ -130,7 +131,7 @@ def _moment(file: FilePath, fixes: Fixes, key: str, text: str, after_s: float) -
     zero = fixes.zero
     try:
         if zero is None:
-            return number(1e9, text)
+            return number(LONG_S, text)
         try:
             clock = time.fromisoformat(text)
         except ValueError:

@@ -28,8 +28,8 @@ _NS: Final = 1e9
 _ROUNDING: Final = 1.0 + 1e-9
 """Covers the rounding difference between a level computed from a distance and a radius from a level."""
 
-MOST_PIECES: Final = 2_000_000
-"""Pieces of a path that are looked at: a path of thousands of kilometres past sensors that hear a few metres."""
+MOST_PIECES: Final = 5_000_000
+"""Pieces of a path that are looked at, which takes 1.7 GB: 3300 km past sensors that hear 56 m."""
 MOST_PAIRS: Final = 20_000_000
 """Pairs of a sensor and a part of a path that it may hear or not."""
 
@@ -63,7 +63,7 @@ def windows(positions: Array, path: Path, radius_m: float) -> list[Windows]:
     found: list[Windows] = [()] * len(positions)
     if radius_m <= 0 or not len(positions):
         return found
-    tree = [_pieces(path, max(radius_m / 25.0, 0.5))]
+    tree = [_pieces(path, max(radius_m / 25.0, 0.5), radius_m)]
     while len(tree[-1].t) > 1:
         tree.append(tree[-1].joined())
     sensor, first, last = _within(np.asarray(positions, dtype=np.float64), tree, radius_m * _ROUNDING)
@@ -93,7 +93,7 @@ def distances(positions: Array, path: Path, within_m: float) -> Array:
     """
     from scipy.spatial import cKDTree
 
-    pieces = _knots(path, within_m / 50.0)
+    pieces = _knots(path, within_m / 50.0, within_m)
     points = np.vstack([pieces[:, 0, 1:3], pieces[-1:, 1, 1:3]])
     nearest, _ = cKDTree(points).query(positions, distance_upper_bound=within_m)
     return np.asarray(nearest)
@@ -127,9 +127,9 @@ def _within(positions: Array, tree: list[_Pieces], radius: float) -> tuple[Indic
     return sensor[order], first[order], last[order]
 
 
-def _pieces(path: Path, length_m: float) -> _Pieces:
-    """The path in pieces of about this length, each with the box around its Bezier control points."""
-    knots = _knots(path, length_m)
+def _pieces(path: Path, length_m: float, reach_m: float) -> _Pieces:
+    """The path in pieces as of ``_knots``, each with the box around its Bezier control points."""
+    knots = _knots(path, length_m, reach_m)
     begin, end = knots[:, 0], knots[:, 1]
     third = (end[:, :1] - begin[:, :1]) / 3
     hull = np.stack(
@@ -138,8 +138,11 @@ def _pieces(path: Path, length_m: float) -> _Pieces:
     return _Pieces(knots[:, :, 0], hull.min(axis=0), hull.max(axis=0))
 
 
-def _knots(path: Path, length_m: float) -> Array:
-    """(n, 2, 5): the knots (t, x, y, vx, vy) at both ends of each piece of about this length."""
+def _knots(path: Path, length_m: float, reach_m: float) -> Array:
+    """(n, 2, 5): the knots (t, x, y, vx, vy) at both ends of each piece of about this length.
+
+    Raises ``ScenarioError`` for too long a path; it names the reach from which ``length_m`` follows.
+    """
     if path.missing:
         raise ValueError("the path was cut, and does not give the target's position in the missing parts")
     knots = np.column_stack([path.t, path.x, path.y, path.vx, path.vy])
@@ -152,8 +155,10 @@ def _knots(path: Path, length_m: float) -> Array:
     speeds = np.hypot(ends[:, :, 3], ends[:, :, 4])
     parts = np.maximum(np.ceil((chord + h * speeds.sum(axis=1) / 3) / length_m), 1)
     if not parts.sum() <= MOST_PIECES:
-        what = f"the path has {parts.sum():.3g} pieces of {length_m:.3g} m, which a sensor hears or not"
-        raise ScenarioError(what, key="target", expected=f"at most {MOST_PIECES}: a shorter path, or a longer reach")
+        far_km = float(np.maximum(chord, h * speeds.mean(axis=1)).sum()) / 1e3
+        what = f"the path, {far_km:.3g} km, is too long to be searched for sensors within {reach_m:.3g} m of it"
+        most_km = far_km * MOST_PIECES / parts.sum()
+        raise ScenarioError(what, key="target", expected=f"at most about {most_km:.3g} km, or a longer reach")
     parts = parts.astype(np.intp)
     whole = np.repeat(np.arange(len(h)), parts)
     number = np.arange(len(whole)) - np.repeat(np.cumsum(parts) - parts, parts)

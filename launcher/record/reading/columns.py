@@ -8,6 +8,7 @@ from typing import Final, get_args, get_type_hints
 
 import pyarrow as pa
 
+from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
 from launcher.record.measures import MOST
 from launcher.record.tables import STATE
 from launcher.records import ARRIVED
@@ -49,7 +50,7 @@ _STEP: Final = Column(pa.int32(), True, 0, _MOST_INT)
 _SECONDS: Final = _float(MOST_S)
 
 COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
-    "tracks.parquet": {
+    TRACKS_TABLE: {
         "t_s": _SECONDS,
         "step": _STEP,
         **dict.fromkeys(("source", "target", "tracker"), _TEXT),
@@ -68,7 +69,7 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         **dict.fromkeys(("at_ns", "told_ns"), _TIME),
         "incarnation": _COUNT,
     },
-    "messages.parquet": {
+    MESSAGES_TABLE: {
         **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),
         "sent_ns": _TIME,
         "due_ns": _TIME_IF_ANY,

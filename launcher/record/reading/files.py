@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
-from launcher.files import recovering
+from launcher.files import MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE, recovering
 from launcher.record.journal import METRICS
 from launcher.record.measures import Count, Number, RunFigures, first_problem
 from launcher.record.reading.columns import COLUMNS, Column
@@ -27,10 +27,6 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.words import quoted
 
-MANIFEST: Final = "manifest.json"
-SCENARIO: Final = "scenario.toml"
-TRACKS: Final = "tracks.parquet"
-MESSAGES: Final = "messages.parquet"
 AHEAD_NS: Final = 3_600_000_000_000
 LARGEST: Final = 256_000_000
 """The most bytes of a file that is read as one text."""
@@ -155,18 +151,18 @@ def check_belongs(
     """
     ids, sensors = {place.id for place in places}, {place.id for place in places if SENSES in place.tags}
     for name, column, values, known in (
-        (TRACKS, "source", points["source"], ids),
-        (TRACKS, "sensors", pc.list_flatten(points["sensors"]), sensors),
-        (MESSAGES, "dst", messages["dst"], ids),
+        (TRACKS_TABLE, "source", points["source"], ids),
+        (TRACKS_TABLE, "sensors", pc.list_flatten(points["sensors"]), sensors),
+        (MESSAGES_TABLE, "dst", messages["dst"], ids),
     ):
         if strange := set(pc.unique(values).to_pylist()) - known:
             refuse(folder / name, column, f"names {quoted(min(strange))}, which is not there", OF_THIS)
     arrived = messages.filter(pc.is_in(messages["outcome"], pa.array(ARRIVED)))
     ahead_ns = AHEAD_NS + max((sum(by for _, by in own if by > 0) for own in jumps), default=0)
     for name, column, values, most_ns in (
-        (TRACKS, "at_ns", points["at_ns"], end_ns + ahead_ns),
-        (TRACKS, "told_ns", points["told_ns"], end_ns),
-        (MESSAGES, "due_ns", arrived["due_ns"], end_ns),
+        (TRACKS_TABLE, "at_ns", points["at_ns"], end_ns + ahead_ns),
+        (TRACKS_TABLE, "told_ns", points["told_ns"], end_ns),
+        (MESSAGES_TABLE, "due_ns", arrived["due_ns"], end_ns),
     ):
         if (latest := pc.max(values).as_py() or 0) > most_ns:
             refuse(folder / name, column, f"is {latest:,}", f"{most_ns:,} at most: the run ended at {end_ns:,}")
