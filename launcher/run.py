@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.drawing import write_here
-from launcher.files import LOG, patiently
+from launcher.files import LOG, locked, patiently
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.gathering import Gathering
 from launcher.processes.live import LiveView
@@ -130,7 +130,7 @@ def run_processes(
     """
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
-    with _until_signal() as ended:
+    with locked(folder), _until_signal() as ended:
         with (
             deploy(plan, folder, endpoint=endpoint) as field,
             LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,

@@ -183,8 +183,8 @@ def test_what_cannot_be_recovered_is_refused(copied: Path, trackfield: Call, tmp
     told = json.loads(manifest.read_text())
     for damaged, what in (
         ("{", "its manifest.json is damaged"),
-        ("[]", "is not the scenario of this run"),
-        (json.dumps(told | {"speed": "fast"}), "has no run and speed"),
+        (json.dumps(told | {"scenario": ""}), "is not the scenario of this run"),
+        (json.dumps(told | {"speed": None}), "has no run and speed"),
         (json.dumps(told | {"speed": -1}), "--speed: is -1"),
     ):
         manifest.write_text(damaged)
