@@ -12,7 +12,7 @@ from launcher.record.journal import TIMELINE, Journal, Unplanned
 from launcher.record.kept.log import MARK, REFUSED, Entry, Reading
 from launcher.record.listener import ARRIVED, Intake
 from launcher.record.metrics import Metrics, cut_off
-from launcher.record.samples import mark_of, refusals_of
+from launcher.record.samples import deaths_of, mark_of, refusals_of
 from launcher.records import Plan
 from trackfield.errors import RunFailed
 from trackfield.role import NS
@@ -70,10 +70,12 @@ def _extent(reading: Reading) -> tuple[int, bool]:
     """The emulated time (ns) up to which the log goes, and whether the recorder was told that the run is over."""
     last_ns, finished = 0, False
     for entry in reading:
-        if entry.key == MARK:
-            with suppress(WireError):  # counted as any other such entry
+        with suppress(WireError):  # it is counted with the others
+            if entry.key == MARK:
                 last_ns = max(last_ns, mark_of(entry.payload))
-        finished |= entry.key == keys.FINISH
+            elif entry.key == keys.FINISH:
+                deaths_of(entry.payload)
+                finished = True
     return last_ns, finished
 
 
