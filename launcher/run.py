@@ -8,7 +8,7 @@ import signal
 import statistics
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -130,7 +130,7 @@ def run_processes(
     """
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
-    with locked(folder), _until_signal() as ended:
+    with _going_on(folder), _until_signal() as ended:
         with (
             deploy(plan, folder, endpoint=endpoint) as field,
             LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,
@@ -169,6 +169,15 @@ def run_processes(
         }
         complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
         return close_folder(plan, folder, metrics, complaints, ended)
+
+
+@contextmanager
+def _going_on(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock, by which ``recover`` sees that the run goes on; go without it if it cannot be had."""
+    with ExitStack() as held:
+        with suppress(OSError):
+            held.enter_context(locked(folder))
+        yield
 
 
 def _recorded(plan: Plan, folder: Path, deaths: Sequence[Death]) -> Metrics:

@@ -103,6 +103,14 @@ def test_nothing_is_recovered_while_the_run_goes_on_without_its_recorder(
     check_same_until_then(run.folder, undisturbed)
 
 
+def test_a_run_goes_on_in_a_folder_that_somebody_has_locked(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    with locked(folder):
+        code, said = Run(folder, *FIELD, "--speed", "20", "--set", "target.steps=3").finish()
+    assert (code, "Traceback" in said) == (0, False), said
+
+
 def test_one_recovers_a_run_at_a_time(copied: Path, trackfield: Call) -> None:
     with locked(copied):
         said = trackfield("recover", str(copied))
