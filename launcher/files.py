@@ -98,6 +98,30 @@ def reason(error: OSError) -> str:
     return os.strerror(error.errno) if error.errno else str(error)
 
 
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a folder's lock, as a run does in its own until all is written. Raises ``BlockingIOError`` if it is held.
+
+    Where the file system has no such locks nothing is held. Processes that are started meanwhile do not have it.
+    """
+    held = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        lock(held)
+        yield
+    finally:
+        os.close(held)
+
+
+def lock(file: int) -> None:
+    """Lock an open file as long as it is open, if its file system can. Raises ``BlockingIOError`` if it is locked."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # not every file system has locks
+        pass
+
+
 class PatientFile:
     """A new file to which bytes are appended; what the disk does not take is kept and tried again.
 
@@ -121,8 +145,8 @@ class PatientFile:
         try:
             if self._open is None:
                 self._open = os.open(self.file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-                with suppress(OSError):  # not every file system has locks
-                    fcntl.flock(self._open, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                with suppress(BlockingIOError):
+                    lock(self._open)
             while self._kept:
                 del self._kept[: os.write(self._open, self._kept)]
             self.error = None

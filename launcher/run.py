@@ -8,7 +8,7 @@ import signal
 import statistics
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -16,7 +16,7 @@ from typing import Any, Final, Protocol
 import psutil
 
 from launcher.drawing import write_here
-from launcher.files import LOG, patiently
+from launcher.files import LOG, locked, patiently
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.gathering import Gathering
 from launcher.processes.live import LiveView
@@ -130,7 +130,7 @@ def run_processes(
     """
     begun, own_cpu_s = time.monotonic(), time.process_time()
     deploy = Gathering if external else Deployment
-    with _until_signal() as ended:
+    with _going_on(folder), _until_signal() as ended:
         with (
             deploy(plan, folder, endpoint=endpoint) as field,
             LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,
@@ -179,6 +179,15 @@ def _add_seen(metrics: Metrics, field: Deployment) -> None:
     }
     counts = field.alarms.counts
     metrics["interference"] = {kind: (n or 0) + counts[kind] for kind, n in metrics["interference"].items()}
+
+
+@contextmanager
+def _going_on(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock, by which ``recover`` sees that the run goes on; go without it if it cannot be had."""
+    with ExitStack() as held:
+        with suppress(OSError):
+            held.enter_context(locked(folder))
+        yield
 
 
 def _recorded(plan: Plan, folder: Path, deaths: Sequence[Death]) -> Metrics:

@@ -77,6 +77,7 @@ def test_what_is_wrong_is_found(end: Ended, what: str) -> None:
 
 
 READING = (("report", "bad"), ("compare", "good", "bad"), ("replay", "bad", "--out", "again"))
+OF_MANIFEST = (READING[0], ("compare", "good", "bad", "--html", "c.html"), READING[2], ("recover", "bad"))
 
 
 def assert_said(trackfield: Call, what: str, *commands: tuple[str, ...]) -> None:
@@ -139,6 +140,9 @@ def test_figures_that_are_no_table_are_damaged(trackfield: Call, bad: Path, cont
         (lambda m: m.update(command=None), "command", "is None"),
         (lambda m: m.update(machine={}), "machine.system", "is missing"),
         (lambda m: m.update(versions=["x"]), "versions", r"is \['x'\]"),
+        (lambda m: m.update(run=None), "run", "is None"),
+        (lambda m: m.update(speed="fast"), "speed", "is 'fast'"),
+        (lambda m: m.update(scenario=5), "scenario", "is 5"),
     ],
 )
 def test_a_manifest_that_no_run_has_is_named(
@@ -146,7 +150,15 @@ def test_a_manifest_that_no_run_has_is_named(
 ) -> None:
     with_json(bad / "manifest.json", change)
     said = f"bad/manifest.json: {re.escape(where)}: {what}; expected the manifest of a run"
-    assert_said(trackfield, said, ("report", "bad"), ("compare", "good", "bad", "--html", "c.html"))
+    (bad / "record.log").touch()
+    assert_said(trackfield, said, *OF_MANIFEST)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"[" * 200_000, b"\xff\xfe"])
+def test_a_manifest_that_is_no_table_is_damaged(trackfield: Call, bad: Path, content: bytes) -> None:
+    (bad / "manifest.json").write_bytes(content)
+    (bad / "record.log").touch()
+    assert_said(trackfield, "bad: its manifest.json is damaged; expected the folder of a finished run", *OF_MANIFEST)
 
 
 @pytest.mark.parametrize(
@@ -236,6 +248,20 @@ def test_a_step_that_the_run_does_not_have_is_refused(trackfield: Call, bad: Pat
     """A replay would go through all steps up to there."""
     with_column(bad / "tracks.parquet", "step", lambda values: [step] * len(values))
     assert_said(trackfield, f"bad/tracks.parquet: step: is {step}; expected from 1 to .*", READING[2])
+
+
+@pytest.mark.parametrize("name", ["scenario.toml", "record.log"])
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, lambda file: file.symlink_to("/dev/zero")])
+def test_nothing_is_recovered_from_what_is_no_file(
+    trackfield: Call, bad: Path, name: str, make: Callable[[Path], object]
+) -> None:
+    (bad / "record.log").touch()
+    (bad / name).unlink()
+    make(bad / name)
+    (bad / "metrics.json").unlink()
+    assert_said(
+        trackfield, "bad(: has no record.log|/scenario.toml: is not the scenario of this run): .*", ("recover", "bad")
+    )
 
 
 # --- folders of runs that are not finished ----------------------------------------------------------------------------

@@ -13,13 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import msgpack
 import psutil
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.files import PatientFile
-from launcher.record.kept.log import LOG, MAGIC, MARK, Reading
+from launcher.files import PatientFile, locked
+from launcher.record.kept.log import LOG, MAGIC, MARK, REFUSED, Entry, Reading, frame
 from tests.command_line import Call, trackfield
 from tests.rrd import verify
 from tests.running import Run, leftovers, until
@@ -84,6 +85,37 @@ def test_a_recorder_that_is_killed_costs_nothing_that_came_before(tmp_path: Path
     assert [death["id"] for death in metrics["processes"]["died"]] == ["recorder"]
     assert (metrics["energy_j"]["total"], metrics["frames"]["host_lost"]) == (None, None)
     assert "(the recorder died): " in (run.folder / "report.html").read_text()
+
+
+def test_nothing_is_recovered_while_the_run_goes_on_without_its_recorder(
+    tmp_path: Path, undisturbed: Path, trackfield: Call
+) -> None:
+    run = mid_run(tmp_path / "run")
+    recorder = run.family()["recorder"]
+    kill("recorder", run=run)
+    until(lambda: not recorder.is_running() or recorder.status() == psutil.STATUS_ZOMBIE)
+    said = trackfield("recover", str(run.folder))
+    assert (said.code, run.process.poll()) == (2, None)
+    assert said.err == f"trackfield: {run.folder}: is still going on; expected a run that is over\n"
+    code, said_at_end = run.finish()
+    assert code == 1
+    assert "failed: the recorder did not finish: all was made from its log, " in said_at_end
+    check_same_until_then(run.folder, undisturbed)
+
+
+def test_a_run_goes_on_in_a_folder_that_somebody_has_locked(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    with locked(folder):
+        code, said = Run(folder, *FIELD, "--speed", "20", "--set", "target.steps=3").finish()
+    assert (code, "Traceback" in said) == (0, False), said
+
+
+def test_one_recovers_a_run_at_a_time(copied: Path, trackfield: Call) -> None:
+    with locked(copied):
+        said = trackfield("recover", str(copied))
+    assert (said.code, "is still going on" in said.err) == (2, True)
+    assert (copied / LOG).exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGQUIT])
@@ -152,6 +184,61 @@ def test_of_a_damaged_log_what_precedes_the_damage_is_recovered(left: float, cop
     assert {file.name for file in copied.iterdir()} - {"report.html", "plots"} == WHOLE
 
 
+def edited(log: Path, *more: Entry) -> None:
+    """The log with these entries before all others."""
+    log.write_bytes(MAGIC + b"".join(map(frame, more)) + log.read_bytes()[len(MAGIC) :])
+
+
+def test_entries_that_are_none_of_the_run_are_left_out(copied: Path, undisturbed: Path, trackfield: Call) -> None:
+    strange = [
+        Entry("data/strange", b""),
+        Entry("telemetry/n001/event", b"\xc1"),
+        Entry("control/start", b"-5"),
+        Entry("control/finish", b"5"),
+        Entry(MARK, b"soon"),
+        Entry(MARK, b"9" * 5000),
+        Entry(REFUSED, b"5"),
+        Entry(REFUSED, msgpack.packb([("data", "seal", -1)])),
+    ]
+    edited(copied / LOG, *strange)
+    said = trackfield("recover", str(copied))
+    assert (said.code, said.err.count("failed: ")) == (1, 1), said.err
+    assert "failed: its log is damaged: 8 entries are none of this run, and are left out" in said.err
+    check_same_until_then(copied, undisturbed)
+
+
+def test_the_log_of_another_run_is_nothing_of_this(copied: Path, tmp_path: Path, trackfield: Call) -> None:
+    other = tmp_path / "other"
+    small = ("bus", "--set", "target.steps=3")
+    assert trackfield("run", *small, "--virtual", "--out", str(other)).code == 0
+    (other / "metrics.json").unlink()
+    (copied / LOG).rename(other / LOG)
+    said = trackfield("recover", str(other))
+    assert (said.code, "Traceback" in said.err) == (1, False)
+    assert "entries are none of this run, and are left out" in said.err
+
+
+def test_however_many_samples_were_refused_they_are_one_entry(copied: Path, trackfield: Call) -> None:
+    edited(copied / LOG, Entry(REFUSED, msgpack.packb([("telemetry", "seal", 10**12)])))
+    said = trackfield("recover", str(copied))
+    assert (said.code, "failed: somebody interfered with the run: " in said.err) == (1, True)
+    assert json.loads((copied / "metrics.json").read_text())["interference"]["telemetry"] == 10**12
+
+
+def test_a_log_that_goes_away_while_it_is_read_is_one_message(
+    copied: Path, trackfield: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def once(reading: Reading) -> Iterator[Entry]:
+        yield from read(reading)
+        reading.file.unlink()
+
+    read = Reading.__iter__
+    monkeypatch.setattr(Reading, "__iter__", once)
+    said = trackfield("recover", str(copied))
+    assert (said.code, said.err.count("\n")) == (1, 1)
+    assert "record.log cannot be read (No such file or directory)" in said.err
+
+
 @pytest.mark.parametrize("content", [b"", b"nothing", MAGIC])
 def test_a_log_with_nothing_in_it_is_no_traceback(content: bytes, copied: Path, trackfield: Call) -> None:
     (copied / LOG).write_bytes(content)
@@ -183,8 +270,8 @@ def test_what_cannot_be_recovered_is_refused(copied: Path, trackfield: Call, tmp
     told = json.loads(manifest.read_text())
     for damaged, what in (
         ("{", "its manifest.json is damaged"),
-        ("[]", "is not the scenario of this run"),
-        (json.dumps(told | {"speed": "fast"}), "has no run and speed"),
+        (json.dumps(told | {"scenario": ""}), "is not the scenario of this run"),
+        (json.dumps(told | {"speed": None}), "has no run and speed"),
         (json.dumps(told | {"speed": -1}), "--speed: is -1"),
     ):
         manifest.write_text(damaged)

@@ -17,6 +17,7 @@ from fusion.role import Fusion
 from launcher.plan.prepare import planned
 from launcher.plan.reception import receptions
 from launcher.records import Plan
+from launcher.study.replay import replay
 from node.role import Node
 from tests.simulated import simulated
 from trackfield.filters.following import ANYWHERE
@@ -244,6 +245,17 @@ def test_its_options_stand_in_its_section_and_in_the_resolved_file(tmp_path: Any
     assert scenario.set("sensor.threshold", 0.7).sensor.kind == "ranger"  # it may have a field of any name
     assert scenario.set("sensor.kind", "distance").sensor.options == {}
     assert scenario.set("sensor.kind", "acoustic").sensor == Scenario.load("spcpf").sensor
+
+
+def test_an_option_called_file_is_no_file_of_the_run(tmp_path: Any) -> None:
+    @dataclass(frozen=True)
+    class Calibrated(Ranger):
+        file: str = "calib.csv"
+
+    register_sensor("calibrated", Calibrated)
+    settings = {**SHORT, "sensor.kind": "calibrated", "sensor.file": "mine.csv"}
+    tf.run(Scenario.load("spcpf", settings), out=tmp_path / "run")
+    assert replay(tmp_path / "run", out=tmp_path / "again").metrics["driver"] == "replay"
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ def test_what_is_no_log_has_no_entries(content: bytes, tmp_path: Path) -> None:
 
 
 def test_an_entry_by_hand_that_is_none_ends_it(tmp_path: Path) -> None:
-    for content in (5, ["a"], {"a": 1}):
+    for content in (5, ["a"], {"a": 1}, [5, b"", None], ["a", "b", None], ["a", b"", 5]):
         made = frame(content)  # type: ignore[arg-type]
         assert read(MAGIC + made, tmp_path / LOG) == ([], True)
 

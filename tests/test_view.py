@@ -15,8 +15,9 @@ from pathlib import Path
 
 import psutil
 import pytest
+import rerun
 
-from launcher.timeline import look, view
+from launcher.timeline import look, recording, view
 from launcher.timeline.timeline import Timeline
 from tests import fake_run
 from tests.command_line import Call, trackfield
@@ -132,6 +133,42 @@ def test_a_file_in_which_nothing_happened_yet_is_refused_at_once(run: Path, tmp_
             act()
         assert failure.value.file == str(tmp_path / "run.rrd")
     assert not (tmp_path / "a.png").exists()
+
+
+def slow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rerun's program takes longer to read a file than it may."""
+
+    def late(command: list[str], **_: object) -> None:
+        raise subprocess.TimeoutExpired(command, recording.CHECK_S)
+
+    monkeypatch.setattr(subprocess, "run", late)
+
+
+def test_a_whole_file_that_takes_long_to_read_is_shown(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    slow(monkeypatch)
+    with recording.whole(run) as file:
+        assert file == (run / "run.rrd").resolve()
+    assert capsys.readouterr().err == ""
+
+
+def test_a_torn_file_that_takes_long_to_read_is_not_called_damaged(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.rrd").write_bytes((run / "run.rrd").read_bytes()[:-1])
+    slow(monkeypatch)
+    with pytest.raises(ScenarioError, match="has no end, and what is there could not be read within 120 s"):
+        view.open_viewer(tmp_path)
+
+
+def test_a_whole_file_in_which_nothing_happens_is_refused_at_once(tmp_path: Path) -> None:
+    with rerun.RecordingStream("empty") as stream:
+        stream.save(tmp_path / "run.rrd")
+        stream.log("a", rerun.TextLog("x"), static=True)
+        stream.disconnect()
+    with pytest.raises(ScenarioError, match="ends before anything happened"):
+        view.open_viewer(tmp_path)
 
 
 def test_a_viewer_that_does_not_answer_ends_in_time(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

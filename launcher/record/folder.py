@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import shutil
@@ -21,6 +20,7 @@ import psutil
 from launcher.files import MANIFEST, SCENARIO, check_text, patiently, write_whole
 from launcher.record.journal import METRICS, write_json
 from launcher.record.latest import RUNS
+from launcher.record.reading.files import read_manifest
 from launcher.records import Plan
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
@@ -28,8 +28,8 @@ from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
 from trackfield.scenario.paths import FromFile
 
-_NAMES: Final = "file"
-"""The key of a section that names a file."""
+_COPIES: Final = {"target": "target", "targets": "target", "field": "sensors", "link": "link"}
+"""The sections that can name a ``file``, and what its copy is called; others may have an option of that name."""
 
 
 def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUNS) -> Path:
@@ -122,13 +122,17 @@ def keep(scenario: Scenario, folder: Path) -> None:
 
 def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
     """The scenario with copies of the files that it names in the folder, named after their sections."""
-    for section, name in (("target", "target"), ("field", "sensors"), ("link", "link")):
-        copied = _kept(getattr(scenario, section), folder, prefix + name)
-        scenario = scenario.model_copy(update={section: copied})
-    first = scenario.every_target[0]
-    names = [f"{prefix}target{'' if one is first else f'-{one.id}'}" for one in scenario.targets]
-    targets = tuple(_kept(one, folder, name) for one, name in zip(scenario.targets, names, strict=True))
-    return scenario.model_copy(update={"targets": targets})
+    first, copied = scenario.every_target[0], {}
+    for section, name in _COPIES.items():
+        part = getattr(scenario, section)
+        if isinstance(part, tuple):
+            ends = ["" if one is first else f"-{one.id}" for one in part]
+            copied[section] = tuple(
+                _kept(one, folder, prefix + name + end) for one, end in zip(part, ends, strict=True)
+            )
+        else:
+            copied[section] = _kept(part, folder, prefix + name)
+    return scenario.model_copy(update=copied)
 
 
 def _kept(part: Any, folder: Path, name: str) -> Any:
@@ -145,7 +149,7 @@ def _kept(part: Any, folder: Path, name: str) -> Any:
 def scenario_digest(folder: Path) -> str:
     """Of the scenario in a run folder, empty if there is none. Raises ``ValueError`` if a file is missing."""
     toml = folder / SCENARIO
-    if not toml.exists():
+    if not toml.is_file():
         return ""
     content = toml.read_bytes()
     digest = blake2b(content, digest_size=16)
@@ -159,28 +163,21 @@ def scenario_digest(folder: Path) -> str:
 
 def check_scenario(folder: Path) -> None:
     """Raise ``ScenarioError`` unless the scenario in a run folder is the one that ran."""
-    try:
-        manifest = json.loads((folder / MANIFEST).read_bytes())
-    except (OSError, ValueError) as error:
-        what = f"has no {MANIFEST}" if isinstance(error, OSError) else f"its {MANIFEST} is damaged"
-        raise ScenarioError(what, file=str(folder), expected="the folder of a run") from None
-    ran = manifest.get("scenario") if isinstance(manifest, dict) else None
+    ran = read_manifest(folder).scenario
     try:
         found = scenario_digest(folder)
     except (OSError, ValueError, RecursionError):
         found = ""
-    if not isinstance(ran, str) or not ran or found != ran:
+    if not ran or found != ran:
         what = "is not the scenario of this run: it, or a file that it names, was changed afterwards"
         expected = f"it as it was; trackfield run {folder / SCENARIO} runs the changed one"
         raise ScenarioError(what, file=str(folder / SCENARIO), expected=expected)
 
 
-def _files(table: Any) -> Iterator[str]:
-    """The files that a scenario names, in any section of it."""
-    if isinstance(table, dict):
-        if isinstance(table.get(_NAMES), str):
-            yield table[_NAMES]
-        table = list(table.values())
-    if isinstance(table, list):
-        for item in table:
-            yield from _files(item)
+def _files(settings: dict[str, Any]) -> Iterator[str]:
+    """The files that a scenario names, in the sections that can."""
+    for section in _COPIES:
+        found = settings.get(section)
+        for part in found if isinstance(found, list) else [found]:
+            if isinstance(part, dict) and isinstance(part.get("file"), str):
+                yield part["file"]

@@ -136,13 +136,13 @@ class Ledger:
         if name not in self.diaries:
             raise WireError("life", "not of this run")
 
-    def refuse(self, key: str, reason: str) -> None:
-        """A sample on this key was refused. Frames are, by ``refused``; some of them, and all else, interfere."""
+    def refuse(self, key: str, reason: str, times: int = 1) -> None:
+        """Samples on this key were refused. Frames are, by ``refused``; some of them, and all else, interfere."""
         if not key.startswith("data/"):
-            self._interfered[TELEMETRY] += not key.startswith("control/")  # the launcher counts orders
+            self._interfered[TELEMETRY] += 0 if key.startswith("control/") else times  # the launcher counts orders
             return
-        self.refused[reason] += 1
-        self._interfered[FRAMES] += reason in FORGED
+        self.refused[reason] += times
+        self._interfered[FRAMES] += times if reason in FORGED else 0
 
     def interference(self) -> dict[str, int]:
         """What others did in the run, by kind: what was refused, and what is more than the processes say they sent."""

@@ -71,6 +71,8 @@ class Status(BaseModel):
 
 _COUNTS: Final = TypeAdapter(dict[str, Count])
 _DEATHS: Final = TypeAdapter(tuple[tuple[str, float | None, str], ...])
+_REFUSALS: Final = TypeAdapter(tuple[tuple[str, str, Annotated[int, Ge(1), Le(2**40)]], ...])
+_MARK: Final = TypeAdapter(Ns)
 _COLUMNS: Final = {"step": Small | None, "lag": Small, "term": Small}
 
 
@@ -151,3 +153,15 @@ def life_of(data: bytes, factories: Mapping[str, str]) -> ProcessSpec:
     """An unplanned life, from the launcher; ``factories`` are by id. Raises ``WireError``."""
     plain = unpacked(data)
     return read(lambda: ProcessSpec.from_plain(plain, factories[plain["id"]]))
+
+
+def mark_of(data: bytes) -> int:
+    """The emulated time (ns) of a mark in a recorder's log; before the start it is negative. Raises ``WireError``."""
+    if len(data) > len(str(-MAX_NS)):
+        raise WireError("size", f"{len(data)} bytes of a time")
+    return read(lambda: _MARK.validate_python(int(data)))
+
+
+def refusals_of(data: bytes) -> tuple[tuple[str, str, int], ...]:
+    """How many samples a recorder refused: (plane, reason, how many), from its log. Raises ``WireError``."""
+    return read(lambda: _REFUSALS.validate_python(unpacked(data, MAX_EVENT), strict=True))

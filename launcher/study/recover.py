@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import fcntl
-import json
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from launcher.files import LOG, MANIFEST, SCENARIO
+from launcher.files import LOG, MANIFEST, SCENARIO, lock, locked, reason
 from launcher.plan.prepare import check_speed, load, planned
 from launcher.record.folder import check_scenario
 from launcher.record.journal import METRICS
 from launcher.record.kept.recovery import recovered
-from launcher.record.measures import RunFigures
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, THE_END, Metrics, ended_because
+from launcher.record.reading.files import read_manifest
 from launcher.records import Plan
 from launcher.run import Outcome, close_folder
 from trackfield.errors import ScenarioError
@@ -28,48 +27,54 @@ def recover(run: Path) -> Outcome:
 
     Raises ``ScenarioError`` if there is no log, the run still goes on, or the scenario was changed afterwards.
     """
-    _check_over(run)
-    check_scenario(run)
-    plan = _planned(run)
-    metrics = recovered(plan, run)
-    told = metrics["processes"]["died"] is not None
-    metrics |= {"driver": "processes", "wall_s": None, "end_reason": INTERRUPTED if told else RECORDER_DIED}
-    metrics |= _kept(run / METRICS)
-    metrics |= ended_because(THE_END if metrics["ended_s"] >= plan.info.end_s else metrics["end_reason"])
-    return close_folder(plan, run, metrics, [], [])
+    with _over(run):
+        check_scenario(run)
+        plan = _planned(run)
+        metrics = recovered(plan, run)
+        told = metrics["processes"]["died"] is not None
+        metrics |= {"driver": "processes", "wall_s": None, "end_reason": INTERRUPTED if told else RECORDER_DIED}
+        metrics |= _kept(run)
+        metrics |= ended_because(THE_END if metrics["ended_s"] >= plan.info.end_s else metrics["end_reason"])
+        return close_folder(plan, run, metrics, [], [])
 
 
-def _check_over(run: Path) -> None:
-    """Raise ``ScenarioError`` unless there is a log that no recorder writes."""
-    try:
-        with (run / LOG).open("rb") as log:
-            fcntl.flock(log, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise ScenarioError("is still going on", file=str(run), expected="a run that is over") from None
-    except OSError as error:
-        if (run / METRICS).is_file() and isinstance(error, FileNotFoundError):
+@contextmanager
+def _over(run: Path) -> Iterator[None]:
+    """Keep others from the folder and its log. Raises ``ScenarioError`` if the launcher, or a recorder, still does."""
+    file = run / LOG
+    if not file.is_file():
+        if (run / METRICS).is_file() and not file.exists():
             what = "is complete: there is nothing to recover"
         else:
             what = f"has no {LOG}: there is nothing to make its tables from"
-        raise ScenarioError(what, file=str(run), expected="the folder of a run that was cut off") from None
+        raise ScenarioError(what, file=str(run), expected="the folder of a run that was cut off")
+    with ExitStack() as held:
+        try:
+            held.enter_context(locked(run))
+            lock(held.enter_context(file.open("rb")).fileno())
+        except BlockingIOError:
+            raise ScenarioError("is still going on", file=str(run), expected="a run that is over") from None
+        except OSError as error:
+            what = f"its {LOG} cannot be read ({reason(error)})"
+            raise ScenarioError(what, file=str(run), expected="a file to read, in a folder of one's own") from None
+        yield
 
 
 def _planned(run: Path) -> Plan:
     """The plan of the run; its scenario has been checked."""
-    manifest = json.loads((run / MANIFEST).read_bytes())
-    name, speed = manifest.get("run"), manifest.get("speed")
-    if not isinstance(name, str) or not isinstance(speed, int | float):
+    manifest = read_manifest(run)
+    name, speed = manifest.run, manifest.speed
+    if not name or speed is None:
         raise ScenarioError("has no run and speed", file=str(run / MANIFEST), expected="the manifest of a run")
     check_speed(speed)
     plan = planned(load(str(run / SCENARIO)), speed)
     return replace(plan, run=replace(plan.run, run=name), info=replace(plan.info, run=name))
 
 
-def _kept(file: Path) -> Metrics:
+def _kept(run: Path) -> Metrics:
     """What the launcher told of the run, if it came to that."""
     try:
-        metrics: dict[str, Any] = json.loads(file.read_bytes())
-        RunFigures.of(metrics)
-    except (OSError, ValueError, TypeError, ScenarioError):
+        metrics = read_figures(run).plain()
+    except ScenarioError:
         return {}
     return {key: metrics[key] for key in _OF_THE_LAUNCHER}

@@ -124,4 +124,5 @@ def _next(log: BinaryIO, size: int) -> Entry | None:
         key, payload, attachment = msgpack.unpackb(content)
     except (ValueError, TypeError, msgpack.UnpackException):
         return None  # by hand, with a matching check
-    return Entry(key, payload, attachment)
+    whole = isinstance(key, str) and isinstance(payload, bytes) and isinstance(attachment, bytes | None)
+    return Entry(key, payload, attachment) if whole else None

@@ -46,7 +46,10 @@ class Machine(BaseModel):
 
 
 class Manifest(BaseModel):
-    """What manifest.json says of a run that is shown: its command, when it ``started``, versions, machine."""
+    """What manifest.json says of a run: its command, when it ``started``, versions, machine.
+
+    To make its tables again: the ``run``, its ``speed`` and the digest of its ``scenario``; empty if it does not say.
+    """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -54,6 +57,9 @@ class Manifest(BaseModel):
     started: str
     versions: Mapping[str, str]
     machine: Machine
+    run: str = ""
+    speed: Number | None = None
+    scenario: str = ""
 
     @field_validator("started")
     @classmethod
