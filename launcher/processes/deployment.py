@@ -37,7 +37,6 @@ from trackfield.wire.error import WireError
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
-TOKEN_BYTES: Final = 16
 REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
 
 
@@ -88,7 +87,7 @@ class Deployment(Logged):
 
     def _token(self) -> bytes:
         """The run's secret: processes that are forked here have it from the launcher."""
-        return token_bytes(TOKEN_BYTES)
+        return token_bytes()
 
     def _registry(self) -> Registry:
         return Registry(self.plan, self.seal, self.alarms)
@@ -111,8 +110,7 @@ class Deployment(Logged):
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
         sockets = str(self._sockets.path) if self._sockets else ""
-        own = self.endpoint, self.plan, self.folder, self.seal.token, sockets
-        self._children.fork(RECORDER, recorder, *own)
+        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder, self.seal.token, sockets)
         for life in self.plan.processes:
             self._fork_role(life)
 
@@ -244,8 +242,8 @@ class Deployment(Logged):
 
     def _to_be_killed(self) -> bool:
         """Whether a planned kill is still to come."""
-        kills = [life.kill_ns for name, life in self._lives.items() if life.kill_ns and name not in self._watch.gone]
-        return any(self.now_ns < kill_ns < self._end_ns for kill_ns in kills)
+        left = [life.kill_ns or 0 for name, life in self._lives.items() if name not in self._watch.gone]
+        return any(self.now_ns < kill_ns < self._end_ns for kill_ns in left)
 
     def _end_early(self) -> None:
         soon_ns = max(self.now_ns, 0) + round(self._lead_ns * self.plan.run.speed)

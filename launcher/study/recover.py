@@ -13,7 +13,7 @@ from launcher.record.folder import check_scenario
 from launcher.record.journal import METRICS
 from launcher.record.kept.recovery import recovered
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, THE_END, Metrics, ended_because
-from launcher.record.reading.files import read_manifest
+from launcher.record.reading.files import read_figures, read_manifest
 from launcher.records import Plan
 from launcher.run import Outcome, close_folder
 from trackfield.errors import ScenarioError
