@@ -298,6 +298,14 @@ def test_what_runs_write_is_what_is_read(home: Path) -> None:
             assert {column.name: column.type for column in schema} == {key: one.type for key, one in columns.items()}
 
 
+def test_a_record_that_broke_off_at_the_very_end_says_so_in_the_report(trackfield: Call, bad: Path) -> None:
+    change = {"complete": False, "end_reason": "the launcher died"}
+    with_json(bad / "metrics.json", lambda metrics: metrics.update(change))
+    assert trackfield("report", "bad").code == 0
+    text = (bad / "report.html").read_text()
+    assert "ot all of the run was recorded (the launcher died)" in text
+
+
 # --- studies ----------------------------------------------------------------------------------------------------------
 
 

@@ -44,7 +44,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def mid_run(folder: Path, *more: str) -> Run:
     """A run with some of it on disk."""
     run = Run(folder, *FIELD, "--speed", "4", *more)
-    until(lambda: recorded_s(run) > 20, timeout=90)
+    until(lambda: recorded_s(run) > 14, timeout=90)
     return run
 
 
@@ -107,7 +107,7 @@ def test_a_run_goes_on_in_a_folder_that_somebody_has_locked(tmp_path: Path) -> N
     folder = tmp_path / "run"
     folder.mkdir()
     with locked(folder):
-        code, said = Run(folder, *FIELD, "--speed", "20", "--set", "target.steps=3").finish()
+        code, said = Run(folder, "zhai-spcpf", "--nodes", "4", "--speed", "2", "--set", "target.steps=3").finish()
     assert (code, "Traceback" in said) == (0, False), said
 
 
@@ -134,7 +134,7 @@ def test_a_launcher_that_is_killed_leaves_a_folder_that_says_so(
     assert (metrics["driver"], metrics["wall_s"], metrics["cpu_s"]) == ("processes", None, None)
     assert (metrics["processes"]["died"], metrics["energy_j"]["total"]) == (None, None)
     assert trackfield("report", str(run.folder)).code == 0
-    assert "(the launcher died): " in (run.folder / "report.html").read_text()
+    assert "(the launcher died)" in (run.folder / "report.html").read_text()
     said = trackfield("compare", str(run.folder), str(undisturbed))
     assert said.code == 0
     assert "the launcher died" in " ".join(said.out.split())

@@ -86,11 +86,12 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
 def _shortfalls(run: Run) -> list[str]:
     """What a reader must know before any figure."""
     found = []
+    said = "" if run.metrics["complete"] else f" ({run.metrics['end_reason']})"
     if run.ended_early:
-        planned, last = run.site.steps, run.last_step
-        ended_s, why = run.metrics["ended_s"], run.metrics["end_reason"]
-        said = "" if run.metrics["complete"] else f" ({why})"
+        planned, last, ended_s = run.site.steps, run.last_step, run.metrics["ended_s"]
         found.append(f"the run ended early, {ended_s:.1f} s after its first step{said}: {last} of {planned} steps")
+    elif said:
+        found.append(f"not all of the run was recorded{said}")
     if reason := few_reports(run):
         found.append(reason)
     found += run.metrics["recorder"]["complaints"]
