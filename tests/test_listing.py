@@ -88,7 +88,7 @@ def test_a_package_that_cannot_be_loaded_is_told_and_no_more(trackfield: Call, m
     from importlib.metadata import EntryPoint
 
     broken = EntryPoint("broken", "no_such_module:Tracker", TRACKERS.group)
-    monkeypatch.setattr(TRACKERS, "_entries", {"broken": broken})
+    monkeypatch.setitem(TRACKERS.__dict__, "_installed", {"broken": broken})
     said = trackfield("list", "trackers")
     assert said.code == 0
     assert described(said.out)["broken"][0].startswith("cannot be loaded from no_such_module:Tracker (")

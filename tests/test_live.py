@@ -104,7 +104,7 @@ def test_one_that_does_not_come_up_is_a_note(tmp_path: Path, monkeypatch: pytest
     told: list[str] = []
     (tmp_path / "logs").mkdir()
     plan = planned(load("spcpf", nodes=9))
-    with live.LiveView(plan, tmp_path, "unixsock-stream/none", told.append) as none:
+    with live.LiveView(plan, tmp_path, "unixsock-stream/none", b"", told.append) as none:
         none.wait_ready(set(), lambda: False)
     (note,) = told
     assert note.startswith("the live view died (viewer: exit code 1")

@@ -69,7 +69,8 @@ def _lived(case: Case, home: Path) -> Aftermath:
 def _started(folder: Path, arguments: Sequence[str], temporary: Path, mark: str) -> Run:
     """A run whose processes are marked, and whose temporary files go here."""
     before = dict(os.environ)
-    os.environ |= {MARK: mark, "TMPDIR": str(temporary)}
+    # Titles of processes would be written over their environments.
+    os.environ |= {MARK: mark, "SPT_NOENV": "1", "TMPDIR": str(temporary)}
     try:
         return Run(folder, *arguments, said=temporary.with_name(f"{folder.name}.said"))
     finally:
