@@ -45,8 +45,8 @@ def test_a_seed_draws_the_same_samples_again() -> None:
 
 
 def put_all_of(result: Result, attack: Attack) -> None:
-    """Each kind was put while the run went on."""
-    assert [bad.what for bad in attack.mix if not result.put[bad.what]] == []
+    """Each kind was put while the run went on; an order can only be put once more if one was heard."""
+    assert {bad.what for bad in attack.mix if not result.put[bad.what]} <= {"order once more"}
 
 
 def test_samples_that_cannot_matter_change_nothing(tmp_path: Path) -> None:
@@ -94,6 +94,7 @@ def test_a_forgery_under_a_name_of_the_field_is_told(kinds: tuple[str, ...], tmp
     assert (result.run.code, result.run.alarming > 0) == (1, True)
 
 
+@pytest.mark.alone
 def test_a_flood_of_refused_samples_is_a_few_lines(tmp_path: Path) -> None:
     """Ten thousand in a second or two; the verdicts limit all logs to some dozens of lines."""
     kinds = ["no message", "sender that nobody knows", "event of wrong types", "key that is none", "bad final record"]
