@@ -21,8 +21,8 @@ demo: $(VENV)/run.stamp  ## track a city bus with a field of sensor processes
 	$(BIN)/trackfield run bus
 
 test: lint  ## lint, types, walls and all tests
-	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not alone"
-	$(BIN)/python -m pytest -m alone
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not alone and not long"
+	$(BIN)/python -m pytest -m "alone and not long"
 
 lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 	$(BIN)/ruff check
@@ -32,6 +32,7 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 
 study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn from seeds, the tables of docs/studies.md and docs/papers.md (an hour)
 	$(BIN)/python -m tests.campaign
+	$(BIN)/python -m pytest -m long
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.hostile
 	$(BIN)/python -m tests.studies

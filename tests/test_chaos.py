@@ -21,9 +21,9 @@ MID_S = 2.0
     [
         Deed(MID_S, "recorder", signal.SIGKILL, running=True),
         Deed(MID_S, LAUNCHER, signal.SIGKILL, running=True),
-        Deed(MID_S, LAUNCHER, signal.SIGHUP, running=True),
-        Deed(MID_S, "zygote", signal.SIGSTOP, 5.0, running=True),
-        Deed(MID_S, DISK, 0, 1.0, running=True),
+        pytest.param(Deed(MID_S, LAUNCHER, signal.SIGHUP, running=True), marks=pytest.mark.long),
+        pytest.param(Deed(MID_S, "zygote", signal.SIGSTOP, 5.0, running=True), marks=pytest.mark.long),
+        pytest.param(Deed(MID_S, DISK, 0, 1.0, running=True), marks=pytest.mark.long),
     ],
     ids=str,
 )

@@ -23,7 +23,7 @@ from trackfield.errors import ScenarioError
 
 __all__ = ["trackfield"]
 
-TRIES = 100
+TRIES = 40
 
 
 @pytest.fixture(scope="module")

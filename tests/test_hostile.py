@@ -57,6 +57,7 @@ def test_samples_that_cannot_matter_change_nothing(tmp_path: Path) -> None:
     put_all_of(result, attack)
 
 
+@pytest.mark.long
 def test_duplicates_alone_are_no_interference(tmp_path: Path) -> None:
     result = attacked(only("frame once more"), tmp_path)
     assert result.wrong == []
@@ -80,12 +81,11 @@ def test_orders_that_are_not_the_launchers_are_not_followed(tmp_path: Path) -> N
     [
         ("forged report", "forged report of the past"),
         ("frame once more with other content",),
-        ("forged threshold", "forged time", "forged question for the time"),
+        pytest.param(("forged threshold", "forged time", "forged question for the time"), marks=pytest.mark.long),
         ("forged track",),
-        ("forged event", "forged undoing"),
-        ("forged final record",),
+        pytest.param(("forged event", "forged undoing"), marks=pytest.mark.long),
+        pytest.param(("forged final record",), marks=pytest.mark.long),
     ],
-    ids=lambda kinds: kinds[0],
 )
 def test_a_forgery_under_a_name_of_the_field_is_told(kinds: tuple[str, ...], tmp_path: Path) -> None:
     result = attacked(only(*kinds), tmp_path)
@@ -94,6 +94,7 @@ def test_a_forgery_under_a_name_of_the_field_is_told(kinds: tuple[str, ...], tmp
     assert (result.run.code, result.run.alarming > 0) == (1, True)
 
 
+@pytest.mark.long
 @pytest.mark.alone
 def test_a_flood_of_refused_samples_is_a_few_lines(tmp_path: Path) -> None:
     """Ten thousand in a second or two; the verdicts limit all logs to some dozens of lines."""

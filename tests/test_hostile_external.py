@@ -82,6 +82,7 @@ def check(run: Run, twin: Path) -> str:
     return said
 
 
+@pytest.mark.long
 def test_who_only_claims_places_keeps_nobody_from_them(router: str, start: Start, tmp_path: Path) -> None:
     with gathering(router, tmp_path / "run") as (run, stranger):
         for i in range(20):
@@ -95,6 +96,7 @@ def test_who_only_claims_places_keeps_nobody_from_them(router: str, start: Start
 
 
 @pytest.mark.usefixtures("token")
+@pytest.mark.long
 def test_forged_tokens_start_no_run(router: str, start: Start, tmp_path: Path) -> None:
     with gathering(router, tmp_path / "run") as (run, stranger):
         ends = [f"{name}{end}" for name in ("fusion", *NODES) for end in ("", "/x")]
@@ -110,6 +112,7 @@ def test_forged_tokens_start_no_run(router: str, start: Start, tmp_path: Path) -
 
 
 @pytest.mark.usefixtures("token")
+@pytest.mark.long
 def test_a_living_process_keeps_its_id(router: str, start: Start, tmp_path: Path) -> None:
     """Another that asks for it is refused, at the start and during the run."""
     with gathering(router, tmp_path / "run") as (run, _):

@@ -23,7 +23,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+LONG = ("frames under way at the end", "killed with frames under way", "restarted with frames under way")
+
+
+@pytest.mark.parametrize("case", [pytest.param(c, marks=pytest.mark.long) if c in LONG else c for c in CASES])
 def test_a_run_of_its_own_processes_is_not_interfered_with(case: str, tmp_path: Path) -> None:
     settings = [word for setting in CASES[case] for word in ("--set", setting)]
     home = both_ways(tmp_path, *FIELD, *settings)
