@@ -118,7 +118,7 @@ def test_one_recovers_a_run_at_a_time(copied: Path, trackfield: Call) -> None:
     assert (copied / LOG).exists()
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGQUIT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGQUIT, marks=pytest.mark.long)])
 def test_a_launcher_that_is_killed_leaves_a_folder_that_says_so(
     number: int, tmp_path: Path, undisturbed: Path, trackfield: Call
 ) -> None:
@@ -172,7 +172,7 @@ def test_a_run_that_was_cut_off_is_recovered(copied: Path, undisturbed: Path, tr
     assert trackfield("recover", str(copied)).code == 2
 
 
-@pytest.mark.parametrize("left", [0.9, 0.5])
+@pytest.mark.parametrize("left", [0.9, pytest.param(0.5, marks=pytest.mark.long)])
 def test_of_a_damaged_log_what_precedes_the_damage_is_recovered(left: float, copied: Path, trackfield: Call) -> None:
     log = copied / LOG
     content = bytearray(log.read_bytes())

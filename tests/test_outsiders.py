@@ -103,6 +103,7 @@ def test_a_second_process_with_a_living_id_is_refused(router: str, start: Start,
     assert run.metrics()["processes"]["died"] == []
 
 
+@pytest.mark.long
 def test_a_place_whose_process_is_gone_can_be_taken_by_name(router: str, start: Start, tmp_path: Path) -> None:
     start("fusion")
     for _ in range(3):
@@ -173,7 +174,7 @@ def haunted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[bool],
     return run
 
 
-@pytest.mark.parametrize("says", [False, True])
+@pytest.mark.parametrize("says", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_a_run_in_which_nobody_is_there_fails(haunted: Callable[[bool], Outcome], says: bool) -> None:
     outcome = haunted(says)
     assert outcome.exit_code == 1
