@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import time
@@ -22,9 +21,11 @@ from zenoh.handlers import Callback
 from tests.hostile import field
 from tests.hostile.attack import SPEEDS
 from tests.hostile.verdicts import Attacked, complaints
+from tests.outside import router
 from tests.running import METRICS, Run, until
 from trackfield.wire import keys
 
+__all__ = ["router"]
 EVIL = (
     "subprocess:check_call",
     "os:system",
@@ -33,23 +34,6 @@ EVIL = (
     "shutil:rmtree",
     "tests.hostile.bomb:Bomb",
 )
-
-
-@pytest.fixture
-def router(tmp_path: Path) -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    said = tmp_path / "router"
-    with said.open("w") as file:
-        command = [sys.executable, "-m", "launcher", "router", "--listen", endpoint]
-        process = subprocess.Popen(command, stderr=file)
-    try:
-        until(lambda: said.read_text() == f"router at {endpoint}\n")
-        yield endpoint
-    finally:
-        process.terminate()
-        process.wait(20)
 
 
 class Impostor:

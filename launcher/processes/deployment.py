@@ -304,10 +304,8 @@ class Deployment(Logged):
         life = self._lives.get(name)
         if life is not None and life.kill_ns is not None and self.now_ns >= life.kill_ns:
             return  # as planned
-        if self._stopping and name != ROUTER and why == GOOD_END:
-            return
-        if why == WITH_ZYGOTE:
-            return  # whose death is reported
+        if (self._stopping and name != ROUTER and why == GOOD_END) or why == WITH_ZYGOTE:
+            return  # as told, or with one whose death is reported
         try:
             again = self._start_again(name, life)
         except RunFailed as error:
