@@ -15,10 +15,7 @@ from typing import Any, Final
 
 from immutables import Map
 
-from fusion.bank import Bank
 from fusion.memory import TRANSITIONS, Memory, Past, Phase
-from fusion.stored import Stored, pack, unpack
-from fusion.threshold import Controller, expected_place, position_sd
 from trackfield.role import (
     NS,
     Effect,
@@ -38,6 +35,9 @@ from trackfield.role import (
     TrackPoint,
     check_transition,
 )
+from trackfield.tracking.bank import Bank
+from trackfield.tracking.stored import Stored, pack, unpack
+from trackfield.tracking.threshold import Controller, expected_place, position_sd
 from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
 
 _LAST_STEP: Final = 65535

@@ -142,11 +142,11 @@ class Plan:
     """A run, ready to be driven: the same for both drivers.
 
     A process with several lives is in ``processes`` once for each life, in their order. ``paths`` are those of the
-    targets by id, in emulated time. ``tracking`` are the arguments of a ``fusion.bank.Bank`` for every process that
-    tracks; ``views`` say which tracks are scored together, the headline first; ``flows`` are the links in use by kind
-    of message. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which die
-    unplanned are started again; ``lost`` is when a track counts as lost. A report is in time up to ``deadline_s`` after
-    its step, and can be used up to ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each.
+    targets by id, in emulated time. ``tracking`` are the arguments of a ``trackfield.tracking.bank.Bank`` for every
+    process that tracks; ``views`` say which tracks are scored together, the headline first; ``flows`` are the links in
+    use by kind of message. ``reach_m`` is how far away a sensor reports a target; ``restart`` says that processes which
+    die unplanned are started again; ``lost`` is when a track counts as lost. A report is in time up to ``deadline_s``
+    after its step, and can be used up to ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each.
     ``own_places`` say where users' own classes are, by ``kind:name``.
     """
 

@@ -3,9 +3,9 @@
 Zhai et al., section III-A: a node is active while the level it receives exceeds its threshold, and sends level
 and direction of arrival to the fusion centre.
 
-A node whose clock is off learns the centre's time by radio (``node/sync.py``): before it wakes, or soon after its
-start, and at intervals while it is awake. Its time is its clock plus the correction; timers use the local clock. A new
-correction may move time back, so the node remembers which steps it has done: none is reported twice.
+A node whose clock is off learns the centre's time by radio (``trackfield/protocols/timesync.py``): before it wakes, or
+soon after its start, and at intervals while it is awake. Its time is its clock plus the correction; timers use the
+local clock. A new correction may move time back, so the node remembers which steps it has done: none is reported twice.
 
 A node whose threshold the centre sets listens for the command while it hears the target, after each step's deadline,
 until the command arrives (``node/duty.py``).
@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from node.duty import Duty
 from node.spans import Spans, first_absent, insert
-from node.sync import Synchronisation, Timekeeping
+from trackfield.protocols.timesync import Synchronisation, Timekeeping
 from trackfield.role import (
     CancelTimer,
     Effect,
@@ -40,8 +40,8 @@ from trackfield.role import (
     Transitions,
     check_transition,
 )
+from trackfield.sensing.readings import Heard, Reading
 from trackfield.wire.messages import Doa, Measurement, SyncReply, Threshold
-from trackfield.world.readings import Heard, Reading
 
 LAST_STEP: Final = 65535
 """The highest step that a report can hold."""

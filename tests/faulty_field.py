@@ -14,9 +14,9 @@ import numpy as np
 
 from tests.zhai_field import GRID, MODEL, SCENARIOS, THRESHOLD_DB, hear, prior_around
 from trackfield.filters.fix_imm_ukf import FixImmUkf
-from trackfield.filters.following import Following
 from trackfield.filters.metrics import rmse
 from trackfield.filters.types import Array, Reports
+from trackfield.tracking.following import Following
 
 FAULTY = 60
 """n060 stands in the middle of the field, at (250, 250) m; s1 passes it at 8 m."""

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from fusion.smoothing import Smoothing
 from tests.zhai_field import MODEL, SCENARIOS, hear, prior_around
-from trackfield.filters.following import Following
 from trackfield.filters.metrics import rmse
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Array, Tracker
+from trackfield.tracking.following import Following
+from trackfield.tracking.smoothing import Smoothing
 
 SEEDS = range(20)
 LAGS = (1, 3, 5, 10)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from fusion.bank import Bank
 from launcher.plan.architectures import ARCHITECTURES, architecture_of
 from launcher.plan.prepare import load
 from launcher.records import BATTERY, SENSES, TRACKS, View
@@ -14,6 +13,7 @@ from tests.simulated import spcpf
 from trackfield.filters.metrics import Lost
 from trackfield.scenario import survey
 from trackfield.scenario.architectures import ARCHITECTURES as SECTIONS
+from trackfield.tracking.bank import Bank
 from trackfield.wire.messages import Doa
 from trackfield.wire.registry import kind_of
 

@@ -26,7 +26,7 @@ from tests.simulated import simulated, spcpf
 from trackfield.filters.types import Gaussian
 from trackfield.models import doa
 from trackfield.role import NS, TrackPoint
-from trackfield.world.sensors import SENSORS, register_sensor
+from trackfield.sensing.kinds import SENSORS, register_sensor
 
 STRAIGHT = ["target.path=waypoints", "target.waypoints=[[0, 60, 60], [20, 160, 160]]", "target.steps=20"]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tests.zhai_field import GRID, MODEL, SCENARIOS, SIGMA_W, hear, only, prior_around
-from trackfield.filters.following import Following, doubts, first_fix
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Estimate, Reports
 from trackfield.models import doa
+from trackfield.tracking.following import Following, doubts, first_fix
 
 NONE = Reports(0, (), np.empty((0, 2)), np.empty(0), np.empty(0))
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from fusion.memory import Phase
 from fusion.role import Fusion
-from fusion.stored import pack, unpack
 from tests.test_fusion_role import DEADLINE, PRIOR, SENSORS, centre, deadline, play, points, report, started
 from trackfield.filters.types import Gaussian
 from trackfield.role import NS, Note, Publish, SetTimer, Started, State, Store, TrackPoint
+from trackfield.tracking.stored import pack, unpack
 
 COVARIANCE = tuple((np.eye(4) + 0.25).ravel())
 POINT = TrackPoint("a", "bus", 7 * NS, "tracking", (1.0, 2.0, 3.0, 4.0), COVARIANCE, ("n0", "n1", "n2"), step=7)

@@ -14,9 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fusion.memory import TRANSITIONS, Memory, Phase
-from fusion.points import MAX_PARTICLES
 from fusion.role import Fusion
-from fusion.stored import pack
 from tests.toys import Request
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.types import Reports
@@ -38,6 +36,8 @@ from trackfield.role import (
     Timer,
     TrackPoint,
 )
+from trackfield.tracking.points import MAX_PARTICLES
+from trackfield.tracking.stored import pack
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest
 
 SENSORS = (("n0", 0.0, 0.0), ("n1", 100.0, 0.0), ("n2", 0.0, 100.0), ("n3", 100.0, 100.0))

@@ -9,8 +9,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from fusion.role import Fusion
-from fusion.smoothing import Smoothing, lagged_name
-from fusion.stored import unpack
 from launcher.plan.prepare import load, planned, remarks
 from launcher.run import run_virtual
 from tests import kalman
@@ -21,12 +19,14 @@ from tests.test_fusion_late import last_words, run, told
 from tests.test_fusion_restart import lived, place
 from tests.test_fusion_role import DEADLINE, PRIOR, SENSORS, centre, deadline, play, points, report, started
 from trackfield.errors import ScenarioError
-from trackfield.filters.following import Following
 from trackfield.filters.gaussian import constant_velocity
 from trackfield.filters.single_model import Ekf
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Array, Gaussian, Model
 from trackfield.role import NS, Received, Started, TrackPoint
+from trackfield.tracking.following import Following
+from trackfield.tracking.smoothing import Smoothing, lagged_name
+from trackfield.tracking.stored import unpack
 
 NAME = "fix-imm-ukf+lag2"
 

@@ -8,10 +8,10 @@ import pytest
 
 from fusion.memory import Memory
 from fusion.role import Fusion
-from fusion.threshold import Controller, expected_place, position_sd
 from tests.test_fusion_restart import lived
 from tests.test_fusion_role import centre, deadline, play, points, report, started
 from trackfield.role import NS, Effect, Send, Started, TrackPoint
+from trackfield.tracking.threshold import Controller, expected_place, position_sd
 from trackfield.wire.messages import Threshold
 
 BOUNDS = {"low_db": 49.0, "high_db": 56.0, "start_db": 52.5, "target_sd_m": 3.0, "reach_m": 60.0}

@@ -13,7 +13,7 @@ from trackfield.filters.trackers import TRACKERS
 from trackfield.link.radios import RADIOS
 from trackfield.scenario import names, summary
 from trackfield.scenario.keys import sections_of_file
-from trackfield.world.sensors import SENSORS
+from trackfield.sensing.kinds import SENSORS
 
 __all__ = ["trackfield"]
 

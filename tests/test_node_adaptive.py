@@ -7,13 +7,13 @@ from dataclasses import replace
 import pytest
 
 from node.role import Memory, Node, Phase
-from node.sync import Timekeeping
 from tests.puppet import MS, run
 from tests.test_node_sync import CONFIG
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, Frame, Told
 from trackfield.link.clock import Clock
+from trackfield.protocols.timesync import Timekeeping
 from trackfield.role import (
     NS,
     CancelTimer,
@@ -32,9 +32,9 @@ from trackfield.role import (
     State,
     Timer,
 )
+from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa, SyncReply, Threshold
-from trackfield.world.readings import Heard
 
 DUTY = {"listen_from_ns": 300 * MS, "listen_for_ns": 400 * MS}
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion", adaptive=DUTY)

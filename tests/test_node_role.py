@@ -26,9 +26,9 @@ from trackfield.role import (
     State,
     Timer,
 )
+from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
-from trackfield.world.readings import Heard
 
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion")
 LOUD, FAINT = Heard(60.0, 123.45), Heard(50.0, 123.45)

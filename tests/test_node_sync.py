@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from node.role import Memory, Node, Phase
-from node.sync import SPREAD_NS, Offset, Synchronisation, Timekeeping, offset
 from tests.puppet import MS, frames, run
 from trackfield.draw import uniform
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Told
 from trackfield.link.clock import Clock
+from trackfield.protocols.timesync import SPREAD_NS, Offset, Synchronisation, Timekeeping, offset
 from trackfield.role import (
     NS,
     CancelTimer,
@@ -36,9 +36,9 @@ from trackfield.role import (
     State,
     Timer,
 )
+from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import decode, encode
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest
-from trackfield.world.readings import Heard
 
 CONFIG: dict[str, Any] = {"exchanges": 3, "resync_ns": 60 * NS, "timeout_ns": 200 * MS, "seed": 1, "id": "n007"}
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion", sync=CONFIG)

@@ -20,7 +20,6 @@ from launcher.records import Plan
 from launcher.study.replay import replay
 from node.role import Node
 from tests.simulated import simulated
-from trackfield.filters.following import ANYWHERE
 from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.own_fix import own_fix
@@ -28,12 +27,13 @@ from trackfield.filters.types import Model, Reports
 from trackfield.plugins import give
 from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
 from trackfield.scenario import Scenario
+from trackfield.sensing.kinds import SENSORS, make_sensor, register_sensor
+from trackfield.sensing.readings import Reading
+from trackfield.tracking.following import ANYWHERE
 from trackfield.wire import Doa, Measurement
 from trackfield.world.faulty import SensorFault
 from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 from trackfield.world.path import Path
-from trackfield.world.readings import Reading
-from trackfield.world.sensors import SENSORS, make_sensor, register_sensor
 
 
 @dataclass(frozen=True)

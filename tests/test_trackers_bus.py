@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tests.zhai_field import MODEL, hear, only
-from trackfield.filters.following import Following
 from trackfield.filters.metrics import rmse
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
+from trackfield.tracking.following import Following
 from trackfield.world.tracks import read_track
 
 BURST, RECOVERY, LOSS_IN_BURST = 0.045, 0.5, 0.9  # 7.4 % of reports lost in the long run, in bursts

@@ -192,7 +192,7 @@ def test_sensors_of_a_users_own_say_how_many_a_fix_takes() -> None:
     class Ranges:
         range_m, sd, resolution = 60.0, (1.0,), (0.1,)
 
-    from trackfield.world.sensors import fix_sensors
+    from trackfield.sensing.kinds import fix_sensors
 
     assert fix_sensors(Ranges()) == 2  # type: ignore[arg-type]
     Ranges.fix_sensors = 3  # type: ignore[attr-defined]

@@ -9,9 +9,9 @@ from statistics import fmean, stdev
 import msgpack
 import pytest
 
+from trackfield.sensing.readings import Heard
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
-from trackfield.world.readings import Heard
 from trackfield.world.targets import s1
 
 S = 1_000_000_000

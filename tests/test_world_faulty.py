@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from trackfield.sensing.readings import Ears, Heard
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
 from trackfield.world.path import Path
-from trackfield.world.readings import Ears, Heard
 
 S = 1_000_000_000
 # Along y = 40 from x = -100 to x = 100 at 10 m/s, past a sensor at the origin that hears 79.4 m far.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from trackfield.filters.trackers import register_tracker
     from trackfield.filters.types import Estimate, Gaussian, Model, Reports
     from trackfield.scenario import Scenario
-    from trackfield.world.sensors import register_sensor
+    from trackfield.sensing.kinds import register_sensor
 
 __version__: str
 _HOMES: Final = {
@@ -32,7 +32,7 @@ _HOMES: Final = {
     "TrackfieldError": "trackfield.errors",
     "compare": "launcher.api",
     "open": "launcher.api",
-    "register_sensor": "trackfield.world.sensors",
+    "register_sensor": "trackfield.sensing.kinds",
     "register_tracker": "trackfield.filters.trackers",
     "replay": "launcher.api",
     "run": "launcher.api",

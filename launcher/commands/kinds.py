@@ -42,7 +42,7 @@ def trackers() -> Iterator[Item]:
 
 def sensors() -> Iterator[Item]:
     """Our own kind of sensor, then those registered and installed."""
-    from trackfield.world.sensors import SENSORS
+    from trackfield.sensing.kinds import SENSORS
 
     yield from _plugins(SENSORS, {item.name: item for item in _section("sensor")})
 

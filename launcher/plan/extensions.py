@@ -18,7 +18,7 @@ from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sensors import OwnSensor
-from trackfield.world.sensors import SENSORS, Sensor, make_sensor
+from trackfield.sensing.kinds import SENSORS, Sensor, make_sensor
 
 Registered = tuple[dict[str, Maker], dict[str, Maker]]
 """Trackers and sensors by name."""

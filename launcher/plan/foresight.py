@@ -18,11 +18,11 @@ from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
+from trackfield.sensing.kinds import fix_sensors, make_sensor
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
 from trackfield.world.path import Path
-from trackfield.world.sensors import fix_sensors, make_sensor
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from fusion.smoothing import lagged_name
 from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.foresight import foresee
 from launcher.plan.plan import make_plan
@@ -23,6 +22,7 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
 from trackfield.scenario.paths import FromFile
 from trackfield.scenario.problems import section_of
+from trackfield.tracking.smoothing import lagged_name
 from trackfield.world.path import Path as TruePath
 
 SLOWEST: Final = 0.001

@@ -1,4 +1,4 @@
-"""The arguments of a ``fusion.bank.Bank``, the same for every process that tracks."""
+"""The arguments of a ``trackfield.tracking.bank.Bank``, the same for every process that tracks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from fusion.smoothing import lagged_names
 from launcher.plan.extensions import check_trackers, own_sensor
 from trackfield.draw import normal
 from trackfield.errors import together
@@ -15,6 +14,7 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.options import tables
 from trackfield.scenario.sensors import Acoustic, OwnSensor
+from trackfield.tracking.smoothing import lagged_names
 
 
 def tracking_of(site: Site, source: str) -> dict[str, Any]:

@@ -16,14 +16,14 @@ import numpy as np
 from launcher.record.tables import TrackRow
 from launcher.records import SENSES, Plan
 from trackfield.filters.bounds import information, position_sd, trajectory_crlb
-from trackfield.filters.following import ANYWHERE
 from trackfield.filters.gaussian import Motion
 from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Array, Measurement, Model
 from trackfield.models import motion
 from trackfield.role import NS
-from trackfield.world.sensors import make_sensor
+from trackfield.sensing.kinds import make_sensor
+from trackfield.tracking.following import ANYWHERE
 
 Reporting = Mapping[int, Collection[str]]
 """The sensors that reported of each instant (ns)."""

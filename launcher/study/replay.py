@@ -14,8 +14,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from fusion.bank import Bank
-from fusion.stored import pack, unpack
 from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.plan.prepare import load, planned
 from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
@@ -34,6 +32,8 @@ from launcher.run import Outcome, close_folder
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
 from trackfield.role import NS, Publish, State
+from trackfield.tracking.bank import Bank
+from trackfield.tracking.stored import pack, unpack
 from trackfield.wire.codec import WireError, decode
 
 FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")

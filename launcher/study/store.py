@@ -23,7 +23,7 @@ from launcher.plan.extensions import own_places
 from trackfield.errors import ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
-from trackfield.world.sensors import SENSORS
+from trackfield.sensing.kinds import SENSORS
 
 RESULTS: Final = "results"
 _PACKAGES: Final = ("trackfield", "launcher.plan", "launcher.record")

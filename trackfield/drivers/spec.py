@@ -16,10 +16,10 @@ from trackfield.link.partitioned import Cut, Partitioned
 from trackfield.link.places import Path, Places, Point
 from trackfield.plugins import load
 from trackfield.role import NEIGHBOURHOOD, Role
+from trackfield.sensing.readings import Ears
 from trackfield.wire.keys import Medium
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
-from trackfield.world.readings import Ears
 
 Plain = dict[str, Any]
 

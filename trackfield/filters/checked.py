@@ -51,7 +51,7 @@ class CheckedForesees(Checked[S]):
     """The same for a tracker with a method ``motion``, so that its track can be smoothed."""
 
     def motion(self, before: Any, after: Any, dt: float) -> Motion:
-        """See ``fusion.smoothing.Foresees``."""
+        """See ``trackfield.tracking.smoothing.Foresees``."""
         foresees: Any = self.tracker
         F, Q = foresees.motion(before, after, dt)
         for what, matrix in (("F", F), ("Q", Q)):

@@ -18,7 +18,7 @@ from trackfield.models import doa
 
 @dataclass(frozen=True)
 class OfSensor:
-    """The measurement model of a user's ``sensor`` (``world.sensors.Sensor``), which may lack ``residual``."""
+    """The measurement model of a user's ``sensor`` (``sensing.kinds.Sensor``), which may lack ``residual``."""
 
     sensor: Any
 

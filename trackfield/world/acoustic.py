@@ -9,8 +9,8 @@ from typing import Any, Final, Self
 
 from trackfield.draw import normal
 from trackfield.models.sound import bearing, level_db
+from trackfield.sensing.readings import Heard, Window, window_at
 from trackfield.world.path import Path
-from trackfield.world.readings import Heard, Window, window_at
 
 _NS: Final = 1_000_000_000
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from trackfield.draw import uniform
-from trackfield.world.readings import Ears, Heard, Reading
+from trackfield.sensing.readings import Ears, Heard, Reading
 
 STUCK_DB: Final = 3.0
 """How far above its threshold the reading of a sensor is that got stuck while it heard nothing."""

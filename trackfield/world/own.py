@@ -9,10 +9,10 @@ from typing import Any, Final
 
 from trackfield.draw import normal, uniform
 from trackfield.errors import RunFailed
+from trackfield.sensing.kinds import Sensor, make_sensor
+from trackfield.sensing.readings import Ears, Reading, Window, window_at
 from trackfield.world.faulty import Faulty, SensorFault
 from trackfield.world.path import Path, State
-from trackfield.world.readings import Ears, Reading, Window, window_at
-from trackfield.world.sensors import Sensor, make_sensor
 
 _NS: Final = 1_000_000_000
 _MOST: Final = 10**15

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
+from trackfield.sensing.readings import Window
 from trackfield.world.path import Path
-from trackfield.world.readings import Window
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -14,8 +14,8 @@ from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.sensors import Acoustic
+from trackfield.sensing.kinds import make_sensor
 from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
-from trackfield.world.sensors import make_sensor
 
 NODE: Final = "node"
 CENTRE: Final = "fusion"

@@ -12,9 +12,9 @@ from trackfield.scenario.places import Place
 from trackfield.scenario.quantities import Share
 from trackfield.scenario.section import wrong
 from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.sensing.readings import Window
 from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
-from trackfield.world.readings import Window
 
 ACOUSTIC: Final = "acoustic"
 

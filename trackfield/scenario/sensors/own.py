@@ -10,10 +10,10 @@ from pydantic import ConfigDict, Field
 from trackfield.scenario.places import Place
 from trackfield.scenario.quantities import Option
 from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.sensing.kinds import make_sensor
+from trackfield.sensing.readings import Window
 from trackfield.world.own import PlacedSensor, plain
 from trackfield.world.path import Path
-from trackfield.world.readings import Window
-from trackfield.world.sensors import make_sensor
 
 
 class OwnSensor(SensorSection):

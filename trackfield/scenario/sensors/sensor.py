@@ -9,8 +9,8 @@ from pydantic import Field
 
 from trackfield.scenario.places import Place
 from trackfield.scenario.section import Section
+from trackfield.sensing.readings import Window
 from trackfield.world.path import Path
-from trackfield.world.readings import Window
 
 
 class SensorSection(Section):

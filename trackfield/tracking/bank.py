@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fusion.points import track_point
-from fusion.smoothing import Earlier, Smoothing, lagged_name
-from trackfield.filters.following import Following
 from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 from trackfield.role import NS, TrackPoint
+from trackfield.sensing.kinds import make_sensor
+from trackfield.tracking.following import Following
+from trackfield.tracking.points import track_point
+from trackfield.tracking.smoothing import Earlier, Smoothing, lagged_name
 from trackfield.wire.messages import Doa, Measurement
-from trackfield.world.sensors import make_sensor
 
 Heard = Mapping[str, Any]
 """The reports of one step (``Doa`` or ``Measurement``), by sensor."""

@@ -14,9 +14,9 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 import numpy as np
 
 from trackfield.filters import rts
-from trackfield.filters.following import Followed, Following
 from trackfield.filters.gaussian import Motion
 from trackfield.filters.types import Estimate, Gaussian, Reports
+from trackfield.tracking.following import Followed, Following
 
 S = TypeVar("S")
 

@@ -1,0 +1,1 @@
+"""Protocol pieces: pure sub-machines that roles are put together from."""
