@@ -92,7 +92,7 @@ def test_no_bytes_crash_it(garbage: bytes, at: int, patch: bytes) -> None:
     fusion, good = centre(), pack(7, None, {"fix-imm-ukf": POINT})
     for data in (garbage, good[:at], good[:at] + patch + good[at + len(patch) :]):
         memory, _ = fusion.handle(fusion.begin(), Started(9 * NS, data))
-        fusion.handle(memory, deadline(memory.fused + 1))
+        fusion.handle(memory, deadline(memory.progress.step + 1))
 
 
 # --- the next life ---

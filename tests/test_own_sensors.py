@@ -325,8 +325,8 @@ def test_the_centre_takes_reports_of_its_sensors_kind_alone() -> None:
     for report in (Doa(1, 10.0, 60.0), Measurement(1, (1,)), Measurement(1, (1, 2, 3))):
         assert fusion.handle(state, Received(NS + 1, report, "a")) == (state, (Ignored("unexpected"),))
     after, effects = fusion.handle(state, Received(NS + 1, Measurement(1, (500, -30)), "a"))
-    assert (effects, after.heard[1]["a"].values) == ((), (500, -30))
-    reports = fusion.bank._reports(1, after.heard[1])
+    assert (effects, after.progress.collected.ahead[1]["a"].values) == ((), (500, -30))
+    reports = fusion.bank._reports(1, after.progress.collected.ahead[1])
     assert reports.values == pytest.approx(np.array([[5.0, -3.0]]))
     assert np.isnan(reports.bearings).all()
 
