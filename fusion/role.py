@@ -92,7 +92,7 @@ class Fusion:
         first = next(iter(taken.points.values()))
         level, command = self._command(memory.threshold_db, first)
         after = Memory(Phase(first.status), taken.state, level)
-        store, deadline = Store(self.steps.keep(taken, level)), self.steps.deadline(taken.state)
+        store, deadline = Store(self.steps.keep(taken.state, level)), self.steps.deadline(taken.state)
         return after, (*map(Publish, taken.all), *command, store, deadline)
 
     def _command(self, level_db: float | None, point: TrackPoint) -> tuple[float | None, tuple[Send, ...]]:

@@ -119,7 +119,7 @@ def test_while_it_waits_it_publishes_that_it_does_and_nothing_more() -> None:
     fusion = centre()
     _, effects = fusion.handle(started(fusion), deadline(1))
     point = TrackPoint("fix-imm-ukf", "bus", NS, "waiting", step=1)
-    kept = Store(pack(1, None, {"fix-imm-ukf": point}))
+    kept = Store(pack(1, None, {"fix-imm-ukf": None}))
     assert effects == (Publish(point), kept, SetTimer("deadline", 2 * NS + DEADLINE))
 
 
@@ -260,6 +260,9 @@ class Spy:
         self.seen: list[tuple[Reports, float, float]] = []
 
     def begin(self, prior: object) -> None:
+        pass
+
+    def belief(self, state: object) -> None:
         pass
 
     def step(self, state: object, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[object, None, None]:

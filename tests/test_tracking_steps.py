@@ -54,9 +54,8 @@ def lived(steps: Steps, count: int) -> tuple[Progress, bytes]:
     """After so many steps: the state, and what would be stored."""
     state = steps.start(steps.begin(), 0, b"").state
     for _ in range(count):
-        last = taken(steps, state)
-        state = last.state
-    return state, steps.keep(last)
+        state = taken(steps, state).state
+    return state, steps.keep(state)
 
 
 def test_each_step_has_a_point_of_each_tracker_and_a_timer_of_the_given_name() -> None:

@@ -103,6 +103,11 @@ class Model:
     """The measurement model of sensors that report no bearings."""
 
     @property
+    def dimension(self) -> int:
+        """How many numbers the target's state has: x, y, vx, vy."""
+        return 4
+
+    @property
     def sensor(self) -> Measurement:
         """The measurement model of the reports, bearings or not."""
         return self.own or Bearings(self.sigma_w)
@@ -124,7 +129,12 @@ S = TypeVar("S")
 
 
 class Tracker(Protocol[S]):
-    """A tracker: two pure functions over a state of its own, an immutable value."""
+    """A tracker: two pure functions over a state of its own, an immutable value.
+
+    It may have further methods: ``motion`` (``trackfield.tracking.smoothing.Foresees``), so that its track can be
+    smoothed, and ``belief`` and ``resume`` (``trackfield.filters.belief.Believes``), if it knows more than its estimate
+    says.
+    """
 
     def init(self, prior: Gaussian, model: Model) -> S:
         """The state of belief ``prior`` over (x, y, vx, vy)."""

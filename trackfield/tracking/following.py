@@ -17,6 +17,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from trackfield.filters.belief import Belief, Believes, moments
 from trackfield.filters.fix import agreeing, centroid, certain_fix
 from trackfield.filters.gate import CLUTTER
 from trackfield.filters.gaussian import extent
@@ -34,12 +35,16 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 
 
 class Followed(NamedTuple, Generic[S]):
-    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``new``: it
-    began with the reports of this very step."""
+    """A tracker on a target, or waiting for one.
+
+    ``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``known``: the
+    Gaussian of the last estimate, or what the track began with; ``new``: it began with the reports of this very step.
+    """
 
     track: S | None
     doubt: float
     alone: bool
+    known: Gaussian | None = None
     new: bool = False
 
 
@@ -56,11 +61,26 @@ class Following(Generic[S]):
         """The state before the first step; without a prior the track starts from the first reports."""
         if prior is None:
             return Followed(None, 0.0, alone=True)
-        return Followed(self.tracker.init(prior, self.model), 0.0, alone=False)
+        return Followed(self.tracker.init(prior, self.model), 0.0, alone=False, known=prior)
 
-    def resume(self, belief: Gaussian) -> Followed[S]:
-        """The state after a pause that began with ``belief``; it may be restarted, as without a prior."""
-        return Followed(self.tracker.init(belief, self.model), 0.0, alone=True)
+    def belief(self, state: Followed[S]) -> Belief | None:
+        """What is known of the target; None while there is no track."""
+        if state.track is None:
+            return None
+        own = self.tracker.belief(state.track) if isinstance(self.tracker, Believes) else None
+        return state.known if own is None else own
+
+    def resume(self, belief: Belief) -> Followed[S]:
+        """The state after a pause that began with ``belief``, over the state of ``model``.
+
+        It may be restarted, as without a prior.
+        """
+        known = moments(belief)
+        if isinstance(self.tracker, Believes):
+            track = self.tracker.resume(belief, self.model)
+        else:
+            track = self.tracker.init(known, self.model)
+        return Followed(track, 0.0, alone=True, known=known)
 
     def step(
         self, state: Followed[S], reports: Reports, dt: float, rng: np.random.Generator
@@ -74,14 +94,14 @@ class Following(Generic[S]):
             doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
         if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m):
             return self._start(reports)
-        return Followed(track, doubt, state.alone), estimate
+        return Followed(track, doubt, state.alone, Gaussian(estimate.mean, estimate.covariance)), estimate
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
         model = self.model
         fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports, self.lost_m)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
-        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, new=True), Estimate(*fix)
+        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, known=fix, new=True), Estimate(*fix)
 
 
 def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:

@@ -94,8 +94,8 @@ class Steps:
         except ValueError as error:
             return Begun(begun, unusable=(str(error),))
         last = max(last, stored.step)
-        tracks, points = self.bank.resume(stored.beliefs, stored.step, last)
-        return Begun(Progress(tracks, Collected(last)), stored, tuple(points))
+        tracks, points, unusable = self.bank.resume(stored.beliefs, stored.step, last)
+        return Begun(Progress(tracks, Collected(last)), stored, tuple(points), tuple(unusable))
 
     def collect(
         self, state: Progress, now: int, step: int, report: Any, sender: str
@@ -113,9 +113,9 @@ class Steps:
         recent = Map({step: before[step] for step in collected.recent})
         return Taken(Progress(tracks, collected, recent), points, (*again, *points.values(), *earlier))
 
-    def keep(self, taken: Taken, threshold_db: float | None = None) -> bytes:
+    def keep(self, state: Progress, threshold_db: float | None = None) -> bytes:
         """The bytes from which the next life starts, if this one ends before it has stored others."""
-        return pack(taken.state.step, threshold_db, taken.points)
+        return pack(state.step, threshold_db, self.bank.beliefs(state.tracks))
 
     def _retaken(self, state: Progress) -> tuple[Progress, list[TrackPoint]]:
         stale = state.collected.stale
