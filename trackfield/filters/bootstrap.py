@@ -7,6 +7,8 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
+from trackfield.filters import belief as beliefs
+from trackfield.filters.belief import Belief
 from trackfield.filters.gaussian import Motion, moments
 from trackfield.filters.measurement import STATE, log_likelihood, moving
 from trackfield.filters.particles import Particles, draw, propagate
@@ -32,7 +34,7 @@ class Bootstrap:
 
     The ``n`` particles are resampled in every step that has reports. With an ``ess_share`` below 1, only when their
     effective number is at most that share of n; until then they carry weights, which are not part of the estimate's
-    particles.
+    particles. ``keeps`` is what its next life gets: its ``particles``, or the ``gaussian`` of its estimate.
     """
 
     needs: ClassVar[tuple[str, ...]] = ()
@@ -40,6 +42,7 @@ class Bootstrap:
     n: Particles = 2000
     resampling: Literal["systematic", "residual"] = "systematic"
     ess_share: Annotated[float, Within(0, 1)] = 1.0
+    keeps: Literal["gaussian", "particles"] = "gaussian"
 
     def init(self, prior: Gaussian, model: Model) -> BootstrapState:
         """The state of belief ``prior``; particles are drawn in the first step."""
@@ -65,6 +68,19 @@ class Bootstrap:
         else:
             kept = weights if len(reports) else before
         return BootstrapState(model, prior, particles, kept), Estimate(mean, covariance, particles[:, :2])
+
+    def belief(self, state: BootstrapState) -> Belief | None:
+        """Its particles, if it keeps them. They need not be resampled, as their weights travel with them."""
+        if self.keeps == "gaussian" or state.particles is None:
+            return None
+        n = len(state.particles)
+        return beliefs.Particles(np.full(n, 1.0 / n) if state.weights is None else state.weights, state.particles)
+
+    def resume(self, belief: Belief, model: Model) -> BootstrapState:
+        """Particles go on with their weights, however many: the next resampling makes them ``n``."""
+        if isinstance(belief, beliefs.Particles):
+            return BootstrapState(model, beliefs.moments(belief), belief.points, belief.weights)
+        return self.init(beliefs.moments(belief), model)
 
     def motion(self, before: BootstrapState, after: BootstrapState, dt: float) -> Motion:
         """The predicted motion between two states, ``dt`` seconds apart."""

@@ -178,6 +178,11 @@ class Model:
         """Those of all kinds, kind by kind: the columns of a state after (x, y, vx, vy)."""
         return tuple(one for kind in self.kinds.values() for one in kind.unknowns)
 
+    @property
+    def dimension(self) -> int:
+        """How many numbers the target's state has: x, y, vx, vy, and the unknowns of the sensing."""
+        return 4 + len(self.unknowns)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
@@ -195,7 +200,12 @@ S = TypeVar("S")
 
 
 class Tracker(Protocol[S]):
-    """A tracker: two pure functions over a state of its own, an immutable value."""
+    """A tracker: two pure functions over a state of its own, an immutable value.
+
+    It may have further methods: ``motion`` (``trackfield.tracking.smoothing.Foresees``), so that its track can be
+    smoothed, and ``belief`` and ``resume`` (``trackfield.filters.belief.Believes``), if it knows more than its estimate
+    says.
+    """
 
     def init(self, prior: Gaussian, model: Model) -> S:
         """The state of belief ``prior`` over (x, y, vx, vy)."""

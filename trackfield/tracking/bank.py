@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trackfield.filters.belief import Belief, dimension
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
@@ -29,6 +30,14 @@ class Advanced(NamedTuple):
     tracks: tuple[Any, ...]
     points: dict[str, TrackPoint]
     earlier: list[TrackPoint]
+
+
+class Resumed(NamedTuple):
+    """After a pause: the trackers' states, the points of those that have a track, and why beliefs cannot be used."""
+
+    tracks: tuple[Any, ...]
+    points: list[TrackPoint]
+    unusable: list[str]
 
 
 class Bank:
@@ -92,16 +101,21 @@ class Bank:
         """The trackers' states before the first report, with the prior or waiting for reports."""
         return tuple(tracker.begin(self.prior if prior else None) for tracker in self.trackers.values())
 
-    def resume(
-        self, beliefs: Mapping[str, Gaussian | None], since: int, until: int
-    ) -> tuple[tuple[Any, ...], list[TrackPoint]]:
+    def beliefs(self, tracks: tuple[Any, ...]) -> dict[str, Belief | None]:
+        """What each tracker knows of the target; None while it has no track."""
+        return {name: one.belief(track) for (name, one), track in zip(self.trackers.items(), tracks, strict=True)}
+
+    def resume(self, beliefs: Mapping[str, Belief | None], since: int, until: int) -> Resumed:
         """Each tracker from its belief about the step ``since``, predicted without reports to the step ``until``.
 
-        Also returns the points of that step, of trackers that have a track.
+        A tracker without one, or with one of a state unlike its own, waits for reports.
         """
-        tracks, points = [], []
+        tracks, points, unusable = [], list[TrackPoint](), list[str]()
         for name, tracker in self.trackers.items():
-            belief, estimate = beliefs.get(name), None
+            belief, estimate, n = beliefs.get(name), None, tracker.following.model.dimension
+            if belief is not None and dimension(belief) != n:
+                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {n}")
+                belief = None
             track = tracker.begin(None) if belief is None else tracker.resume(belief)
             for step in range(since + 1, until + 1):
                 if track.track is None:
@@ -110,7 +124,7 @@ class Bank:
             tracks.append(track)
             if estimate is not None:
                 points.append(self._point(name, self._reports(until, {}), estimate))
-        return tuple(tracks), points
+        return Resumed(tuple(tracks), points, unusable)
 
     def advance(self, tracks: tuple[Any, ...], step: int, heard: Heard) -> Advanced:
         """All trackers take the reports of a step."""

@@ -17,6 +17,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
+from trackfield.filters.belief import Belief, Believes, moments
 from trackfield.filters.gate import CLUTTER
 from trackfield.filters.gaussian import extent
 from trackfield.filters.measurement import extended, log_ratios
@@ -32,12 +33,16 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 
 
 class Followed(NamedTuple, Generic[S]):
-    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``new``: it
-    began with the reports of this very step."""
+    """A tracker on a target, or waiting for one.
+
+    ``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``known``: the
+    Gaussian of the last estimate, or what the track began with; ``new``: it began with the reports of this very step.
+    """
 
     track: S | None
     doubt: float
     alone: bool
+    known: Gaussian | None = None
     new: bool = False
 
 
@@ -54,11 +59,27 @@ class Following(Generic[S]):
         """The state before the first step; without a prior the track starts from the first reports."""
         if prior is None:
             return Followed(None, 0.0, alone=True)
-        return Followed(self.tracker.init(extended(prior, self.model.unknowns), self.model), 0.0, alone=False)
+        known = extended(prior, self.model.unknowns)
+        return Followed(self.tracker.init(known, self.model), 0.0, alone=False, known=known)
 
-    def resume(self, belief: Gaussian) -> Followed[S]:
-        """The state after a pause that began with ``belief``; it may be restarted, as without a prior."""
-        return Followed(self.tracker.init(extended(belief, self.model.unknowns), self.model), 0.0, alone=True)
+    def belief(self, state: Followed[S]) -> Belief | None:
+        """What is known of the target; None while there is no track."""
+        if state.track is None:
+            return None
+        own = self.tracker.belief(state.track) if isinstance(self.tracker, Believes) else None
+        return state.known if own is None else own
+
+    def resume(self, belief: Belief) -> Followed[S]:
+        """The state after a pause that began with ``belief``, over the state of ``model``.
+
+        It may be restarted, as without a prior.
+        """
+        known = moments(belief)
+        if isinstance(self.tracker, Believes):
+            track = self.tracker.resume(belief, self.model)
+        else:
+            track = self.tracker.init(known, self.model)
+        return Followed(track, 0.0, alone=True, known=known)
 
     def step(
         self, state: Followed[S], reports: Reports, dt: float, rng: np.random.Generator
@@ -70,13 +91,13 @@ class Following(Generic[S]):
         doubt = max(0.0, state.doubt + doubts(self.model, estimate, reports))
         if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m):
             return self._start(reports)
-        return Followed(track, doubt, state.alone), estimate
+        return Followed(track, doubt, state.alone, Gaussian(estimate.mean, estimate.covariance)), estimate
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
         fix = self._fix(reports)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
-        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, new=True), Estimate(*fix)
+        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, known=fix, new=True), Estimate(*fix)
 
     def _fix(self, reports: Reports) -> Gaussian | None:
         """A belief from the readings of one step alone: as their kind finds it, or by the general search."""
