@@ -31,7 +31,10 @@ SYNC_BYTES: Final = 64
 
 
 def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
-    """The clock of a sensor node: how far it is off, drawn for this node alone; nothing if clocks are right."""
+    """The clock of process ``id``: how far it is off, drawn for this process alone; nothing if clocks are right.
+
+    For every process but the one whose clock is the run's reference, which an architecture chooses.
+    """
     clock, seed = scenario.clock, scenario.seed
     if not clock.off:
         return {}
@@ -42,12 +45,17 @@ def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
     }
 
 
-def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
-    """How a sensor node sets its clock; None if it never does."""
+def sync_of(scenario: Scenario, id: str, reference: str) -> dict[str, Any] | None:
+    """How process ``id`` sets its clock by asking ``reference``, the ``sync`` of its role; None if it never does.
+
+    These are the fields of ``Rounds`` (``trackfield/protocols/timesync.py``). The reference is any process that tells
+    the time: the one whose clock is right, or one that asks another in turn.
+    """
     clock = scenario.clock
     if not (clock.sync and clock.off):
         return None
     return {
+        "reference": reference,
         "exchanges": clock.exchanges,
         "resync_ns": round(clock.resync_s * NS),
         "timeout_ns": PATIENCE_NS + 2 * slowest_ns(scenario),

@@ -9,6 +9,7 @@ from typing import Any, Final
 from launcher.plan.architectures import Architecture, architecture_of
 from launcher.plan.extensions import own_places
 from launcher.plan.faults import Faults, resolve
+from launcher.plan.references import check_references, references_of
 from launcher.plan.tracking import track_names
 from launcher.records import FieldInfo, Plan, Truth
 from trackfield.drivers.spec import ProcessSpec, RunSpec
@@ -33,7 +34,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
     Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file cannot be
-    used, or a fault names an unknown process.
+    used, a fault names an unknown process, or processes ask each other for the time in a circle.
     """
     site = survey(scenario)
     architecture = architecture_of(site)
@@ -45,6 +46,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     check_bursts(site, end_ns)
     places = own_places(scenario)
     arranged = architecture.arrange(end_ns)
+    check_references(references_of(arranged.processes))
     processes = tuple(life for process in arranged.processes for life in _lives(process, faults))
     return Plan(
         spec,

@@ -7,8 +7,9 @@ from typing import Annotated, Final
 
 from trackfield.wire.registry import Scaled, kind
 
-_MICROSECONDS: Final = Scaled(-(10**15), 10**15, unit="us")
-"""A clock: some thirty years either way."""
+MOST_US: Final = 10**15
+"""The latest time that a message can hold, in microseconds: some thirty years; as much before 0."""
+_MICROSECONDS: Final = Scaled(-MOST_US, MOST_US, unit="us")
 
 
 @kind(1, "doa")
@@ -27,7 +28,7 @@ class Doa:
 @kind(2, "sync-request")
 @dataclass(frozen=True, slots=True)
 class SyncRequest:
-    """A node asks for the time; ``sent_us`` is its own clock at sending (t0 of the exchange)."""
+    """A process asks for the time; ``sent_us`` is its own clock at sending (t0 of the exchange)."""
 
     exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
     sent_us: Annotated[int, _MICROSECONDS]
@@ -36,7 +37,7 @@ class SyncRequest:
 @kind(3, "sync-reply")
 @dataclass(frozen=True, slots=True)
 class SyncReply:
-    """The answer: the request's ``exchange`` and ``sent_us``, and the reference clock at arrival (t1), reply (t2)."""
+    """The answer: the request's ``exchange`` and ``sent_us``, and the reference's time at arrival (t1), reply (t2)."""
 
     exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
     sent_us: Annotated[int, _MICROSECONDS]

@@ -58,7 +58,7 @@ class Centralised:
                 "centre": self.centre,
                 **if_used(
                     origin_ns=site.origin_ns,
-                    sync=sync_of(scenario, id),
+                    sync=sync_of(scenario, id, self.centre),
                     adaptive=duty_of(scenario, site.origin_ns, end_ns),
                 ),
             }
@@ -92,7 +92,7 @@ class Centralised:
         for name, section in self.site.sections.items():
             members = tuple((self.site.sensors[i][0], self.centre) for i in sorted(self.site.kinds[name]))
             yield Flow(section.sensing.longest(), members)
-        if sync_of(self.scenario, self.site.sensors[0][0]):
+        if sync_of(self.scenario, self.site.sensors[0][0], self.centre):
             yield Flow(SyncRequest(65535, now_us), there)
             yield Flow(SyncReply(65535, now_us, now_us, now_us), back)
         if _threshold(self.site):
