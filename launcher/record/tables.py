@@ -122,5 +122,8 @@ def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns
         "at_ns": pa.array([p.at_ns for p in points], pa.int64()),
         "told_ns": pa.array([r.told_ns for r in rows], pa.int64()),
         "incarnation": pa.array([r.incarnation for r in rows], pa.int32()),
+        "origin": pa.array([p.origin for p in points], texts),
+        "unknowns": pa.array([list(p.unknowns) for p in points], vector),
+        "unknown_sds": pa.array([list(p.unknown_sds) for p in points], vector),
     }
     return pa.table(columns)
