@@ -95,7 +95,7 @@ def test_a_track_reads_back(tmp_path: FilePath) -> None:
         TrackRow(1_300_000_000, first_point),
         TrackRow(2_300_000_000, second_point, (1.5, 2.5, 3.5, 4.5), "target", 1, interpolated=True),
     ]
-    write_tracks(rows, {2 * NS: 0.75}, tmp_path / "tracks.parquet", origin_ns=NS // 2)
+    write_tracks(rows, {"": {2 * NS: 0.75}}, tmp_path / "tracks.parquet", origin_ns=NS // 2)
     first, second = pq.read_table(tmp_path / "tracks.parquet").to_pylist()
     empty = dict.fromkeys(("x", "y", "vx", "vy", "covariance", "true_x", "true_y", "true_vx", "true_vy", "true_target"))
     both = {"target": "target", "tracker": "t", "lag": 0, "term": 0}
