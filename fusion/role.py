@@ -38,7 +38,7 @@ from trackfield.role import (
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.stored import Stored, pack, unpack
 from trackfield.tracking.threshold import Controller, expected_place, position_sd
-from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
+from trackfield.wire.messages import SyncReply, SyncRequest, Threshold
 
 _LAST_STEP: Final = 65535
 """The highest step that a message can hold."""
@@ -61,7 +61,7 @@ class Fusion:
     ) -> None:
         self.bank = Bank(**bank)
         self.deadline_ns, self.max_age_ns = deadline_ns, max_age_ns
-        self.kinds = frozenset({self.bank.kind, "sync-request"})
+        self.kinds = self.bank.messages | {"sync-request"}
         self.controller = None if threshold is None else Controller(**threshold)
 
     def begin(self) -> Memory:
@@ -80,7 +80,7 @@ class Fusion:
         match event:
             case Started(now, stored):
                 return self._start(memory, now, stored)
-            case Received(now, Doa() | Measurement() as report, sender) if self.bank.takes(report):
+            case Received(now, report, sender) if self.bank.takes(report, sender):
                 return self._collect(memory, now, report, sender)
             case Received(now, SyncRequest(exchange, sent_us), sender):
                 return memory, (Send(SyncReply(exchange, sent_us, now // 1000, now // 1000), sender),)
@@ -129,9 +129,7 @@ class Fusion:
 
     # --- reports ---
 
-    def _collect(
-        self, memory: Memory, now: int, report: Doa | Measurement, sender: str
-    ) -> tuple[Memory, tuple[Effect, ...]]:
+    def _collect(self, memory: Memory, now: int, report: Any, sender: str) -> tuple[Memory, tuple[Effect, ...]]:
         step = report.step
         past = memory.past.get(step)
         late = step <= memory.fused

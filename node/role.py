@@ -40,8 +40,8 @@ from trackfield.role import (
     Transitions,
     check_transition,
 )
-from trackfield.sensing.readings import Heard, Reading
-from trackfield.wire.messages import Doa, Measurement, SyncReply, Threshold
+from trackfield.sensing.readings import Reading
+from trackfield.wire.messages import SyncReply, Threshold
 
 LAST_STEP: Final = 65535
 """The highest step that a report can hold."""
@@ -86,7 +86,7 @@ Step = tuple[Memory, tuple[Effect, ...]]
 class Node:
     """Reports to ``centre`` in each step of ``step_ns`` in which it hears at least ``threshold_db``.
 
-    A user's own sensor has no level: everything that it measures is reported.
+    Readings of a kind of sensing without thresholds are all reported.
 
     Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the arguments of its
     ``Synchronisation`` except ``centre``; None: its clock is right. ``adaptive`` holds those of its ``Duty`` except
@@ -179,17 +179,16 @@ class Node:
             return (Sample("sound"),)
         return self._listen_from(memory, now)
 
-    def _hear(self, memory: Memory, now: int, heard: Heard | Reading | None) -> Step:
+    def _hear(self, memory: Memory, now: int, heard: Reading | None) -> Step:
         if heard is None:
             deaf = (CancelTimer("command"),) if self.duty else ()
             return replace(memory, phase=Phase.ASLEEP, listening=False), (*deaf, Sample("wake-up"))
         again = self._listen_from(memory, now)
-        if isinstance(heard, Heard) and heard.level_db < memory.threshold_db:
+        if heard.level < memory.threshold_db:
             after, attend = self._attend(replace(memory, phase=Phase.AWAKE), now)
             return after, (*again, *attend)
-        report = _report(self._step(memory, now), heard)
         after, attend = self._attend(replace(memory, phase=Phase.REPORTING), now)
-        return after, (Send(report, self.centre), *again, *attend)
+        return after, (Send(heard.report(self._step(memory, now)), self.centre), *again, *attend)
 
     def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
         """Listen at the first step from then on that is not done; step 0 is the start itself, without a reading."""
@@ -233,9 +232,3 @@ class Node:
         if threshold.step <= memory.threshold_step:
             return memory, (Ignored("outdated"),)
         return self._attend(replace(memory, threshold_db=threshold.level_db, threshold_step=threshold.step), now)
-
-
-def _report(step: int, heard: Heard | Reading) -> Doa | Measurement:
-    if isinstance(heard, Heard):
-        return Doa(step, heard.bearing_deg, heard.level_db)
-    return Measurement(step, heard.values)

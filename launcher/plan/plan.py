@@ -46,7 +46,6 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     places = own_places(scenario)
     arranged = architecture.arrange(end_ns)
     processes = tuple(life for process in arranged.processes for life in _lives(process, faults))
-    _, report_m = scenario.sensor.reach_m()
     return Plan(
         spec,
         processes,
@@ -55,7 +54,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         arranged.tracking,
         architecture.views(),
         tuple(arranged.flows),
-        report_m,
+        {id: kind.report_m for id, kind in site.sensing.items()},
         scenario.restart == "on-death",
         lost_of(scenario),
         scenario.fusion.deadline_s,
@@ -72,7 +71,7 @@ def end_of(site: Site) -> int:
 def planned_faults(site: Site, architecture: Architecture) -> Faults:
     """The planned faults by process. Raises ``ScenarioError`` as ``resolve`` does."""
     scenario, end_ns = site.scenario, end_of(site)
-    return resolve(scenario.faults, scenario.seed, architecture.places(), end_ns, site.origin_ns)
+    return resolve(scenario.faults, scenario.seed, architecture.places(), end_ns, site.origin_ns, site.sensing)
 
 
 def lost_of(scenario: Scenario) -> Lost:
@@ -143,6 +142,7 @@ def _info(
         paths=tuple((p.id, p.legs) for p in processes if p.legs),
         origin_ns=site.origin_ns,
         step_ns=site.step_ns,
+        layers={id: kind.layer for id, kind in site.sensing.items() if kind.layer},
     )
 
 

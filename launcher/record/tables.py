@@ -84,7 +84,7 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     """messages.parquet: one row per frame and receiver."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
-        "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
+        "incarnation": pa.int32(), "step": pa.int32(), "values": pa.list_(pa.float64()), "local_ns": pa.int64(),
         "payload": pa.binary(),
     }  # fmt: skip
     names = [f.name for f in fields(MessageRow)]

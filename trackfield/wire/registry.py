@@ -223,6 +223,11 @@ def kind_of(message: object) -> Kind:
         raise WireError("kind", f"{type(message).__name__} is not a message") from None
 
 
+def kind_of_class(cls: type) -> Kind:
+    """The kind of messages of this class; raises ``KeyError`` for any other class."""
+    return _by_class[cls]
+
+
 def kind_by_number(number: object) -> Kind:
     """The kind registered under a number; raises ``WireError`` (``type``, ``kind``)."""
     if type(number) is not int:

@@ -6,16 +6,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from launcher.plan.architectures.architecture import Arranged
-from launcher.plan.hardware import FJ_PER_MJ, clock_of, duty_of, power_of, sync_of
+from launcher.plan.hardware import FJ_PER_MJ, adaptive, clock_of, duty_of, power_of, sync_of
 from launcher.plan.roles import factory
 from launcher.plan.tracking import if_used, tracking_of
 from launcher.records import BATTERY, SENSES, TRACKS, Flow, Place, View
 from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.role import NS
-from trackfield.scenario import Scenario, Site
-from trackfield.scenario.sensors import Acoustic
-from trackfield.sensing.kinds import make_sensor
-from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
+from trackfield.scenario import Site
+from trackfield.wire.messages import SyncReply, SyncRequest, Threshold
 
 NODE: Final = "node"
 CENTRE: Final = "fusion"
@@ -46,7 +44,7 @@ class Centralised:
         tracking = tracking_of(self.site, self.centre)
         nodes = tuple(self._nodes(end_ns))
         centre = self._centre(tracking, nodes)
-        return Arranged((centre, *nodes), tracking, list(self._flows(tracking, end_ns)))
+        return Arranged((centre, *nodes), tracking, list(self._flows(end_ns)))
 
     def _nodes(self, end_ns: int) -> Iterator[ProcessSpec]:
         """The sensor nodes; values that are the same for all of them are shared."""
@@ -56,7 +54,7 @@ class Centralised:
         for index, (id, x, y) in enumerate(site.sensors):
             config: dict[str, Any] = {
                 "step_ns": site.step_ns,
-                **_threshold_db(scenario),
+                **_threshold_db(site, index),
                 "centre": self.centre,
                 **if_used(
                     origin_ns=site.origin_ns,
@@ -64,7 +62,7 @@ class Centralised:
                     adaptive=duty_of(scenario, site.origin_ns, end_ns),
                 ),
             }
-            sound, clock = site.sound(index), clock_of(scenario, id)
+            sound, clock = site.sensor(index).to_plain(), clock_of(scenario, id)
             yield ProcessSpec(id, NODE, role, config, x, y, sound, peers=peers, clock=clock, power=power)
 
     def _centre(self, tracking: Mapping[str, Any], nodes: tuple[ProcessSpec, ...]) -> ProcessSpec:
@@ -72,7 +70,7 @@ class Centralised:
         config: dict[str, Any] = {
             **tracking,
             "deadline_ns": round(fusion.deadline_s * NS),
-            **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=_threshold(self.scenario)),
+            **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=_threshold(self.site)),
         }
         return ProcessSpec(
             self.centre,
@@ -86,42 +84,37 @@ class Centralised:
             legs=self.site.route,
         )
 
-    def _flows(self, tracking: Mapping[str, Any], end_ns: int) -> Iterator[Flow]:
+    def _flows(self, end_ns: int) -> Iterator[Flow]:
         """The messages between them, reports first."""
         there = tuple((id, self.centre) for id, *_ in self.site.sensors)
         back = tuple((b, a) for a, b in there)
         now_us = end_ns // 1000
-        yield Flow(_report(tracking), there)
+        for name, section in self.site.sections.items():
+            members = tuple((self.site.sensors[i][0], self.centre) for i in sorted(self.site.kinds[name]))
+            yield Flow(section.sensing.longest(), members)
         if sync_of(self.scenario, self.site.sensors[0][0]):
             yield Flow(SyncRequest(65535, now_us), there)
             yield Flow(SyncReply(65535, now_us, now_us, now_us), back)
-        if _threshold(self.scenario):
+        if _threshold(self.site):
             yield Flow(Threshold(65535, 70.0), back)
 
 
-def _report(tracking: Mapping[str, Any]) -> Doa | Measurement:
-    """A report that is as long as any; for a user's own sensor, with as many numbers as it measures."""
-    if "sensor" not in tracking:
-        return Doa(step=65535, bearing_deg=359.99, level_db=70.0)
-    return Measurement(65535, (2**15 - 1,) * len(make_sensor(**tracking["sensor"]).resolution))
+def _threshold_db(site: Site, index: int) -> Mapping[str, float]:
+    """The level above which a sensor reports, if its kind has thresholds."""
+    kind = site.sections[site.kind_of(index)].sensing
+    return {} if kind.thresholds is None else {"threshold_db": kind.threshold}
 
 
-def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
-    """The level above which sensors report, if they measure levels."""
-    return {"threshold_db": scenario.sensor.threshold_db} if isinstance(scenario.sensor, Acoustic) else {}
-
-
-def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
+def _threshold(site: Site) -> Mapping[str, float] | None:
     """The bounds and the start of the threshold that the centre sets, and its reach; None: it sets none."""
-    sensor = scenario.sensor
-    if not isinstance(sensor, Acoustic) or not sensor.adaptive:
+    kind = adaptive(site.scenario)
+    if kind is None or kind.thresholds is None:
         return None
-    low, high = sensor.thresholds_db
-    awake_m, _ = sensor.reach_m()
+    low, high = kind.thresholds
     return {
         "low_db": low,
         "high_db": high,
-        "start_db": sensor.threshold_db,
-        "target_sd_m": scenario.fusion.target_sd_m,
-        "reach_m": awake_m,
+        "start_db": kind.threshold,
+        "target_sd_m": site.scenario.fusion.target_sd_m,
+        "reach_m": kind.range_m,
     }

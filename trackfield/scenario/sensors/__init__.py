@@ -13,20 +13,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from pydantic import Discriminator, Field, Tag
 
 from trackfield.scenario.section import OTHER
-from trackfield.scenario.sensors.acoustic import ACOUSTIC, Acoustic
+from trackfield.scenario.sensors.doa import DoaSensor
 from trackfield.scenario.sensors.own import OwnSensor
 from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.sensing.kinds import DEFAULT
 
-__all__ = ["SENSORS", "Acoustic", "OwnSensor", "Sensor", "SensorSection"]
+__all__ = ["SENSORS", "DoaSensor", "OwnSensor", "Sensor", "SensorSection"]
 
 SENSORS: Final[Mapping[str, type[SensorSection]]] = {
-    ACOUSTIC: Acoustic,
+    DEFAULT: DoaSensor,
     OTHER: OwnSensor,
 }
 
 
 def _kind_of(sensor: Any) -> str:
-    kind = sensor.get("kind", ACOUSTIC) if isinstance(sensor, Mapping) else getattr(sensor, "kind", ACOUSTIC)
+    kind = sensor.get("kind", DEFAULT) if isinstance(sensor, Mapping) else getattr(sensor, "kind", DEFAULT)
     return kind if isinstance(kind, str) and kind in SENSORS else OTHER
 
 
