@@ -11,7 +11,8 @@ from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
-from launcher.record.tables import TrackRow
+from launcher.record.tables import Bounds, TrackRow
+from launcher.record.views import headline
 from launcher.records import SENSES, Plan
 from trackfield.filters.bounds import position_sd, trajectory_crlb
 from trackfield.filters.gaussian import Motion
@@ -23,10 +24,69 @@ from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.following import ANYWHERE
 
+Key = tuple[str, str, str, int]
+"""(source, tracker, target, instant) of a point."""
 Reporting = Mapping[int, Collection[str]]
 """The sensors that reported of each instant (ns)."""
-Series = dict[int, float]
+Series = Mapping[int, float]
 """A bound on the sd of the position (m) by instant (ns)."""
+
+
+def run_bounds(plan: Plan, rows: Collection[TrackRow]) -> dict[str, Series]:
+    """The bound of each source's tracks: that of the reports which the process used that made the point.
+
+    Processes that take turns (``term``) hand their beliefs on, so together they are as one. Where a source has points
+    of several processes at one instant, the lowest bound holds.
+    """
+    chains, origins = defaultdict[str, list[TrackRow]](list), _origins(rows)
+    for row in rows:
+        chains[_chain(row, origins)].append(row)
+    series = {chain: run_bound(plan, made) for chain, made in chains.items()}
+    sources = defaultdict[str, list[tuple[int, Series]]](list)
+    for row in rows:
+        sources[row.point.source].append((row.t_ns, series[_chain(row, origins)]))
+    return {source: _lowest(holding) for source, holding in sources.items()}
+
+
+def headline_bound(plan: Plan, rows: Iterable[TrackRow], bounds: Bounds) -> Series:
+    """The bound of the points of the plan's first view, of all rows of a run and what ``run_bounds`` found for them."""
+    return _lowest([(row.t_ns, bounds[row.point.source]) for row in headline(plan, rows)])
+
+
+def _origins(rows: Iterable[TrackRow]) -> dict[Key, str]:
+    return {_key(row): row.point.origin for row in rows if row.point.origin}
+
+
+def _chain(row: TrackRow, origins: Mapping[Key, str]) -> str:
+    """The process that made a point, which its source may have had over several others; empty if it took turns."""
+    if row.point.term:
+        return ""
+    source, tracker, target, t_ns = _key(row)
+    passed = {source}
+    while (before := origins.get((source, tracker, target, t_ns))) and before not in passed:
+        passed.add(source := before)
+    return source
+
+
+def _key(row: TrackRow) -> Key:
+    return row.point.source, row.point.tracker, row.point.target, row.t_ns
+
+
+def _lowest(holding: Collection[tuple[int, Series]]) -> Series:
+    """The lowest of the bounds that hold at each instant; none if one of them has none there.
+
+    If the same one holds at all instants, it is known also between them.
+    """
+    if len({id(series) for _, series in holding}) == 1:
+        return next(series for _, series in holding)
+    several = defaultdict[int, list[Series]](list)
+    for t_ns, series in holding:
+        several[t_ns].append(series)
+    return {
+        t_ns: min(series[t_ns] for series in found)
+        for t_ns, found in several.items()
+        if all(t_ns in series for series in found)
+    }
 
 
 def run_bound(plan: Plan, rows: Iterable[TrackRow]) -> Series:

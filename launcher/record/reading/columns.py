@@ -70,6 +70,8 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         **dict.fromkeys(("lag", "term"), _COUNT),
         **dict.fromkeys(("at_ns", "told_ns"), _TIME),
         "incarnation": _COUNT,
+        "origin": _TEXT,
+        **dict.fromkeys(("unknowns", "unknown_sds"), Column(pa.list_(pa.float64()))),
     },
     MESSAGES_TABLE: {
         **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),
