@@ -119,6 +119,10 @@ class Kind:
         first = [field.unpack(n) for field, n in zip(single, numbers, strict=False)]
         return self.cls(*first, tuple(last.unpack(n) for n in numbers[len(single) :]))
 
+    def longest(self) -> Any:
+        """A message that is about as long as any of this kind; of a tuple one number."""
+        return self.unpack([max((field.first, field.last), key=abs) for field in self.fields])
+
     def _check(self, count: int) -> None:
         least = len(self.fields)
         if self.fields and self.fields[-1].many:
@@ -177,6 +181,11 @@ def kind_by_number(number: object) -> Kind:
         raise WireError("kind", str(number)) from None
 
 
+def kinds() -> list[Kind]:
+    """All kinds that were registered, by number."""
+    return [_by_number[number] for number in sorted(_by_number)]
+
+
 def product_kinds() -> list[Kind]:
     """Trackfield's own kinds, by number."""
-    return [_by_number[number] for number in sorted(_by_number) if number < OWN_KINDS]
+    return [one for one in kinds() if one.number < OWN_KINDS]

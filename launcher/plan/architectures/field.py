@@ -1,0 +1,135 @@
+"""The field that an architecture arranges, and Trackfield's own processes for it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from launcher.plan.architectures.arranged import Process
+from launcher.plan.hardware import duty_of
+from launcher.plan.tracking import if_used
+from launcher.records import BATTERY, TRACKS
+from trackfield.role import NS
+from trackfield.scenario import Scenario, Site
+from trackfield.scenario.sensors import Acoustic
+
+NODE: Final = "node"
+CENTRE: Final = "fusion"
+"""The role of a fusion centre, whatever its id."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A surveyed field, as an architecture sees it; ``site`` has the rest, such as the scenario and its seed.
+
+    Its methods make processes that behave as those of ``centralised`` do: as the scenario's sections say.
+    """
+
+    site: Site
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was surveyed."""
+        return self.site.scenario
+
+    @property
+    def sensors(self) -> tuple[tuple[str, float, float], ...]:
+        """(id, m east, m north) of each sensor."""
+        return self.site.sensors
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Where the scenario has its fusion centre, or else the middle of the field (m east, north)."""
+        return self.site.centre
+
+    @property
+    def route(self) -> tuple[tuple[int, float, float], ...]:
+        """How the scenario's fusion centre moves, as ``Process`` has it; empty if it does not."""
+        return self.site.route
+
+    def sensor_nodes(
+        self, reports_to: str, ids: Collection[str] | None = None, *, asks: str | None = None
+    ) -> list[Process]:
+        """The nodes at the sensors with these ``ids`` (None: at all), which report to one process.
+
+        They ask that process for the time, unless ``asks`` names another.
+        """
+        scenario, site = self.scenario, self.site
+        config: dict[str, Any] = {
+            "step_ns": site.step_ns,
+            **_threshold_db(scenario),
+            "centre": reports_to,
+            **if_used(origin_ns=site.origin_ns, adaptive=duty_of(scenario, site.origin_ns, site.end_ns)),
+        }
+        node = Process(
+            "",
+            NODE,
+            0.0,
+            0.0,
+            config=config,
+            sends={_report_kind(scenario): (reports_to,)},
+            senses=True,
+            asks=reports_to if asks is None else asks,
+            tags=(BATTERY,),
+            battery_j=scenario.energy.battery_j,
+        )
+        wanted = None if ids is None else frozenset(ids)
+        return [replace(node, id=id, x=x, y=y) for id, x, y in self.sensors if wanted is None or id in wanted]
+
+    def fusion_centre(
+        self,
+        id: str,
+        x: float,
+        y: float,
+        sensors: Collection[str],
+        *,
+        asks: str = "",
+        route: Sequence[tuple[int, float, float]] = (),
+    ) -> Process:
+        """A fusion centre that tracks with the reports of these sensors; ``asks`` and ``route`` as in ``Process``."""
+        fusion, energy = self.scenario.fusion, self.scenario.energy
+        threshold = _threshold(self.scenario)
+        config: dict[str, Any] = {
+            "deadline_ns": round(fusion.deadline_s * NS),
+            **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=threshold),
+        }
+        return Process(
+            id,
+            CENTRE,
+            x,
+            y,
+            config=config,
+            sends={"threshold": sensors} if threshold else {},
+            fuses=sensors,
+            asks=asks,
+            tags=(TRACKS,) if energy.centre_battery_j is None else (TRACKS, BATTERY),
+            battery_j=energy.centre_battery_j,
+            route=route,
+        )
+
+
+def _report_kind(scenario: Scenario) -> str:
+    """The kind of message in which the scenario's sensors report."""
+    return "doa" if isinstance(scenario.sensor, Acoustic) else "measurement"
+
+
+def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
+    """The level above which sensors report, if they measure levels."""
+    return {"threshold_db": scenario.sensor.threshold_db} if isinstance(scenario.sensor, Acoustic) else {}
+
+
+def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
+    """The bounds and the start of the threshold that the centre sets, and its reach; None: it sets none."""
+    sensor = scenario.sensor
+    if not isinstance(sensor, Acoustic) or not sensor.adaptive:
+        return None
+    low, high = sensor.thresholds_db
+    awake_m, _ = sensor.reach_m()
+    return {
+        "low_db": low,
+        "high_db": high,
+        "start_db": sensor.threshold_db,
+        "target_sd_m": scenario.fusion.target_sd_m,
+        "reach_m": awake_m,
+    }
