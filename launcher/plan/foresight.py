@@ -188,6 +188,8 @@ class _Heard:
     @classmethod
     def of(cls, plan: Plan, positions: Array) -> _Heard:
         """Those of a plan."""
+        if plan.passes:
+            return cls._of_passes(plan, positions)
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
         from scipy.spatial import cKDTree
 
@@ -202,6 +204,25 @@ class _Heard:
         first = np.ones(len(t_ns), bool)
         first[1:] = (t_ns[1:] != t_ns[:-1]) | (sensor[1:] != sensor[:-1])
         return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
+
+    @classmethod
+    def _of_passes(cls, plan: Plan, positions: Array) -> _Heard:
+        """Those of sensors that report by themselves."""
+        number = {place.id: i for i, place in enumerate(plan.info.tagged(SENSES))}
+        found = sorted(
+            (plan.origin_ns + k * plan.step_ns, number[id]) for id, steps in plan.passes.items() for k in steps
+        )
+        t_ns, sensor = np.array([t for t, _ in found], np.int64), np.array([i for _, i in found], np.intp)
+        times = tuple(sorted({t for t, _ in found}))
+        paths = list(plan.paths.values())
+        target = [_nearest(paths, t / NS, positions[i]) for t, i in found]
+        return cls(t_ns, np.array(target, np.intp), sensor, times, 1, len(times))
+
+
+def _nearest(paths: list[Path], t_s: float, position: Array) -> int:
+    """The number of the target that is nearest to a position."""
+    states = [path.at(t_s) for path in paths]
+    return int(np.argmin([np.inf if state is None else np.hypot(*(state[:2] - position)) for state in states]))
 
 
 def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:
