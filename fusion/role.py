@@ -29,7 +29,7 @@ from trackfield.role import (
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.steps import Steps
 from trackfield.tracking.threshold import Commander, Controller
-from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest
+from trackfield.wire.messages import SyncReply, SyncRequest
 
 
 class Fusion:
@@ -50,7 +50,7 @@ class Fusion:
         self.bank = Bank(**bank)
         self.steps = Steps(self.bank, deadline_ns=deadline_ns, max_age_ns=max_age_ns)
         self.commander = None if threshold is None else Commander(Controller(**threshold), self.bank)
-        self.kinds = frozenset({self.bank.kind, "sync-request"})
+        self.kinds = self.bank.messages | {"sync-request"}
 
     def begin(self) -> Memory:
         """Every tracker with its prior, or waiting for reports."""
@@ -68,7 +68,7 @@ class Fusion:
         match event:
             case Started(now, stored):
                 return self._start(memory, now, stored)
-            case Received(now, Doa() | Measurement() as report, sender) if self.bank.takes(report):
+            case Received(now, report, sender) if self.bank.takes(report, sender):
                 progress, effects = self.steps.collect(memory.progress, now, report.step, report, sender)
                 return (memory if progress is memory.progress else replace(memory, progress=progress)), effects
             case Received(now, SyncRequest(exchange, sent_us), sender):

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trackfield.filters.own_fix import own_fix
+from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 
 import trackfield as tf
 from fusion.role import Fusion
@@ -22,7 +24,6 @@ from node.role import Node
 from tests.simulated import simulated
 from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
-from trackfield.filters.own_fix import own_fix
 from trackfield.filters.types import Model, Reports
 from trackfield.plugins import give
 from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
@@ -32,7 +33,6 @@ from trackfield.sensing.readings import Reading
 from trackfield.tracking.following import ANYWHERE
 from trackfield.wire import Doa, Measurement
 from trackfield.world.faulty import SensorFault
-from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 from trackfield.world.path import Path
 
 

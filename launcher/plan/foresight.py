@@ -18,7 +18,7 @@ from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
-from trackfield.sensing.kinds import fix_sensors, make_sensor
+from trackfield.sensing.kinds import make_sensor
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
@@ -36,8 +36,6 @@ MOST_FRAMES: Final = 1000
 """Frames sent on trial, at most, to learn the delay and air time of a report."""
 MOST_SENSORS: Final = 64
 """If more sensors have a target in reach, those with the best links count."""
-DOA_FIX: Final = 2
-"""Two bearings give a position."""
 
 
 @dataclass(frozen=True)
@@ -169,8 +167,7 @@ def _adaptive(plan: Plan) -> bool:
 
 def _needs(plan: Plan, sensors: int) -> int:
     """How many sensors a fix takes; in a field of fewer that starts from a prior, all of them."""
-    own = plan.tracking.get("sensor")
-    needs = fix_sensors(make_sensor(**own)) if own else DOA_FIX
+    needs = max(make_sensor(**arguments).fix_sensors for arguments in plan.tracking["sensing"].values())
     return min(needs, sensors) if plan.tracking.get("prior") else needs
 
 
@@ -197,9 +194,8 @@ class _Heard:
         tree = cKDTree(positions)
         every = -(-_pairs(plan, tree, steps) // MOST_REPORTS) or 1
         times = tuple(steps[::every])
-        rows = [
-            _rows(tree, path, number, times, plan.reach_m, positions) for number, path in enumerate(plan.paths.values())
-        ]
+        reaches = np.array([plan.reaches[place.id] for place in plan.info.tagged(SENSES)])
+        rows = [_rows(tree, path, number, times, reaches, positions) for number, path in enumerate(plan.paths.values())]
         t_ns, target, sensor, far = (np.concatenate(column) for column in zip(*rows, strict=True))
         order = np.lexsort((far, sensor, t_ns))
         t_ns, target, sensor = t_ns[order], target[order], sensor[order]
@@ -217,17 +213,18 @@ def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:
 
 
 def _rows(
-    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reach_m: float, positions: Array
+    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reaches: Array, positions: Array
 ) -> tuple[NDArray[np.int64], Indices, Indices, Array]:
     """When, which target, which sensor, how far away (m), for all sensors in reach of one target."""
     there = [(t, state[:2]) for t in times if (state := path.at(t / NS)) is not None]
     points = np.reshape([point for _, point in there], (-1, 2))
-    near: Any = tree.query_ball_point(points, reach_m) if len(points) else []
+    near: Any = tree.query_ball_point(points, float(reaches.max())) if len(points) else []
     counts = [len(found) for found in near]
     sensor = np.array([i for found in near for i in found], np.intp)
     far = np.hypot(*(np.repeat(points, counts, axis=0) - positions[sensor]).T)
     t_ns = np.repeat(np.array([t for t, _ in there], np.int64), counts)
-    return t_ns, np.full(len(sensor), number), sensor, far
+    heard = far <= reaches[sensor]
+    return t_ns[heard], np.full(int(heard.sum()), number), sensor[heard], far[heard]
 
 
 def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:

@@ -103,11 +103,13 @@ def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterab
         for sensor in one.sensors:
             if row := reports.get((sensor, one.step)):
                 try:
-                    usable = bank.takes(decode(row.payload))
+                    usable = bank.takes(decode(row.payload), sensor)
                 except WireError:
                     usable = False
                 if not usable:
-                    what = f"is no {bank.kind} message where {sensor} reported on step {one.step}"
+                    what = (
+                        f"is no {' or '.join(sorted(bank.messages))} message where {sensor} reported on step {one.step}"
+                    )
                     refuse(run / MESSAGES_TABLE, "payload", what, "the messages of the run")
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
 from trackfield.filters import belief as beliefs
 from trackfield.filters.belief import Belief
-from trackfield.filters.gaussian import Motion, constant_velocity, moments
-from trackfield.filters.measurement import log_likelihood
+from trackfield.filters.gaussian import Motion, moments
+from trackfield.filters.measurement import STATE, log_likelihood, moving
 from trackfield.filters.particles import Particles, draw, propagate
 from trackfield.filters.resampling import due, normalised, residual, systematic
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
@@ -20,7 +20,7 @@ _RESAMPLERS: Final = {"systematic": systematic, "residual": residual}
 
 
 class BootstrapState(NamedTuple):
-    """``particles`` (n, 4) and their ``weights`` (n,), None if equal; before the first step there is only the prior."""
+    """``particles`` (n, 4 + u), their ``weights`` (n,), None if equal; before the first step there is a prior only."""
 
     model: Model
     prior: Gaussian
@@ -36,6 +36,8 @@ class Bootstrap:
     effective number is at most that share of n; until then they carry weights, which are not part of the estimate's
     particles. ``keeps`` is what its next life gets: its ``particles``, or the ``gaussian`` of its estimate.
     """
+
+    needs: ClassVar[tuple[str, ...]] = ()
 
     n: Particles = 2000
     resampling: Literal["systematic", "residual"] = "systematic"
@@ -53,7 +55,7 @@ class Bootstrap:
         model, prior, particles, before = state
         if particles is None:
             particles = draw(prior, self.n, rng)
-        particles = propagate(particles, dt, model.sigma_v, rng)
+        particles = _moved(particles, model, dt, rng)
         log_weights = log_likelihood(model, particles, reports)
         if before is not None:
             with np.errstate(divide="ignore"):  # a weight of 0 stays 0
@@ -82,4 +84,14 @@ class Bootstrap:
 
     def motion(self, before: BootstrapState, after: BootstrapState, dt: float) -> Motion:
         """The predicted motion between two states, ``dt`` seconds apart."""
-        return constant_velocity(dt, after.model.sigma_v)
+        return moving(after.model, dt)
+
+
+def _moved(particles: Array, model: Model, dt: float, rng: np.random.Generator) -> Array:
+    """The particles ``dt`` seconds later, the unknowns of the sensing by their random walks."""
+    after = propagate(particles[:, :STATE], dt, model.sigma_v, rng)
+    if not model.unknowns:
+        return after
+    sds = np.array([one.walk_sd for one in model.unknowns]) * np.sqrt(dt)
+    walked = particles[:, STATE:] + sds * rng.standard_normal((len(particles), len(sds)))
+    return np.concatenate((after, walked), axis=1)

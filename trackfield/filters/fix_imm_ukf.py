@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from immutables import Map
@@ -65,6 +65,8 @@ class FixImmUkf:
 
     Without its ``gate`` it uses every bearing.
     """
+
+    needs: ClassVar[tuple[str, ...]] = ("bearings", "one kind")
 
     gate: bool = True
 
