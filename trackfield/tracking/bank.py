@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackfield.filters.belief import Belief, dimension
+from trackfield.filters.measurement import STATE
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
@@ -113,7 +114,7 @@ class Bank:
         tracks, points, unusable = [], list[TrackPoint](), list[str]()
         for name, tracker in self.trackers.items():
             belief, estimate, n = beliefs.get(name), None, tracker.following.model.dimension
-            if belief is not None and dimension(belief) != n:
+            if belief is not None and dimension(belief) not in (STATE, n):
                 unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {n}")
                 belief = None
             track = tracker.begin(None) if belief is None else tracker.resume(belief)
