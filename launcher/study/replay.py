@@ -1,14 +1,16 @@
 """The reports of a finished run, fused again: by other trackers, or without those that came late.
 
 Each process that tracked repeats the steps for which it published points, with the reports that its tracks used; a
-later life continues from the estimates of the life before it. Points are published at the times of the run. No messages
-are sent.
+later life continues from the estimates of the life before it. A process that published points of others, which it had
+by radio, publishes those that the same origins now have for the same instants. Points are published at the times of the
+run. No messages are sent.
 """
 
 from __future__ import annotations
 
 import shutil
 import time
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,12 +29,13 @@ from launcher.record.reading.files import (
     read_table,
     refuse,
 )
-from launcher.records import TRACKS, MessageRow, Plan
+from launcher.records import SENSES, TRACKS, MessageRow, Plan
 from launcher.run import Outcome, close_folder
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
-from trackfield.role import NS, Publish, State
+from trackfield.role import NS, Publish, State, TrackPoint
 from trackfield.tracking.bank import Bank
+from trackfield.tracking.forwarding import Numbering, received
 from trackfield.tracking.stored import pack, unpack
 from trackfield.wire.codec import WireError, decode
 
@@ -64,13 +67,13 @@ def replay(
     jumps = (p.jumps for p in plan.processes)
     check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
-    fusions = read_fusions(run)
+    fusions, handed = read_points(run)
     _check_usable(run, plan, fusions, rows)
     folder = prepare_folder(out, scenario.name, scenario.seed)
     with whole_or_none(folder):
         keep(scenario, folder)
         write_manifest(folder, plan, command, None)
-        anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
+        anew = _fuse(plan, (fusions, handed), rows, metrics, folder, drop_late=drop_late)
         shutil.copyfile(run / MESSAGES_TABLE, folder / MESSAGES_TABLE)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
@@ -138,15 +141,36 @@ class Fusion:
         return life_name(self.source, self.incarnation)
 
 
-def read_fusions(run: Path) -> list[Fusion]:
-    """The fusions of a run, process by process and in the order of time."""
-    columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
-    first: dict[tuple[str, int], dict[str, Any]] = {}
+@dataclass(frozen=True)
+class Handed:
+    """A process first published at ``told_ns`` what ``tracker`` of the process ``origin`` knew of an instant."""
+
+    source: str
+    incarnation: int
+    at_ns: int
+    told_ns: int
+    tracker: str
+    origin: str
+
+    @property
+    def life(self) -> str:
+        """The name of its life."""
+        return life_name(self.source, self.incarnation)
+
+
+def read_points(run: Path) -> tuple[list[Fusion], list[Handed]]:
+    """The fusions of a run, process by process and in the order of time, and the points that had come by radio."""
+    columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag", "at_ns", "tracker", "origin")
+    first, handed = dict[tuple[str, int], dict[str, Any]](), list[Handed]()
     for row in read_table(run, TRACKS_TABLE, columns).to_pylist():
-        if not row.pop("lag") and row["step"] is not None:
-            before = first.setdefault((row["source"], row["step"]), row)
+        lag, step, sensors = (row.pop(name) for name in ("lag", "step", "sensors"))
+        if row["origin"]:
+            handed.append(Handed(**row))
+        elif not lag and step is not None:
+            kept = {name: row[name] for name in ("source", "incarnation", "told_ns")}
+            before = first.setdefault((row["source"], step), {**kept, "step": step, "sensors": tuple(sensors)})
             before["told_ns"] = min(before["told_ns"], row["told_ns"])
-    return [Fusion(**{**row, "sensors": tuple(row["sensors"])}) for _, row in sorted(first.items())]
+    return [Fusion(**one) for _, one in sorted(first.items())], handed
 
 
 class _Source:
@@ -212,20 +236,57 @@ def fused(
             yield one, t_ns, effect
 
 
+def handed_on(
+    plan: Plan, handed: Iterable[Handed], points: Iterable[TrackPoint], order: Sequence[str]
+) -> Iterator[tuple[Handed, int, Publish]]:
+    """(what was handed on, time in ns, effect) of all processes that published ``points`` of others.
+
+    Each tracker's point of an instant is that of the process which its source had it from in the run. A tracker that
+    the run did not have goes by the first one, in this ``order``, that its source published then.
+    """
+    numbering = Numbering(
+        plan.tracking["trackers"],
+        [place.id for place in plan.info.tagged(SENSES)],
+        plan.step_ns,
+        plan.origin_ns,
+        plan.tracking.get("target", "target"),
+    )
+    known = {(point.source, point.tracker, point.at_ns): point for point in points if not point.lag}
+    chosen = defaultdict[tuple[str, int], dict[str, Handed]](dict)
+    for one in sorted(handed, key=lambda one: (one.told_ns, order.index(one.tracker))):
+        chosen[one.source, one.at_ns][one.tracker] = one
+    for (source, at_ns), by_tracker in chosen.items():
+        first = min(by_tracker.values(), key=lambda one: order.index(one.tracker))
+        for tracker in numbering.trackers:
+            one = by_tracker.get(tracker, first)
+            before = known.get((one.origin, tracker, at_ns))
+            point = received(before, numbering) if before else None
+            if point is not None:
+                known[source, tracker, at_ns] = replace(point, source=source)
+                yield one, one.told_ns, Publish(known[source, tracker, at_ns])
+
+
 def _fuse(
     plan: Plan,
-    fusions: Sequence[Fusion],
+    points: tuple[Sequence[Fusion], Sequence[Handed]],
     rows: Sequence[MessageRow],
     before: Metrics,
     folder: Path,
     *,
     drop_late: bool,
 ) -> Metrics:
-    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
+    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published.
+
+    ``points`` are those of the run.
+    """
+    fusions, handed = points
     ledger = Ledger(plan.run, plan.processes)
     ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
-    told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
+    told: list[tuple[Fusion | Handed, int, State | Publish]] = []
+    told += fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
+    made = [effect.estimate for _, _, effect in told if isinstance(effect, Publish)]
+    told += handed_on(plan, handed, made, list(before["trackers"]))
     for number, (one, t_ns, effect) in enumerate(told):
         if one.life not in ledger.diaries:  # an unplanned life
             ledger.life(replace(first[one.source], incarnation=one.incarnation, start_ns=t_ns, kill_ns=None))
