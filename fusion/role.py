@@ -5,7 +5,7 @@ Several trackers may run side by side on the same reports (Zhai et al., Fig. 2: 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -27,6 +27,7 @@ from trackfield.role import (
     check_transition,
 )
 from trackfield.tracking.bank import Bank
+from trackfield.tracking.forwarding import forwarding
 from trackfield.tracking.steps import Steps
 from trackfield.tracking.threshold import Commander, Controller
 from trackfield.wire.messages import SyncReply, SyncRequest
@@ -36,7 +37,9 @@ class Fusion:
     """Fuses the reports of each step ``deadline_ns`` after its instant, by the trackers of a ``Bank`` (its arguments).
 
     Late reports up to an age of ``max_age_ns`` are used too. With ``threshold`` (the fields of ``Controller``) the
-    centre sets the sensors' threshold. Its clock is the reference for sensors that ask for the time.
+    centre sets the sensors' threshold. With ``forward`` (the arguments of ``forwarding`` but the bank) it hands its
+    tracks on, as it publishes them, but not the smoothed ones. Its clock is the reference for sensors that ask for the
+    time.
     """
 
     def __init__(
@@ -45,11 +48,13 @@ class Fusion:
         deadline_ns: int,
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
+        forward: Mapping[str, Any] | None = None,
         **bank: Any,
     ) -> None:
         self.bank = Bank(**bank)
         self.steps = Steps(self.bank, deadline_ns=deadline_ns, max_age_ns=max_age_ns)
         self.commander = None if threshold is None else Commander(Controller(**threshold), self.bank)
+        self.forwarding = None if forward is None else forwarding(self.bank, **forward)
         self.kinds = self.bank.messages | {"sync-request"}
 
     def begin(self) -> Memory:
@@ -85,7 +90,7 @@ class Fusion:
         level = self.commander.begin(stored.threshold_db if stored else None) if self.commander else None
         after = Memory(Phase.COASTING if tracks else Phase.WAITING, progress, level)
         notes = (Note(f"What an earlier life stored cannot be used: {reason}") for reason in unusable)
-        return after, (*notes, *map(Publish, points), self.steps.deadline(progress))
+        return after, (*notes, *self._told(points, now), self.steps.deadline(progress))
 
     def _fuse(self, memory: Memory, now: int) -> tuple[Memory, tuple[Effect, ...]]:
         taken = self.steps.take(memory.progress, now)
@@ -93,7 +98,12 @@ class Fusion:
         level, command = self._command(memory.threshold_db, first)
         after = Memory(Phase(first.status), taken.state, level)
         store, deadline = Store(self.steps.keep(taken.state, level)), self.steps.deadline(taken.state)
-        return after, (*map(Publish, taken.all), *command, store, deadline)
+        return after, (*self._told(taken.all, now), *command, store, deadline)
+
+    def _told(self, points: Collection[TrackPoint], now: int) -> tuple[Effect, ...]:
+        """Publishes points, and hands them on."""
+        sends = self.forwarding.sends(points, now) if self.forwarding else ()
+        return (*map(Publish, points), *sends)
 
     def _command(self, level_db: float | None, point: TrackPoint) -> tuple[float | None, tuple[Send, ...]]:
         if self.commander is None or level_db is None:

@@ -241,8 +241,8 @@ def handed_on(
 ) -> Iterator[tuple[Handed, int, Publish]]:
     """(what was handed on, time in ns, effect) of all processes that published ``points`` of others.
 
-    Each tracker's point of an instant is that of the process which its source had it from in the run. A tracker that
-    the run did not have goes by the first one, in this ``order``, that its source published then.
+    Each tracker's point of an instant is that of the process which its source had it from in the run, whose trackers
+    are in ``order``. A tracker that the run did not have goes by the first that the source published of that instant.
     """
     numbering = Numbering(
         plan.tracking["trackers"],
@@ -252,18 +252,38 @@ def handed_on(
         plan.tracking.get("target", "target"),
     )
     known = {(point.source, point.tracker, point.at_ns): point for point in points if not point.lag}
-    chosen = defaultdict[tuple[str, int], dict[str, Handed]](dict)
-    for one in sorted(handed, key=lambda one: (one.told_ns, order.index(one.tracker))):
-        chosen[one.source, one.at_ns][one.tracker] = one
-    for (source, at_ns), by_tracker in chosen.items():
-        first = min(by_tracker.values(), key=lambda one: order.index(one.tracker))
-        for tracker in numbering.trackers:
-            one = by_tracker.get(tracker, first)
-            before = known.get((one.origin, tracker, at_ns))
-            point = received(before, numbering) if before else None
-            if point is not None:
-                known[source, tracker, at_ns] = replace(point, source=source)
-                yield one, one.told_ns, Publish(known[source, tracker, at_ns])
+    for one, tracker in _choices(handed, numbering.trackers, order):
+        before = known.get((one.origin, tracker, one.at_ns))
+        point = received(before, numbering) if before else None
+        if point:
+            known[one.source, tracker, one.at_ns] = point = replace(point, source=one.source)
+            yield one, one.told_ns, Publish(point)
+
+
+def _choices(handed: Iterable[Handed], trackers: Sequence[str], order: Sequence[str]) -> list[tuple[Handed, str]]:
+    """Which point of the run each of these trackers goes by, in the order of time."""
+    rank = {name: place for place, name in enumerate(order)}
+    published = defaultdict[tuple[str, int], dict[str, Handed]](dict)
+    for one in sorted(handed, key=lambda one: (one.told_ns, rank.get(one.tracker, len(rank)))):
+        published[one.source, one.at_ns][one.tracker] = one
+    choices = []
+    for by_tracker in published.values():
+        new = dict.fromkeys(set(trackers) - rank.keys(), next(iter(by_tracker.values())))
+        choices += [(found, name) for name in trackers if (found := {**by_tracker, **new}.get(name))]
+    return sorted(choices, key=lambda choice: choice[0].told_ns)
+
+
+def repeated(
+    plan: Plan,
+    points: tuple[Iterable[Fusion], Iterable[Handed]],
+    rows: Iterable[MessageRow],
+    order: Sequence[str],
+) -> list[tuple[Fusion | Handed, int, State | Publish]]:
+    """What all processes publish that published these ``points`` in the run (``read_points``), as in ``handed_on``."""
+    fusions, handed = points
+    told: list[tuple[Fusion | Handed, int, State | Publish]] = [*fused(plan, fusions, rows)]
+    made = [effect.estimate for _, _, effect in told if isinstance(effect, Publish)]
+    return [*told, *handed_on(plan, handed, made, order)]
 
 
 def _fuse(
@@ -275,18 +295,12 @@ def _fuse(
     *,
     drop_late: bool,
 ) -> Metrics:
-    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published.
-
-    ``points`` are those of the run.
-    """
-    fusions, handed = points
+    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
     ledger = Ledger(plan.run, plan.processes)
     ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
-    told: list[tuple[Fusion | Handed, int, State | Publish]] = []
-    told += fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
-    made = [effect.estimate for _, _, effect in told if isinstance(effect, Publish)]
-    told += handed_on(plan, handed, made, list(before["trackers"]))
+    used = [row for row in rows if not (drop_late and row.outcome == LATE)]
+    told = repeated(plan, points, used, list(before["trackers"]))
     for number, (one, t_ns, effect) in enumerate(told):
         if one.life not in ledger.diaries:  # an unplanned life
             ledger.life(replace(first[one.source], incarnation=one.incarnation, start_ns=t_ns, kill_ns=None))

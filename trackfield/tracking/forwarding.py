@@ -15,10 +15,10 @@ keeps the latest of each and may choose among them (``Gathering``)::
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 import numpy as np
 from immutables import Map
@@ -27,6 +27,7 @@ from trackfield.errors import ScenarioError
 from trackfield.filters.belief import form_of, moments, pack, unpack
 from trackfield.filters.types import Gaussian
 from trackfield.role import Ignored, Send, TrackPoint
+from trackfield.tracking.bank import Bank
 from trackfield.wire.keys import Medium
 from trackfield.wire.messages import Track
 
@@ -52,6 +53,11 @@ class Numbering:
     step_ns: int
     origin_ns: int = 0
     target: str = "target"
+
+    @classmethod
+    def of(cls, bank: Bank, sensors: Sequence[str] = ()) -> Self:
+        """With the trackers and the steps of a ``bank``, and these sensors (none: its own)."""
+        return cls(tuple(bank.trackers), sensors or tuple(bank.positions), bank.step_ns, bank.origin_ns, bank.target)
 
     def __post_init__(self) -> None:
         for what, names, most in (("trackers", self.trackers, _TRACKERS), ("sensors", self.sensors, _SENSORS)):
@@ -155,6 +161,14 @@ class Forwarding:
         """A message for each point that is sent (``message_of``), in their order."""
         messages = (message_of(point, self.numbering, now) for point in points)
         return tuple(Send(message, self.to, self.medium) for message in messages if message is not None)
+
+
+def forwarding(
+    bank: Bank, to: str | Collection[str], *, sensors: Sequence[str] = (), medium: Medium = "field"
+) -> Forwarding:
+    """Hands on what the trackers of a ``bank`` know. ``sensors`` are all of the field (none: those of the bank)."""
+    receivers = to if isinstance(to, str) else frozenset(to)
+    return Forwarding(receivers, Numbering.of(bank, sensors), medium)
 
 
 Gathered = Map[tuple[int, str], Map[str, tuple[int, TrackPoint]]]
