@@ -144,13 +144,13 @@ class Plan:
     """A run, ready to be driven: the same for both drivers.
 
     A process with several lives is in ``processes`` once for each life, in their order. ``paths`` are those of the
-    targets by id, in emulated time. ``tracking`` are the arguments of a ``trackfield.tracking.bank.Bank`` for every
-    process that tracks; ``views`` say which tracks are scored together, the headline first; ``flows`` are the links in
-    use by kind of message. ``reaches`` are how far away (m) each sensor reports a target; ``restart`` says that
-    processes which die unplanned are started again; ``lost`` is when a track counts as lost. A report is in time up to
-    ``deadline_s`` after its step, and can be used up to ``max_age_s``. ``warnings`` say what is likely to go wrong, a
-    sentence each.
-    ``own_places`` say where users' own classes are, by ``kind:name``.
+    targets by id, in emulated time. ``tracking`` are the arguments of a ``trackfield.tracking.bank.Bank`` for all
+    sensors, ``banks`` in what those of each process that fuses reports differ. ``views`` say which tracks are scored
+    together, the headline first; ``flows`` are the links in use by kind of message. ``reaches`` are how far away (m)
+    each sensor reports a target; ``restart`` says that processes which die unplanned are started again; ``lost`` is
+    when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
+    ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
+    classes are, by ``kind:name``.
     """
 
     run: RunSpec
@@ -167,6 +167,7 @@ class Plan:
     max_age_s: float = 0.0
     warnings: tuple[str, ...] = ()
     own_places: Mapping[str, str] = field(default_factory=dict)
+    banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def reach_m(self) -> float:
@@ -193,6 +194,5 @@ class Plan:
         return int(self.tracking.get("smooth_lag", 0)) if smoothed else 0
 
     def bank_of(self, source: str) -> dict[str, Any]:
-        """The arguments of the ``Bank`` of a process that tracks; all but the first also draw by their ids."""
-        first = self.info.tagged(TRACKS)[0].id
-        return {**self.tracking, **({} if source == first else {"draws": (source,)})}
+        """The arguments of the ``Bank`` of a process that fuses reports; all but the first also draw by their ids."""
+        return {**self.tracking, **self.banks.get(source, {})}

@@ -6,25 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from launcher.plan.architectures import ARCHITECTURES, architecture_of
+from launcher.plan.architectures import ARCHITECTURES, built
 from launcher.plan.prepare import load
 from launcher.records import BATTERY, SENSES, TRACKS, View
 from tests.simulated import spcpf
 from trackfield.filters.metrics import Lost
 from trackfield.scenario import survey
 from trackfield.scenario.architectures import ARCHITECTURES as SECTIONS
+from trackfield.scenario.section import OTHER
 from trackfield.tracking.bank import Bank
 from trackfield.wire.messages import Doa
 from trackfield.wire.registry import kind_of
 
 
 def test_each_kind_that_a_scenario_may_name_is_built() -> None:
-    assert ARCHITECTURES.keys() == {section().kind for section in SECTIONS}
+    assert ARCHITECTURES.own.keys() == SECTIONS.keys() - {OTHER}
 
 
 def test_places_say_what_they_are_for() -> None:
     def centre_and_node(*settings: str) -> tuple[frozenset[str], frozenset[str]]:
-        centre, node, *_ = architecture_of(survey(load("zhai-spcpf", settings=settings))).places()
+        centre, node, *_ = built(survey(load("zhai-spcpf", settings=settings))).places
         return centre.tags, node.tags
 
     assert centre_and_node() == ({TRACKS}, {SENSES, BATTERY})
@@ -35,7 +36,7 @@ def test_places_need_no_tracker_that_is_there() -> None:
     """A report of a run with somebody's own tracker is made where that is not known."""
     scenario = load("zhai-spcpf")
     strange = scenario.model_copy(update={"fusion": scenario.fusion.model_copy(update={"trackers": ("nobodys",)})})
-    assert len(architecture_of(survey(strange)).places()) == 122
+    assert len(built(survey(strange)).places) == 122
 
 
 def test_views_and_flows_are_between_those_who_are_there() -> None:
@@ -57,8 +58,7 @@ def test_all_but_the_first_who_track_draw_by_their_ids_too() -> None:
         bank = Bank(**plan.bank_of(source))
         return bank.advance(bank.begin(prior=True), 1, heard).points["bootstrap"].mean
 
-    tracking = replace(plan.info.places[1], tags=frozenset({TRACKS}))
-    plan = replace(plan, info=replace(plan.info, places=(plan.info.places[0], tracking)))
+    plan = replace(plan, banks={"fusion": {}, "n000": {"draws": ["n000"]}, "n001": {"draws": ["n001"]}})
     first, other, third = answer("fusion"), answer("n000"), answer("n001")
     assert (
         first

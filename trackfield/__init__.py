@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from launcher.api import Comparison, Result, compare, open, replay, run, study
+    from launcher.plan.architectures import Arranged, Field, Process, register_architecture
     from launcher.study.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
@@ -19,10 +20,13 @@ if TYPE_CHECKING:
 
 __version__: str
 _HOMES: Final = {
+    "Arranged": "launcher.plan.architectures",
     "Comparison": "launcher.api",
     "Estimate": "trackfield.filters.types",
+    "Field": "launcher.plan.architectures",
     "Gaussian": "trackfield.filters.types",
     "Model": "trackfield.filters.types",
+    "Process": "launcher.plan.architectures",
     "Reports": "trackfield.filters.types",
     "Result": "launcher.api",
     "RunFailed": "trackfield.errors",
@@ -32,6 +36,7 @@ _HOMES: Final = {
     "TrackfieldError": "trackfield.errors",
     "compare": "launcher.api",
     "open": "launcher.api",
+    "register_architecture": "launcher.plan.architectures",
     "register_sensor": "trackfield.sensing.kinds",
     "register_tracker": "trackfield.filters.trackers",
     "replay": "launcher.api",
@@ -40,10 +45,13 @@ _HOMES: Final = {
 }
 
 __all__ = [
+    "Arranged",
     "Comparison",
     "Estimate",
+    "Field",
     "Gaussian",
     "Model",
+    "Process",
     "Reports",
     "Result",
     "RunFailed",
@@ -53,6 +61,7 @@ __all__ = [
     "TrackfieldError",
     "compare",
     "open",
+    "register_architecture",
     "register_sensor",
     "register_tracker",
     "replay",

@@ -1,4 +1,4 @@
-"""Classes by name: Trackfield's own trackers and sensors, and those that users add.
+"""Classes by name: Trackfield's own trackers, sensors and architectures, and those that users add.
 
 A name is one of Trackfield's own, one registered in this process, or the entry point of an installed package.
 Other processes find a class by its place, ``module:attribute``.
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from importlib import import_module
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from trackfield.errors import ScenarioError
 
@@ -25,10 +25,13 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")
 
 
 class _Given:
-    """What this process was told: the places of users' classes, and whether it may look for installed ones."""
+    """What this process was told: the places of users' classes, whether it may look for installed ones, and the classes
+    that it was given itself, by their places.
+    """
 
     places: Mapping[str, str] = {}
     installed = True
+    brought: ClassVar[dict[str, Any]] = {}
 
 
 def give(places: Mapping[str, str], *, installed: bool) -> None:
@@ -40,8 +43,22 @@ def give(places: Mapping[str, str], *, installed: bool) -> None:
     _Given.places, _Given.installed = dict(places), installed
 
 
+def place_of(maker: Maker) -> str:
+    """``module:attribute`` of a class."""
+    return f"{maker.__module__}:{maker.__qualname__}"
+
+
+def brought(maker: Maker) -> str:
+    """The place of a class; this process finds it there from now on, even if it cannot be imported."""
+    place = place_of(maker)
+    _Given.brought[place] = maker
+    return place
+
+
 def load(place: str) -> Any:
     """What is at ``module:attribute``; raises what the import raises."""
+    if place in _Given.brought:
+        return _Given.brought[place]
     module, _, attribute = place.partition(":")
     return attrgetter(attribute)(import_module(module))
 
@@ -81,8 +98,7 @@ class Plugins(Mapping[str, Maker]):
         """Where other processes find the maker of this name, as ``module:attribute``. Raises as ``[]`` does."""
         if name not in self.registered and name in self._entries:
             return self._entries[name].value
-        maker = self[name]
-        return f"{maker.__module__}:{maker.__qualname__}"
+        return place_of(self[name])
 
     def __getitem__(self, name: str) -> Maker:
         """The maker; raises ``KeyError`` if there is none, ``ScenarioError`` if its package cannot be loaded."""

@@ -47,6 +47,13 @@ def sensors() -> Iterator[Item]:
     yield from _plugins(SENSORS, {item.name: item for item in _section("sensor")})
 
 
+def architectures() -> Iterator[Item]:
+    """Our own architectures, then those registered and installed."""
+    from launcher.plan.architectures import ARCHITECTURES
+
+    yield from _plugins(ARCHITECTURES, {item.name: item for item in _section("architecture")})
+
+
 def radios() -> Iterator[Item]:
     """The radios of the link model ``lognormal_prr``."""
     from trackfield.link.radios import RADIOS
@@ -65,7 +72,7 @@ KINDS: Final[Mapping[str, Callable[[], Iterator[Item]]]] = {
     "sensors": sensors,
     "layouts": lambda: _section("field"),
     "paths": lambda: _section("target"),
-    "architectures": lambda: _section("architecture"),
+    "architectures": architectures,
     "faults": lambda: _section("faults"),
 }
 

@@ -24,6 +24,7 @@ LISTED: Final = {
     "sensor": ("kind", "sensors"),
     "target": ("path", "paths"),
     "link": ("model", "links"),
+    "architecture": ("kind", "architectures"),
     "fusion": ("trackers", "trackers"),
 }
 """Keys that name things, by section, and what ``list`` calls those."""

@@ -12,28 +12,13 @@ from launcher.records import Plan
 from trackfield.errors import ScenarioError, together
 from trackfield.filters.needs import unmet
 from trackfield.filters.trackers import TRACKERS, make_tracker
-from trackfield.plugins import Maker, importable
+from trackfield.plugins import importable
 from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.survey import named
 from trackfield.sensing.kinds import SENSORS
-
-Registered = tuple[dict[str, Maker], dict[str, Maker]]
-"""Trackers and sensors by name."""
-
-
-def registered() -> Registered:
-    """What was registered in this process, for other processes to ``register``."""
-    return dict(TRACKERS.registered), dict(SENSORS.registered)
-
-
-def register(brought: Registered) -> None:
-    """Register the same in this process."""
-    for plugins, makers in zip((TRACKERS, SENSORS), brought, strict=True):
-        for name, maker in makers.items():
-            plugins.register(name, maker)
 
 
 def own_places(scenario: Scenario) -> dict[str, str]:
@@ -95,8 +80,9 @@ def check_sensing(scenario: Scenario) -> None:
 
 
 def check_importable(plan: Plan) -> None:
-    """Raise ``ScenarioError`` for a tracker or a sensor that the processes of a run could not import."""
-    for which, place in plan.own_places.items():
+    """Raise ``ScenarioError`` for a tracker, a sensor or a role that the processes of a run could not import."""
+    roles = {f"role:{process.role}": process.factory for process in plan.processes}
+    for which, place in {**plan.own_places, **roles}.items():
         if not importable(place):
             kind, _, name = which.partition(":")
             module, _, attribute = place.partition(":")

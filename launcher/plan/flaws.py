@@ -6,11 +6,11 @@ from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from typing import Final
 
-from launcher.plan.architectures import architecture_of
+from launcher.plan.architectures import Built, built
 from launcher.plan.plan import check_link, planned_faults
 from launcher.plan.tracking import check_tracking
 from trackfield.errors import ScenarioError
-from trackfield.scenario import Scenario, Site, survey
+from trackfield.scenario import Scenario, survey
 from trackfield.scenario.survey import target_paths
 
 TARGETS: Final = {"target", "targets"}
@@ -21,7 +21,7 @@ GROUND: Final = TARGETS | {"field", "sensor", "architecture", "fusion", "run"}
 def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioError]:
     """The errors, without those that depend on a section that is ``broken``."""
     found: list[ScenarioError] = []
-    site: list[Site] = []
+    field: list[Built] = []
 
     def look(sections: Collection[str], check: Callable[[], object]) -> bool:
         """Whether it could be checked, and is right."""
@@ -31,8 +31,8 @@ def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioErro
 
     look({"link"}, partial(check_link, scenario))
     look({"fusion", "sensor", "faults"}, partial(check_tracking, scenario))
-    if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: site.append(survey(scenario))):
-        look({"faults"}, lambda: planned_faults(site[0], architecture_of(site[0])))
+    if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: field.append(built(survey(scenario)))):
+        look({"faults"}, lambda: planned_faults(field[0]))
     return found
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from launcher.plan.architectures import Architecture, architecture_of
+from launcher.plan.architectures import Built, built
+from launcher.plan.assembly import assembled
 from launcher.plan.extensions import own_places
 from launcher.plan.faults import Faults, resolve
 from launcher.plan.references import check_references, references_of
@@ -34,46 +34,43 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
     Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file cannot be
-    used, a fault names an unknown process, or processes ask each other for the time in a circle.
+    used, the architecture does not work, a fault names an unknown process, or processes ask each other for the time in
+    a circle.
     """
     site = survey(scenario)
-    architecture = architecture_of(site)
-    faults = planned_faults(site, architecture)
-    end_ns = end_of(site)
+    field = built(site)
+    faults = planned_faults(field)
+    end_ns = site.end_ns
     queue = {key: value for key, value in scenario.plain()["link"].items() if key == "queue"}
     spec = RunSpec(run, scenario.seed, end_ns, link_of(scenario), speed, faults.partitions, **queue)
     check_link(scenario)
     check_bursts(site, end_ns)
     places = own_places(scenario)
-    arranged = architecture.arrange(end_ns)
-    check_references(references_of(arranged.processes))
-    processes = tuple(life for process in arranged.processes for life in _lives(process, faults))
+    whole = assembled(field)
+    check_references(references_of(whole.processes))
+    processes = tuple(life for process in whole.processes for life in _lives(process, faults))
     return Plan(
         spec,
         processes,
         site.paths,
-        _info(site, spec, architecture, arranged.processes, faults),
-        arranged.tracking,
-        architecture.views(),
-        tuple(arranged.flows),
+        _info(field, spec, faults),
+        whole.tracking,
+        field.views,
+        whole.flows,
         {id: kind.report_m for id, kind in site.sensing.items()},
         scenario.restart == "on-death",
         lost_of(scenario),
         scenario.fusion.deadline_s,
         scenario.fusion.max_age_s,
         own_places=places,
+        banks=whole.banks,
     )
 
 
-def end_of(site: Site) -> int:
-    """When a run ends (ns): the last step's deadline falls after the paths' end; one step more lets it pass."""
-    return site.origin_ns + (site.steps + 1) * site.step_ns
-
-
-def planned_faults(site: Site, architecture: Architecture) -> Faults:
+def planned_faults(field: Built) -> Faults:
     """The planned faults by process. Raises ``ScenarioError`` as ``resolve`` does."""
-    scenario, end_ns = site.scenario, end_of(site)
-    return resolve(scenario.faults, scenario.seed, architecture.places(), end_ns, site.origin_ns, site.sensing)
+    site, scenario = field.site, field.site.scenario
+    return resolve(scenario.faults, scenario.seed, field.places, site.end_ns, site.origin_ns, site.sensing)
 
 
 def lost_of(scenario: Scenario) -> Lost:
@@ -129,19 +126,18 @@ def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:
     ]
 
 
-def _info(
-    site: Site, spec: RunSpec, architecture: Architecture, processes: Sequence[ProcessSpec], faults: Faults
-) -> FieldInfo:
+def _info(field: Built, spec: RunSpec, faults: Faults) -> FieldInfo:
+    site = field.site
     return FieldInfo(
         spec.run,
         site.scenario.name,
-        architecture.places(),
+        field.places,
         tuple(_truth(site, target, path) for target, path in site.paths.items()),
         track_names(site.scenario),
         (spec.end_ns - site.origin_ns) / NS,
         faults.marks,
         faults.spells,
-        paths=tuple((p.id, p.legs) for p in processes if p.legs),
+        paths=field.routes,
         origin_ns=site.origin_ns,
         step_ns=site.step_ns,
         layers={id: kind.layer for id, kind in site.sensing.items() if kind.layer},

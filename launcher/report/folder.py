@@ -15,9 +15,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
-from launcher.plan.architectures import architecture_of
+from launcher.plan.architectures import built
 from launcher.plan.faults import Faults, Mark
-from launcher.plan.plan import end_of, planned_faults
+from launcher.plan.plan import planned_faults
 from launcher.record.journal import METRICS
 from launcher.record.reading import files as reading
 from launcher.record.reading.files import Manifest
@@ -149,7 +149,7 @@ class Run:
     @property
     def end_s(self) -> float:
         """When the run was planned to end."""
-        return (end_of(self.site) - self.site.origin_ns) / NS
+        return (self.site.end_ns - self.site.origin_ns) / NS
 
     @property
     def ended_early(self) -> bool:
@@ -233,7 +233,7 @@ def read_run(folder: Path) -> Run:
     frames = reading.read_table(folder, MESSAGES_TABLE, _COLUMNS, _TEXT)
     toml, scenario = reading.read_scenario(folder)
     site = survey(scenario)
-    architecture = architecture_of(site)
+    field = built(site)
     course = course_of(site, metrics)
     run = Run(
         folder,
@@ -241,15 +241,15 @@ def read_run(folder: Path) -> Run:
         manifest,
         toml,
         site,
-        architecture.places(),
-        planned_faults(site, architecture),
+        field.places,
+        planned_faults(field),
         points,
         course,
-        tracks.read(points, architecture.views()[0], scenario.fusion.trackers, course),
+        tracks.read(points, field.views[0], scenario.fusion.trackers, course),
         Frames(frames, site.origin_ns),
     )
     jumps = (run.faults.of(place.id).jumps for place in run.places)
-    reading.check_belongs(folder, run.places, end_of(site), jumps, points, frames)
+    reading.check_belongs(folder, run.places, site.end_ns, jumps, points, frames)
     if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):
         what = f"are {quoted(metrics['scenario'])} and {metrics['seed']}"
         reading.refuse(folder / METRICS, "scenario, seed", what, reading.OF_THIS)

@@ -10,7 +10,7 @@ from contextlib import contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
 
-from launcher.plan.extensions import Registered, register, registered
+from launcher.plan.brought import Registered, register, registered
 from launcher.show import PLAIN_EVERY_S
 from launcher.signals import handling
 from trackfield.errors import RunFailed

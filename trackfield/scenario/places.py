@@ -25,13 +25,13 @@ RESERVED: Final = ("router", "recorder", "live")
 """Ids that other processes of a run have."""
 
 
-def read_places(file: FilePath, origin: Array | None, centre: str) -> tuple[list[Place], Point | None]:
+def read_places(file: FilePath, origin: Array | None, centre: str | None) -> tuple[list[Place], Point | None]:
     """The sensors of a CSV file in its order, and the fusion centre's place if the file has it.
 
     Columns are ``id``, either ``lat``, ``lon`` in degrees or ``x``, ``y`` in metres, and, if the file has it,
-    ``role``: ``node`` (also where it is empty) or ``fusion``, for the row whose id is ``centre``. ``origin`` (2,) is
-    the latitude and longitude of (0, 0); None if they are not known. Of a file with both kinds of place, those are
-    read that fit the origin. Raises ``ScenarioError`` if the file cannot be used.
+    ``role``: ``node`` (also where it is empty) or ``fusion``, for the row whose id is ``centre`` (None: for one row of
+    any id). ``origin`` (2,) is the latitude and longitude of (0, 0); None if they are not known. Of a file with both
+    kinds of place, those are read that fit the origin. Raises ``ScenarioError`` if the file cannot be used.
     """
     degrees, metres = ("id", "lat", "lon"), ("id", "x", "y")
     formats = (metres, degrees) if origin is None else (degrees, metres)
@@ -40,8 +40,10 @@ def read_places(file: FilePath, origin: Array | None, centre: str) -> tuple[list
     except OSError as error:
         raise ScenarioError(f"cannot be read ({error.strerror})", file=str(file)) from None
     lines: dict[str, int] = {}
+    hint = centre is not None
+    centre = next((row["id"] for _, row in rows if row.get("role") == "fusion"), None) if centre is None else centre
     for line, row in rows:
-        _check_name(f"{file}:{line}", row["id"], row.get("role", "node"), centre, lines)
+        _check_name(f"{file}:{line}", row["id"], row.get("role", "node"), centre, lines, hint=hint)
         lines[row["id"]] = line
     geodetic = "lat" in rows[0][1]
     if geodetic != (origin is not None):
@@ -51,21 +53,22 @@ def read_places(file: FilePath, origin: Array | None, centre: str) -> tuple[list
     points = np.array([[row[name] for name in formats[0][1:]] for _, row in rows])
     places = zip(lines, (points if origin is None else plane(points, origin)).tolist(), strict=True)
     found = {id: (x, y) for id, (x, y) in places}
-    place = found.pop(centre, None)
+    place = None if centre is None else found.pop(centre, None)
     if not found:
         raise ScenarioError("no sensors", file=str(file), expected="at least one row with the role node")
     return [(id, *point) for id, point in found.items()], place
 
 
-def _check_name(where: str, id: str, role: str, centre: str, lines: dict[str, int]) -> None:
-    """Raise ``ScenarioError`` unless the id is new and allowed for this role."""
+def _check_name(where: str, id: str, role: str, centre: str | None, lines: dict[str, int], *, hint: bool) -> None:
+    """Raise ``ScenarioError`` unless the id is new and allowed for this role; ``hint``: a scenario can name it."""
     if id in lines:
         raise ScenarioError(
             f"id {quoted(id)} is given twice", file=where, expected=f"an id other than that of line {lines[id]}"
         )
     if id in RESERVED or (id == centre) != (role == "fusion"):
-        expected = f"the id {centre}" if role == "fusion" else f"an id other than {', '.join((centre, *RESERVED))}"
-        if role == "fusion" and id not in RESERVED:
+        others = ", ".join(filter(None, (centre, *RESERVED)))
+        expected = f"the id {centre}" if role == "fusion" and id != centre else f"an id other than {others}"
+        if role == "fusion" and id not in RESERVED and hint:
             expected += f", or architecture.centre = {id!r} in the scenario"
         raise ScenarioError(f"a {role} is called {quoted(id)}", file=where, expected=expected)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from operator import or_
 from typing import Annotated, Any, Final
 from unicodedata import category
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
 from trackfield.words import quoted
@@ -47,6 +47,17 @@ class Section(BaseModel):
 def one_of(kinds: Sequence[type[Section]], tag: str) -> Any:
     """The type of a section that has these kinds, selected by its key ``tag``."""
     return Annotated[reduce(or_, kinds), Field(discriminator=tag)] if len(kinds) > 1 else kinds[0]
+
+
+def open_union(kinds: Mapping[str, type[Section]], default: str) -> Any:
+    """The type of a section that users add kinds to: ``kinds`` by their key ``kind``, and ``OTHER`` for all others."""
+
+    def kind_of(section: Any) -> str:
+        given = section.get("kind", default) if isinstance(section, Mapping) else getattr(section, "kind", default)
+        return given if isinstance(given, str) and given in kinds else OTHER
+
+    models = (Annotated[model, Tag(kind)] for kind, model in kinds.items())
+    return Annotated[reduce(or_, models), Field(discriminator=Discriminator(kind_of))]
 
 
 def wrong(what: str, expected: str, key: str = "") -> PydanticCustomError:

@@ -57,6 +57,11 @@ class Site:
     centre: Point
     route: tuple[Leg, ...] = ()
 
+    @property
+    def end_ns(self) -> int:
+        """When a run ends: the last step's deadline falls after the paths' end; one step more lets it pass."""
+        return self.origin_ns + (self.steps + 1) * self.step_ns
+
     def kind_of(self, index: int) -> str:
         """The name of the kind of the sensor of this index."""
         return next(name for name, members in self.kinds.items() if index in members)
@@ -122,10 +127,10 @@ def survey(scenario: Scenario) -> Site:
 
 def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Point | None]:
     """The sensors, and where the fusion centre stands if the layout says so."""
-    centre = scenario.architecture.centre
+    centre = scenario.architecture.centre_id
     origin = partial(origin_of, scenario.keyed_targets)
     sensors, place = scenario.field.stand(Ground(scenario.seed, paths, centre, origin))
-    if any(id == centre for id, *_ in sensors):
+    if centre is not None and any(id == centre for id, *_ in sensors):
         what = f"is {centre!r}, which is also a sensor's id"
         raise ScenarioError(what, key="architecture.centre", expected="an id that no sensor has")
     return sensors, place

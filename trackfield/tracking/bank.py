@@ -154,6 +154,7 @@ class Bank:
             mine = sorted(id for id in heard if not self.kind_of or self.kind_of[id] == name)
             values = np.array([kind.values(heard[id]) for id in mine], float).reshape(-1, kind.n)
             ids += mine
-            readings.append(Readings(name, kind.z(values)))
+            early_s = np.array([kind.early_s(heard[id]) for id in mine]) if kind.timed else None
+            readings.append(Readings(name, kind.z(values), early_s))
         positions = np.array([self.positions[id] for id in ids], float).reshape(-1, 2)
         return Reports(step, tuple(ids), positions, tuple(readings))

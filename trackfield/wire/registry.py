@@ -70,6 +70,10 @@ class Bytes:
 
     unpack = pack
 
+    def longest(self) -> bytes:
+        """A value that is as long as any."""
+        return bytes(self.blob.most)
+
 
 @dataclass(frozen=True, slots=True)
 class Number:
@@ -119,6 +123,10 @@ class Number:
             raise WireError("type", f"{self.name}: {type(number).__name__}")
         self._within(number)
         return number if self.integral else number / self.per_unit
+
+    def longest(self) -> int:
+        """A number that is about as long as any."""
+        return max((self.first, self.last), key=abs)
 
     def _within(self, number: int) -> int:
         if not self.first <= number <= self.last:
@@ -170,6 +178,10 @@ class Kind:
         *single, last = self.fields
         first = [field.unpack(n) for field, n in zip(single, numbers, strict=False)]
         return self.cls(*first, tuple(last.unpack(n) for n in numbers[len(single) :]))
+
+    def longest(self) -> Any:
+        """A message that is about as long as any of this kind; of a tuple one number."""
+        return self.unpack([field.longest() for field in self.fields])
 
     def _check(self, count: int) -> None:
         least = len(self.fields)
@@ -246,6 +258,11 @@ def check_size(name: str, size: int) -> None:
         raise WireError("size", f"{size} bytes of {name}, at most {most}")
 
 
+def kinds() -> list[Kind]:
+    """All kinds that were registered, by number."""
+    return [_by_number[number] for number in sorted(_by_number)]
+
+
 def product_kinds() -> list[Kind]:
     """Trackfield's own kinds, by number."""
-    return [_by_number[number] for number in sorted(_by_number) if number < OWN_KINDS]
+    return [one for one in kinds() if one.number < OWN_KINDS]

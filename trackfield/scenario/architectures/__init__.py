@@ -1,18 +1,26 @@
-"""``[architecture]``: how processes are connected. An architecture is a file here and a line in the table."""
+"""``[architecture]``: how processes are connected. Trackfield's own are a file here and a line in the table.
+
+Any other kind is a user's own architecture.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from trackfield.scenario.architectures.architecture import ArchitectureSection
-from trackfield.scenario.architectures.centralised import Centralised
-from trackfield.scenario.section import one_of
+from trackfield.scenario.architectures.centralised import CENTRALISED, Centralised
+from trackfield.scenario.architectures.own import OwnArchitecture
+from trackfield.scenario.section import OTHER, open_union
 
-__all__ = ["ARCHITECTURES", "Architecture", "ArchitectureSection", "Centralised"]
+__all__ = ["ARCHITECTURES", "Architecture", "ArchitectureSection", "Centralised", "OwnArchitecture"]
 
-ARCHITECTURES: Final[tuple[type[ArchitectureSection], ...]] = (Centralised,)
+ARCHITECTURES: Final[Mapping[str, type[ArchitectureSection]]] = {
+    CENTRALISED: Centralised,
+    OTHER: OwnArchitecture,
+}
 
 if TYPE_CHECKING:
     Architecture = ArchitectureSection
 else:
-    Architecture = one_of(ARCHITECTURES, "kind")
+    Architecture = open_union(ARCHITECTURES, CENTRALISED)

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from pydantic import Field, JsonValue, field_validator
+from collections.abc import Mapping
 
-from trackfield.scenario.places import RESERVED
-from trackfield.scenario.section import ID_WORDS, Id, Section, wrong
-
-_CENTRE: JsonValue = f"{ID_WORDS}, other than {', '.join(RESERVED)}"
+from trackfield.scenario.section import Section
 
 
 class ArchitectureSection(Section):
-    """An architecture; ``kind`` is its name."""
+    """An architecture; ``kind`` is its name. What it makes of a field is its class's (docs/extending.md)."""
 
     kind: str
-    centre: Id = Field(default="fusion", json_schema_extra={"expected": _CENTRE}, description="the fusion centre's id")
 
-    @field_validator("centre")
-    @classmethod
-    def _free(cls, centre: str) -> str:
-        if centre in RESERVED:
-            raise wrong(f"is {centre!r}, which names another process of the run", str(_CENTRE))
-        return centre
+    @property
+    def options(self) -> Mapping[str, bool | int | float | str]:
+        """The arguments of its class."""
+        raise NotImplementedError
+
+    @property
+    def centre_id(self) -> str | None:
+        """The id that a file of places has to give to the fusion centre; None: any that no sensor has."""
+        return None

@@ -22,12 +22,13 @@ from trackfield.world.windows import Array
 class Ground:
     """What a layout may use: the seed, the targets' paths from the first step on (at least one), the centre's id.
 
-    ``origin()`` returns the latitude and longitude (2,) of (0, 0), or None; a call, as it may have to read a file.
+    ``origin()`` returns the latitude and longitude (2,) of (0, 0), or None; a call, as it may have to read a file. A
+    ``centre`` without an id (None) may have any.
     """
 
     seed: int
     paths: tuple[Path, ...]
-    centre: str
+    centre: str | None
     origin: Callable[[], Array | None]
 
 

@@ -6,13 +6,9 @@ Any other kind is a user's own sensor.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import reduce
-from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from pydantic import Discriminator, Field, Tag
-
-from trackfield.scenario.section import OTHER
+from trackfield.scenario.section import OTHER, open_union
 from trackfield.scenario.sensors.doa import DoaSensor
 from trackfield.scenario.sensors.own import OwnSensor
 from trackfield.scenario.sensors.sensor import SensorSection
@@ -26,15 +22,7 @@ SENSORS: Final[Mapping[str, type[SensorSection]]] = {
 }
 
 
-def _kind_of(sensor: Any) -> str:
-    kind = sensor.get("kind", DEFAULT) if isinstance(sensor, Mapping) else getattr(sensor, "kind", DEFAULT)
-    return kind if isinstance(kind, str) and kind in SENSORS else OTHER
-
-
 if TYPE_CHECKING:
     Sensor = SensorSection
 else:
-    Sensor = Annotated[
-        reduce(or_, (Annotated[model, Tag(kind)] for kind, model in SENSORS.items())),
-        Field(discriminator=Discriminator(_kind_of)),
-    ]
+    Sensor = open_union(SENSORS, DEFAULT)

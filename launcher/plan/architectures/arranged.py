@@ -1,0 +1,47 @@
+"""What an architecture says of a field: its processes, what they send to whom, and whose tracks are scored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process of a field, with its ``id`` and the name of its ``role``; it stands at ``x``, ``y`` (m east, north).
+
+    ``factory`` makes its role: a class, or ``module:attribute``; empty: the installed role of that name. ``config`` are
+    its arguments, as far as MessagePack can hold them. ``sends`` says to which ids it sends messages of which kinds;
+    who receives something of it, and who may hear whom, follows. One that ``senses`` has the sensor of its id. One that
+    ``fuses`` gets the reports of these sensors, and its role the arguments of a ``trackfield.tracking.bank.Bank`` for
+    them. Its clock is right, unless it ``asks`` another process for the time: then its clock is off as ``[clock]``
+    says, and its role gets ``sync``, the arguments with which it asks. ``tags`` are ``tracks`` (it publishes tracks),
+    ``battery`` (it runs on one, of ``battery_j``; None: it is never empty), ``backbone``; the tag ``senses`` follows.
+    A process that moves has a ``route``: (t ns, x m, y m) at least once, with straight lines between them.
+    """
+
+    id: str
+    role: str
+    x: float
+    y: float
+    factory: str | Callable[..., Any] = ""
+    config: Mapping[str, Any] = field(default_factory=dict)
+    sends: Mapping[str, Collection[str]] = field(default_factory=dict)
+    senses: bool = False
+    fuses: Collection[str] = ()
+    asks: str = ""
+    tags: Collection[str] = ()
+    battery_j: float | None = None
+    route: Sequence[tuple[int, float, float]] = ()
+
+
+@dataclass(frozen=True)
+class Arranged:
+    """The processes of a field, and its ``views``: by name the ids whose tracks are scored together, headline first.
+
+    Of several points of a view for one instant, the one with the highest term counts.
+    """
+
+    processes: Sequence[Process]
+    views: Mapping[str, Sequence[str]]

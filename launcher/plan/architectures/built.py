@@ -1,0 +1,104 @@
+"""The table of architectures, and what the one that a scenario names makes of its field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final, Protocol
+
+from launcher.plan.architectures.arranged import Arranged, Process
+from launcher.plan.architectures.centralised import Centralised
+from launcher.plan.architectures.checks import checked
+from launcher.plan.architectures.field import Field
+from launcher.records import SENSES, Place, View
+from trackfield.errors import ScenarioError
+from trackfield.link.places import Path
+from trackfield.options import made
+from trackfield.plugins import Maker, Plugins
+from trackfield.scenario import Site
+
+
+class Architecture(Protocol):
+    """A kind of architecture: a frozen dataclass whose fields a scenario sets in ``[architecture]``.
+
+    All fields have defaults with which it works on any field.
+    """
+
+    def arrange(self, field: Field) -> Arranged:
+        """The processes of this field. It depends on nothing else: a run and its report ask for them separately."""
+        ...
+
+
+ARCHITECTURES: Final = Plugins(
+    "architecture", "trackfield.architectures", {"centralised": Centralised}, methods=("arrange",)
+)
+
+
+def register_architecture(kind: str, maker: Maker) -> None:
+    """Let scenarios of this Python process name an architecture of your own (``Architecture``), as the kind of
+    ``[architecture]``.
+
+    ``maker`` is its class; further keys of that section set its parameters, such as the fields of a frozen dataclass.
+    Raises ``ScenarioError`` for a name that is taken by one of Trackfield's own, and for a class without ``arrange``.
+    """
+    ARCHITECTURES.register(kind, maker)
+
+
+def make_architecture(kind: str, options: Mapping[str, Any]) -> Architecture:
+    """The architecture of this kind with these options.
+
+    Raises ``ScenarioError`` with the nearest name for an unknown kind, and for unknown or unsuitable options.
+    """
+    if kind not in ARCHITECTURES:
+        raise ARCHITECTURES.unknown(kind, "architecture.kind")
+    architecture: Architecture = made(ARCHITECTURES[kind], options, "architecture")
+    return architecture
+
+
+@dataclass(frozen=True)
+class Built:
+    """A field with its processes, as they were arranged, and the views, the headline first."""
+
+    site: Site
+    processes: tuple[Process, ...]
+    views: tuple[View, ...]
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """The places of the processes, with all their tags."""
+        return tuple(
+            Place(p.id, p.role, float(p.x), float(p.y), frozenset((*p.tags, SENSES) if p.senses else p.tags))
+            for p in self.processes
+        )
+
+    @property
+    def routes(self) -> tuple[tuple[str, Path], ...]:
+        """The routes of those that move, by their ids."""
+        legs = ((p.id, tuple((int(t), float(x), float(y)) for t, x, y in p.route)) for p in self.processes if p.route)
+        return tuple(legs)
+
+    @property
+    def first(self) -> str:
+        """The first process that fuses reports; if none does, the first whose tracks are scored."""
+        return next((p.id for p in self.processes if p.fuses), self.views[0].sources[0])
+
+
+def built(site: Site) -> Built:
+    """What the scenario's architecture makes of its field; trackers are not needed for that.
+
+    Raises ``ScenarioError`` for an unknown architecture, unsuitable options, one that raises an exception, and one
+    whose processes and views contradict each other.
+    """
+    section = site.scenario.architecture
+    architecture = make_architecture(section.kind, section.options)
+    try:
+        given = architecture.arrange(Field(site))
+    except ScenarioError:
+        raise
+    except Exception as error:  # a user's class may raise anything
+        what = f"{type(error).__name__}: {error}"
+        raise ScenarioError(what, key=f"architecture '{section.kind}': arrange") from error
+    arranged = checked(section.kind, given, site)
+    views = tuple(View(name, tuple(sources)) for name, sources in arranged.views.items())
+    return Built(site, tuple(arranged.processes), views)
