@@ -10,7 +10,7 @@ ahead, it takes the overdue steps at once, one by one; if time goes back, it wai
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +35,7 @@ from trackfield.role import (
     check_transition,
 )
 from trackfield.tracking.bank import Bank
+from trackfield.tracking.forwarding import forwarding
 from trackfield.tracking.steps import Steps
 from trackfield.tracking.threshold import LAST_STEP, Commander, Controller
 from trackfield.wire.messages import SyncReply, SyncRequest
@@ -46,8 +47,9 @@ class Fusion:
     """Fuses the reports of each step ``deadline_ns`` after its instant, by the trackers of a ``Bank`` (its arguments).
 
     Late reports up to an age of ``max_age_ns`` are used too. With ``threshold`` (the fields of ``Controller``) the
-    centre sets the sensors' threshold. It tells the time to whoever asks. ``sync`` holds the fields of its ``Rounds``;
-    None: its clock is right.
+    centre sets the sensors' threshold. With ``forward`` (the arguments of ``forwarding`` but the bank) it hands its
+    tracks on, as it publishes them, but not the smoothed ones. It tells the time to whoever asks. ``sync`` holds the
+    fields of its ``Rounds``; None: its clock is right.
     """
 
     def __init__(
@@ -57,12 +59,14 @@ class Fusion:
         max_age_ns: int = 0,
         threshold: Mapping[str, float] | None = None,
         sync: Mapping[str, Any] | None = None,
+        forward: Mapping[str, Any] | None = None,
         **bank: Any,
     ) -> None:
         self.bank = Bank(**bank)
         self.steps = Steps(self.bank, deadline_ns=deadline_ns, max_age_ns=max_age_ns)
         self.commander = None if threshold is None else Commander(Controller(**threshold), self.bank)
         self.sync = TimeSync(None if sync is None else Rounds(**sync))
+        self.forwarding = None if forward is None else forwarding(self.bank, **forward)
         self.kinds = self.bank.messages | self.sync.kinds
 
     def begin(self) -> Memory:
@@ -134,7 +138,7 @@ class Fusion:
         phase = Phase.COASTING if tracks else Phase.WAITING
         after = replace(memory, phase=phase, progress=progress, threshold_db=level)
         notes = (Note(f"What an earlier life stored cannot be used: {reason}") for reason in unusable)
-        return after, (*notes, *map(Publish, points), *self._deadline(after))
+        return after, (*notes, *self._told(points, now), *self._deadline(after))
 
     def _collect(self, memory: Memory, received: Received) -> Step:
         if memory.early:
@@ -149,7 +153,12 @@ class Fusion:
         level, command = self._command(memory.threshold_db, first)
         after = replace(memory, phase=Phase(first.status), progress=taken.state, threshold_db=level)
         store = Store(self.steps.keep(taken.state, level))
-        return after, (*map(Publish, taken.all), *command, store, *self._deadline(after))
+        return after, (*self._told(taken.all, now), *command, store, *self._deadline(after))
+
+    def _told(self, points: Collection[TrackPoint], now: int) -> tuple[Effect, ...]:
+        """Publishes points, and hands them on."""
+        sends = self.forwarding.sends(points, now) if self.forwarding else ()
+        return (*map(Publish, points), *sends)
 
     def _command(self, level_db: float | None, point: TrackPoint) -> tuple[float | None, tuple[Send, ...]]:
         if self.commander is None or level_db is None:
