@@ -131,7 +131,7 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """The links that carry messages like this one: (from, to)."""
+    """The links that carry messages like this one: (from, to), at least one."""
 
     message: Any
     pairs: tuple[tuple[str, str], ...]
@@ -166,6 +166,12 @@ class Plan:
     warnings: tuple[str, ...] = ()
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def reports(self) -> Flow | None:
+        """The links by which sensors report; None if they send nothing."""
+        sensors = {place.id for place in self.info.tagged(SENSES)}
+        return next((flow for flow in self.flows if flow.pairs[0][0] in sensors), None)
 
     @property
     def step_ns(self) -> int:

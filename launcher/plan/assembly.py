@@ -98,7 +98,7 @@ class _Assembly:
 
 
 def _pairs(built: Built) -> dict[str, dict[Pair, None]]:
-    """Who sends to whom, by kind of message: what sensors report, what sets clocks, all else."""
+    """Who sends to whom, by kind of message: first what sensors send, then what sets clocks, then all else."""
     pairs: dict[str, dict[Pair, None]] = defaultdict(dict)
     senders = sorted(built.processes, key=lambda process: not process.senses)
     asking = [process for process in senders if process.asks and sync_of(built.site.scenario, process.id)]

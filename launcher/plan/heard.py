@@ -1,0 +1,78 @@
+"""Which sensors will report which target, and when, by the true paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from launcher.records import Plan
+from trackfield.role import NS
+from trackfield.world.path import Path
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+MOST_REPORTS: Final = 200_000
+"""Of a run with more reports, only every n-th step is looked at."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
+
+    A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``.
+    """
+
+    t_ns: NDArray[np.int64]
+    target: Indices
+    sensor: Indices
+    times: tuple[int, ...]
+    every: int
+    steps: int
+
+    @classmethod
+    def of(cls, plan: Plan, positions: Array) -> Heard:
+        """Those of a plan."""
+        steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
+        from scipy.spatial import cKDTree
+
+        tree = cKDTree(positions)
+        every = -(-_pairs(plan, tree, steps) // MOST_REPORTS) or 1
+        times = tuple(steps[::every])
+        rows = [
+            _rows(tree, path, number, times, plan.reach_m, positions) for number, path in enumerate(plan.paths.values())
+        ]
+        t_ns, target, sensor, far = (np.concatenate(column) for column in zip(*rows, strict=True))
+        order = np.lexsort((far, sensor, t_ns))
+        t_ns, target, sensor = t_ns[order], target[order], sensor[order]
+        first = np.ones(len(t_ns), bool)
+        first[1:] = (t_ns[1:] != t_ns[:-1]) | (sensor[1:] != sensor[:-1])
+        return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
+
+
+def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:
+    """About how many reports there will be."""
+    some = steps[:: max(len(steps) // 500, 1)]
+    points = [state[:2] for path in plan.paths.values() for t in some if (state := path.at(t / NS))]
+    counts = tree.query_ball_point(points, plan.reach_m, return_length=True) if points else [0]
+    return int(np.sum(counts)) * len(steps) // len(some)
+
+
+def _rows(
+    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reach_m: float, positions: Array
+) -> tuple[NDArray[np.int64], Indices, Indices, Array]:
+    """When, which target, which sensor, how far away (m), for all sensors in reach of one target."""
+    there = [(t, state[:2]) for t in times if (state := path.at(t / NS)) is not None]
+    points = np.reshape([point for _, point in there], (-1, 2))
+    near: Any = tree.query_ball_point(points, reach_m) if len(points) else []
+    counts = [len(found) for found in near]
+    sensor = np.array([i for found in near for i in found], np.intp)
+    far = np.hypot(*(np.repeat(points, counts, axis=0) - positions[sensor]).T)
+    t_ns = np.repeat(np.array([t for t, _ in there], np.int64), counts)
+    return t_ns, np.full(len(sensor), number), sensor, far
