@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from trackfield.filters.types import Array, Gaussian, Model, Reports
+from trackfield.filters.types import Array, Gaussian, Model, Reports, of_bearings
 from trackfield.scenario import Scenario, survey
 
 STEPS: Final = 60
@@ -32,7 +32,7 @@ class Track(NamedTuple):
         """The same as a tracker gets them, all with the same level."""
         names, levels = tuple("abcd"[:BEARINGS]), np.full(BEARINGS, 55.0)
         steps = zip(self.sensors, self.bearings, strict=True)
-        return [Reports(k, names, where, angles, levels) for k, (where, angles) in enumerate(steps, start=1)]
+        return [of_bearings(k, names, where, angles, levels) for k, (where, angles) in enumerate(steps, start=1)]
 
 
 def track(seed: int = 1) -> Track:
@@ -48,11 +48,11 @@ def track(seed: int = 1) -> Track:
         if state is None:
             raise ValueError(f"no target at step {step}")
         near = np.argsort(np.hypot(*(places - state[:2]).T))[:BEARINGS]
-        heard = [site.acoustic(int(i)).sample(step * site.step_ns) for i in near]
+        heard = [site.sensor(int(i)).sample(step * site.step_ns) for i in near]
         truth.append(state)
         sensors.append(places[near])
-        bearings.append([radians(one.bearing_deg) for one in heard if one is not None])
+        bearings.append([radians(one.values[0]) for one in heard if one is not None])
     begin, sd = site.paths["target"].at(0.0), np.array(scenario.fusion.prior_sd)
     prior = Gaussian(np.array(begin), np.diag(np.square(sd)))
-    model = Model(radians(SD_DEG), scenario.fusion.sigma_v)
+    model = Model({"doa": scenario.sensor.sensing}, scenario.fusion.sigma_v)
     return Track(np.array(truth), np.array(sensors), np.array(bearings), prior, model)

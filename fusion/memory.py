@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final
-
-from immutables import Map
+from typing import Final
 
 from trackfield.role import Received, Started, Timer, Transitions
+from trackfield.tracking.steps import Progress
 
 
 class Phase(Enum):
@@ -28,31 +27,11 @@ TRANSITIONS: Final[Transitions] = {
     **{(phase, Received): frozenset({phase}) for phase in _RUNNING},
 }
 
-Heard = Map[str, Any]
-"""The reports of one step (``Doa`` or ``Measurement``), by sensor."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Past:
-    """A step that was fused and may be fused again: the trackers' states before it, and its reports."""
-
-    tracks: tuple[Any, ...]
-    heard: Heard
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Memory:
-    """The centre's state.
-
-    ``heard`` maps a step to its reports, ``fused`` is the last step fused, ``past`` maps the steps up to it for which
-    late reports still count, and ``stale`` is the oldest of them that got a late report since it was fused.
-    ``threshold_db`` is the sensors' threshold, if the centre sets it.
-    """
+    """The centre's state: how far its trackers are, and the sensors' threshold in dB, if the centre sets it."""
 
     phase: Phase
-    tracks: tuple[Any, ...]
-    fused: int = 0
-    heard: Map[int, Heard] = field(default_factory=Map)
-    past: Map[int, Past] = field(default_factory=Map)
-    stale: int | None = None
+    progress: Progress
     threshold_db: float | None = None

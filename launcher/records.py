@@ -60,7 +60,8 @@ class FieldInfo:
     Times count from the first step, which is ``origin_ns`` after the start of the run; steps follow each other every
     ``step_ns``. ``marks`` are when planned faults begin and end, (t s, process, text), ``spells`` those that last,
     (from s, until s, process, text as in their mark); ``receptions`` the links used, (from, to, share of the frames
-    that arrive); ``paths`` the routes of places that move, as in ``trackfield/link/places.py``.
+    that arrive); ``paths`` the routes of places that move, as in ``trackfield/link/places.py``;
+    ``layers`` how the readings of each sensor are drawn, if at all.
     """
 
     run: str
@@ -75,6 +76,7 @@ class FieldInfo:
     paths: tuple[tuple[str, Legs], ...] = ()
     origin_ns: int = 0
     step_ns: int = NS
+    layers: Mapping[str, str] = field(default_factory=dict)
 
     def tagged(self, tag: str) -> list[Place]:
         """The places that have this tag."""
@@ -102,9 +104,9 @@ class MessageRow:
 
     ``outcome`` is ``delivered``, ``late`` or ``ignored`` (all of them delivered), or a cause of loss:
     ``partition``, ``radio``, ``in_flight``, ``dead``, ``frozen``, ``asleep``, ``overflow``, ``host_lost``.
-    ``text`` is the decoded message in words; ``bearing_deg`` (clockwise from north) and ``step`` are those
-    of a DOA report; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known. ``payload`` is the
-    message as it was sent.
+    ``text`` is the decoded message in words; ``values`` are the numbers of a report, in the units of its kind of
+    sensing, and ``step`` is its step; ``local_ns`` is the sender's own clock at ``sent_ns``, where it is known.
+    ``payload`` is the message as it was sent.
     """
 
     kind: str
@@ -118,7 +120,7 @@ class MessageRow:
     copy: int = 0
     incarnation: int = 0
     text: str = ""
-    bearing_deg: float | None = None
+    values: tuple[float, ...] = ()
     step: int | None = None
     local_ns: int | None = None
     payload: Payload = b""
@@ -131,10 +133,11 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """The links that carry messages like this one: (from, to), at least one."""
+    """The links that carry messages like this one: (from, to), at least one; ``reports`` if sensors report by them."""
 
     message: Any
     pairs: tuple[tuple[str, str], ...]
+    reports: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,11 +147,11 @@ class Plan:
     A process with several lives is in ``processes`` once for each life, in their order. ``paths`` are those of the
     targets by id, in emulated time. ``tracking`` are the arguments of a ``trackfield.tracking.bank.Bank`` for all
     sensors, ``banks`` in what those of each process that fuses reports differ. ``views`` say which tracks are scored
-    together, the headline first; ``flows`` are the links in use by kind of message. ``reach_m`` is how far away a
-    sensor reports a target; ``restart`` says that processes which die unplanned are started again; ``lost`` is when a
-    track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to ``max_age_s``.
-    ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own classes are, by
-    ``kind:name``.
+    together, the headline first; ``flows`` are the links in use by kind of message. ``reaches`` are how far away (m)
+    each sensor reports a target; ``restart`` says that processes which die unplanned are started again; ``lost`` is
+    when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
+    ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
+    classes are, by ``kind:name``.
     """
 
     run: RunSpec
@@ -158,7 +161,7 @@ class Plan:
     tracking: Mapping[str, Any] = field(default_factory=dict)
     views: tuple[View, ...] = ()
     flows: tuple[Flow, ...] = ()
-    reach_m: float = 0.0
+    reaches: Mapping[str, float] = field(default_factory=dict)
     restart: bool = False
     lost: Lost = field(default_factory=Lost)
     deadline_s: float = 0.0
@@ -168,10 +171,14 @@ class Plan:
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
-    def reports(self) -> Flow | None:
-        """The links by which sensors report; None if they send nothing."""
-        sensors = {place.id for place in self.info.tagged(SENSES)}
-        return next((flow for flow in self.flows if flow.pairs[0][0] in sensors), None)
+    def reports(self) -> tuple[Flow, ...]:
+        """The links by which sensors report, by kind of message; empty if they send nothing."""
+        return tuple(flow for flow in self.flows if flow.reports)
+
+    @property
+    def reach_m(self) -> float:
+        """How far away (m) any sensor reports a target."""
+        return max(self.reaches.values(), default=0.0)
 
     @property
     def step_ns(self) -> int:

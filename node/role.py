@@ -3,7 +3,7 @@
 Zhai et al., section III-A: a node is active while the level it receives exceeds its threshold, and sends level
 and direction of arrival to the fusion centre.
 
-A node whose clock is off learns the centre's time by radio (``trackfield/protocols/timesync.py``): before it wakes, or
+A node whose clock is off asks another process for the time (``trackfield/protocols/timesync.py``): before it wakes, or
 soon after its start, and at intervals while it is awake. Its time is its clock plus the correction; timers use the
 local clock. A new correction may move time back, so the node remembers which steps it has done: none is reported twice.
 
@@ -21,7 +21,7 @@ from typing import Any, Final
 
 from node.duty import Duty
 from node.spans import Spans, first_absent, insert
-from trackfield.protocols.timesync import Synchronisation, Timekeeping
+from trackfield.protocols.timesync import Rounds, Timekeeping, TimeSync
 from trackfield.role import (
     CancelTimer,
     Effect,
@@ -40,8 +40,8 @@ from trackfield.role import (
     Transitions,
     check_transition,
 )
-from trackfield.sensing.readings import Heard, Reading
-from trackfield.wire.messages import Doa, Measurement, SyncReply, Threshold
+from trackfield.sensing.readings import Reading
+from trackfield.wire.messages import SyncReply, Threshold
 
 LAST_STEP: Final = 65535
 """The highest step that a report can hold."""
@@ -86,11 +86,11 @@ Step = tuple[Memory, tuple[Effect, ...]]
 class Node:
     """Reports to ``centre`` in each step of ``step_ns`` in which it hears at least ``threshold_db``.
 
-    A user's own sensor has no level: everything that it measures is reported.
+    Readings of a kind of sensing without thresholds are all reported.
 
-    Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the arguments of its
-    ``Synchronisation`` except ``centre``; None: its clock is right. ``adaptive`` holds those of its ``Duty`` except
-    ``step_ns``, for a node whose threshold the centre sets; None: its threshold is fixed.
+    Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the fields of its
+    ``Rounds``, of which the ``reference`` is the centre if left out; None: its clock is right. ``adaptive`` holds those
+    of its ``Duty`` except ``step_ns``, for a node whose threshold the centre sets; None: its threshold is fixed.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Node:
         adaptive: Mapping[str, int] | None = None,
     ) -> None:
         self.step_ns, self.origin_ns, self.threshold_db, self.centre = step_ns, origin_ns, threshold_db, centre
-        self.sync = None if sync is None else Synchronisation(centre, **sync)
+        self.sync = None if sync is None else TimeSync(Rounds(**{"reference": centre, **sync}))
         self.duty = None if adaptive is None else Duty(step_ns, **adaptive)
         replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if self.duty else set[str]()
         self.kinds = frozenset(replies | thresholds)
@@ -125,20 +125,20 @@ class Node:
 
     def _receives(self, memory: Memory) -> bool:
         """Whether its receiver is on: only while a frame may arrive for it."""
-        return memory.time.sent_ns is not None or memory.listening
+        return memory.time.waiting or memory.listening
 
     def _react(self, memory: Memory, event: Event) -> Step:
         match event:
-            case Started(now):
-                return self._start(replace(memory, phase=Phase.ASLEEP), now)
+            case Started():
+                return self._start(replace(memory, phase=Phase.ASLEEP), event)
             case Sampled(now, "wake-up", at):
                 return memory, self._wake_at(memory, now, at)
             case Sampled(now, "sound", heard):
                 return self._hear(replace(memory, done=insert(memory.done, self._step(memory, now))), now, heard)
             case Timer():
                 return self._ring(memory, event)
-            case Received(now, message, sender):
-                return self._receive(memory, now, message, sender)
+            case Received():
+                return self._receive(memory, event)
         raise IllegalEvent(f"a node cannot handle {event}")
 
     def _ring(self, memory: Memory, timer: Timer) -> Step:
@@ -148,26 +148,26 @@ class Node:
             case Timer(now, "command") if self.duty:
                 return self._attend(memory, now)
             case Timer(now, "sync") if self.sync:
-                return self._keep(memory, now, *self.sync.due(memory.time, now))
+                return self._keep(memory, now, *self.sync.handle(memory.time, timer))
         raise IllegalEvent(f"a node cannot handle {timer}")
 
-    def _receive(self, memory: Memory, now: int, message: Any, sender: str) -> Step:
-        match message:
-            case SyncReply() if self.sync:
-                return self._keep(memory, now, *self.sync.receive(memory.time, now, message, sender))
-            case Threshold() if self.duty:
-                return self._obey(memory, now, message, sender)
+    def _receive(self, memory: Memory, event: Received) -> Step:
+        match event:
+            case Received(now, SyncReply()) if self.sync:
+                return self._keep(memory, now, *self.sync.handle(memory.time, event))
+            case Received(now, Threshold() as threshold, sender) if self.duty:
+                return self._obey(memory, now, threshold, sender)
         return memory, (Ignored("unexpected"),)
 
-    def _start(self, memory: Memory, now: int) -> Step:
-        time = self.sync.start(now) if self.sync else memory.time
-        return replace(memory, time=time), (Radio(False), Sample("wake-up"))
+    def _start(self, memory: Memory, start: Started) -> Step:
+        time, effects = self.sync.handle(memory.time, start) if self.sync else (memory.time, ())
+        return replace(memory, time=time), (Radio(False), *effects, Sample("wake-up"))
 
     # --- steps ----------------------------------------------------------------------------------------------------
 
     def _into(self, memory: Memory, now: int) -> int:
         """The time (ns) since step 0 at this local time."""
-        return now + memory.time.correction_ns - self.origin_ns
+        return memory.time.corrected(now) - self.origin_ns
 
     def _step(self, memory: Memory, now: int) -> int:
         return self._into(memory, now) // self.step_ns
@@ -179,29 +179,28 @@ class Node:
             return (Sample("sound"),)
         return self._listen_from(memory, now)
 
-    def _hear(self, memory: Memory, now: int, heard: Heard | Reading | None) -> Step:
+    def _hear(self, memory: Memory, now: int, heard: Reading | None) -> Step:
         if heard is None:
             deaf = (CancelTimer("command"),) if self.duty else ()
             return replace(memory, phase=Phase.ASLEEP, listening=False), (*deaf, Sample("wake-up"))
         again = self._listen_from(memory, now)
-        if isinstance(heard, Heard) and heard.level_db < memory.threshold_db:
+        if heard.level < memory.threshold_db:
             after, attend = self._attend(replace(memory, phase=Phase.AWAKE), now)
             return after, (*again, *attend)
-        report = _report(self._step(memory, now), heard)
         after, attend = self._attend(replace(memory, phase=Phase.REPORTING), now)
-        return after, (Send(report, self.centre), *again, *attend)
+        return after, (Send(heard.report(self._step(memory, now)), self.centre), *again, *attend)
 
     def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
         """Listen at the first step from then on that is not done; step 0 is the start itself, without a reading."""
         step = first_absent(memory.done, max(-(-self._into(memory, earliest_ns) // self.step_ns), 1))
         if step > LAST_STEP:
             return ()
-        return (SetTimer("step", self.origin_ns + step * self.step_ns - memory.time.correction_ns),)
+        return (SetTimer("step", memory.time.local(self.origin_ns + step * self.step_ns)),)
 
     def _wake_at(self, memory: Memory, now: int, at: int | None) -> tuple[Effect, ...]:
         """The timers of a sleeping node, which can hear something from local time ``at`` on."""
         step = () if at is None else self._listen_from(memory, max(at, now))
-        if self.sync is None or memory.time.slots:
+        if self.sync is None or memory.time.in_round:
             return step
         if at is None:
             return (CancelTimer("sync"),)
@@ -213,18 +212,18 @@ class Node:
     def _keep(self, memory: Memory, now: int, time: Timekeeping, effects: tuple[Effect, ...]) -> Step:
         """Go on with a round of exchanges; after it, all timers are set anew."""
         after = replace(memory, time=time)
-        if time.slots or not memory.time.slots:
+        if time.in_round or not memory.time.in_round:
             return after, effects
         if memory.phase is Phase.ASLEEP:
             return after, (*effects, Sample("wake-up"))
         after, attend = self._attend(after, now)
-        return after, (*effects, *self._listen_from(after, now), *attend, SetTimer("sync", time.due_ns))
+        return after, (*effects, *self._listen_from(after, now), *attend)
 
     def _attend(self, memory: Memory, now: int) -> Step:
         """Switch listening for the centre's command on or off, as is due now; a sleeping node does not listen."""
         if self.duty is None or memory.phase is Phase.ASLEEP:
             return memory, ()
-        listening, wait_ns = self.duty.at(now + memory.time.correction_ns, memory.threshold_step)
+        listening, wait_ns = self.duty.at(memory.time.corrected(now), memory.threshold_step)
         return replace(memory, listening=listening), (SetTimer("command", now + wait_ns),)
 
     def _obey(self, memory: Memory, now: int, threshold: Threshold, sender: str) -> Step:
@@ -233,9 +232,3 @@ class Node:
         if threshold.step <= memory.threshold_step:
             return memory, (Ignored("outdated"),)
         return self._attend(replace(memory, threshold_db=threshold.level_db, threshold_step=threshold.step), now)
-
-
-def _report(step: int, heard: Heard | Reading) -> Doa | Measurement:
-    if isinstance(heard, Heard):
-        return Doa(step, heard.bearing_deg, heard.level_db)
-    return Measurement(step, heard.values)

@@ -13,12 +13,19 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.record.bounds import bound_metrics, run_bound, scenario_bound, used
+from launcher.record.bounds import (
+    bound_metrics,
+    headline_bound,
+    run_bound,
+    run_bounds,
+    scenario_bound,
+    used,
+)
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import run_metrics, tracker_metrics
-from launcher.record.tables import TrackRow
+from launcher.record.tables import TrackRow, bound_of
 from launcher.records import SENSES as HAS_SENSOR
-from launcher.records import Plan
+from launcher.records import Plan, View
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import read
@@ -122,6 +129,76 @@ def test_it_goes_by_what_a_users_own_sensors_measure() -> None:
         P = kalman.update(kalman.predict(belief, 1.0, 0.0), np.zeros(2 * near), H, R).covariance
         belief, expected[step] = Gaussian(np.zeros(4), P), float(np.sqrt(np.trace(P[:2, :2])))
     assert found == ideal == pytest.approx(expected)
+
+
+def of(source: str, row: TrackRow, *, origin: str = "", tracker: str = "t") -> TrackRow:
+    return replace(row, point=replace(row.point, source=source, origin=origin, tracker=tracker))
+
+
+def two_centres(plan: Plan) -> Plan:
+    """Two processes track; a third one publishes what it has from them."""
+    return replace(plan, views=(View("base", ("third",)), View("in-network", ("a", "b"))))
+
+
+NEAR = used_by(*((src, step) for step in range(1, 21) for src in ("n012", "n013", "n024")))
+FEW = used_by(*(("n025", step) for step in range(1, 21)))
+
+
+def test_a_point_has_the_bound_of_the_process_that_made_it() -> None:
+    """Up to step 8 from the one with few reports, then from the other: at each instant its own bound, no other's."""
+    plan = two_centres(spcpf(1, STRAIGHT))
+    a, b = [of("a", row) for row in FEW], [of("b", row) for row in NEAR]
+    third = [of("third", row, origin="a") for row in FEW[:8]] + [of("third", row, origin="b") for row in NEAR[8:]]
+    bounds = run_bounds(plan, [*a, *b, *third])
+    of_a, of_b = run_bound(plan, a), run_bound(plan, b)
+    assert all(of_b[t] < of_a[t] for t in of_a)
+    expected = {row.t_ns: of_a[row.t_ns] for row in a[:8]} | {row.t_ns: of_b[row.t_ns] for row in b[8:]}
+    assert bounds["third"] == headline_bound(plan, [*a, *b, *third], bounds) == expected
+    assert (bounds["a"], bounds["b"]) == (of_a, of_b)
+    assert bound_of(third[0], bounds) == of_a[NS]
+    assert bound_of(replace(third[0], point=replace(third[0].point, lag=3)), bounds) is None
+
+
+def test_of_trackers_that_have_theirs_from_several_the_lowest_bound_holds() -> None:
+    plan = two_centres(spcpf(1, STRAIGHT))
+    a, b = [of("a", row) for row in FEW], [of("b", row) for row in NEAR]
+    third = [of("third", row, origin="a") for row in FEW]
+    third += [of("third", row, origin="b", tracker="other") for row in NEAR[3:6]]
+    bound, of_a, of_b = run_bounds(plan, [*a, *b, *third])["third"], run_bound(plan, a), run_bound(plan, b)
+    assert bound == of_a | {row.t_ns: of_b[row.t_ns] for row in NEAR[3:6]}
+
+
+def test_a_point_may_have_come_over_several_hops() -> None:
+    plan = two_centres(spcpf(1, STRAIGHT))
+    b = [of("b", row) for row in NEAR]
+    relayed = [of("a", row, origin="b") for row in NEAR]
+    third = [of("third", row, origin="a") for row in NEAR]
+    bounds = run_bounds(plan, [*b, *relayed, *third])
+    assert bounds["third"] == run_bound(plan, b)
+    circle = [of("a", row, origin="third") for row in NEAR] + third  # both say that they have it from the other
+    assert run_bounds(plan, circle)["third"] == run_bound(plan, NEAR)
+
+
+def test_an_origin_of_which_nothing_was_recorded_used_at_least_the_reports_it_named() -> None:
+    plan = two_centres(spcpf(1, STRAIGHT))
+    third = [of("third", row, origin="a") for row in NEAR[:5]]
+    expected = run_bound(plan, NEAR[:5])
+    assert run_bounds(plan, third)["third"] == expected
+    assert run_bounds(plan, []) == {}
+
+
+def test_processes_that_take_turns_are_as_one() -> None:
+    """One tracks up to step 10 and hands its belief on."""
+    plan = two_centres(spcpf(1, STRAIGHT))
+    turns = [of("a", row) for row in NEAR[:10]] + [of("b", row) for row in NEAR[10:]]
+    turns = [replace(row, point=replace(row.point, term=1 + (row.t_ns > 10 * NS))) for row in turns]
+    whole = run_bound(plan, turns)
+    bounds = run_bounds(plan, turns)
+    assert bounds == {"a": whole, "b": whole}
+    plan = replace(plan, views=plan.views[::-1])
+    assert headline_bound(plan, turns, bounds) == whole
+    alone = run_bound(plan, turns[10:])
+    assert alone[11 * NS] > 2.0 * whole[11 * NS]
 
 
 def test_without_a_prior_it_begins_when_the_target_is_located() -> None:

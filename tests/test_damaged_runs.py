@@ -182,6 +182,7 @@ def test_a_manifest_that_is_no_table_is_damaged(trackfield: Call, bad: Path, con
         ),
         ("messages", "bytes", lambda v: [-1, *v[1:]], "is -1; expected from 0 to .*"),
         ("tracks", "source", lambda v: ["zoo", *v[1:]], "names 'zoo', which is not there; expected those of .*"),
+        ("tracks", "origin", lambda v: ["zoo", *v[1:]], "names 'zoo', which is not there; expected those of .*"),
         ("tracks", "sensors", lambda v: [["zoo"], *v[1:]], "names 'zoo', which is not there; expected those of .*"),
         ("tracks", "sensors", lambda v: [[None], *v[1:]], "lacks a value inside a row; expected whole rows"),
         ("tracks", "covariance", lambda v: [[1.0], *v[1:]], "has 1 numbers in a row; expected 16"),
@@ -194,7 +195,9 @@ def test_a_value_in_a_table_that_no_run_has_is_named(
 ) -> None:
     with_column(bad / f"{table}.parquet", column, change)
     used = (
-        (READING[0], READING[2]) if table == "messages" or column in ("source", "sensors", "told_ns") else READING[:1]
+        (READING[0], READING[2])
+        if table == "messages" or column in ("source", "origin", "sensors", "told_ns")
+        else READING[:1]
     )
     assert_said(trackfield, f"bad/{table}.parquet: {column}: {what}", *used)
 

@@ -55,7 +55,7 @@ def test_late_reports_within_the_age_give_the_track_of_those_on_time_bit_for_bit
     assert last_words(after) == last_words(before)
     assert len([e for e in after if isinstance(e, Late)]) == sum(e.now > e.message.step * NS + DEADLINE for e in late)
     assert not [e for e in after if isinstance(e, Ignored)]
-    assert memory.stale is None
+    assert memory.progress.collected.stale is None
 
 
 def test_without_an_age_a_late_report_is_ignored_and_nothing_is_kept() -> None:
@@ -63,7 +63,8 @@ def test_without_an_age_a_late_report_is_ignored_and_nothing_is_kept() -> None:
     memory, effects = run(fusion, [told(1, "n0"), deadline(1), told(1, "n1", NS), deadline(2)])
     assert [e for e in effects if isinstance(e, Ignored | Late)] == [Ignored("late")]
     assert [p.sensors for p in points(effects)] == [("n0",), ()]
-    assert not memory.past
+    assert not memory.progress.before
+    assert not memory.progress.collected.recent
 
 
 def test_every_step_since_is_published_anew_before_the_new_one() -> None:
@@ -110,7 +111,8 @@ def test_what_is_kept_is_bounded_by_the_age() -> None:
     memory = started(fusion)
     for step in range(1, 50):
         memory, _ = play(fusion, memory, [told(step, "n0"), deadline(step)])
-        assert sorted(memory.past) == list(range(max(step - 3, 1), step + 1))
+        assert sorted(memory.progress.before) == list(range(max(step - 3, 1), step + 1))
+        assert set(memory.progress.before) == set(memory.progress.collected.recent)
 
 
 def test_a_fifth_of_the_reports_late_costs_next_to_nothing() -> None:

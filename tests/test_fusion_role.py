@@ -119,7 +119,7 @@ def test_while_it_waits_it_publishes_that_it_does_and_nothing_more() -> None:
     fusion = centre()
     _, effects = fusion.handle(started(fusion), deadline(1))
     point = TrackPoint("fix-imm-ukf", "bus", NS, "waiting", step=1)
-    kept = Store(pack(1, None, {"fix-imm-ukf": point}))
+    kept = Store(pack(1, None, {"fix-imm-ukf": None}))
     assert effects == (Publish(point), kept, SetTimer("deadline", 2 * NS + DEADLINE))
 
 
@@ -214,7 +214,7 @@ def test_a_report_counts_for_its_step_whenever_it_comes_before_that_deadline() -
     early = report(2, "n0", delay_ns=-900_000_000)
     memory, effects = play(fusion, started(fusion), [early, report(1, "n1"), deadline(1), report(2, "n1"), deadline(2)])
     assert [(p.step, p.reports) for p in points(effects)] == [(1, 1), (2, 2)]
-    assert not memory.heard
+    assert not memory.progress.collected.ahead
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_a_report_of_the_step_ahead_is_taken_however_early_in_the_step_before() 
     memory = started(fusion)
     after, effects = fusion.handle(memory, report(4, "n1", delay_ns=-NS))
     assert effects == ()
-    assert after.heard[4]["n1"].step == 4
+    assert after.progress.collected.ahead[4]["n1"].step == 4
 
 
 def test_a_report_due_at_the_deadline_is_late_only_after_it() -> None:
@@ -260,6 +260,9 @@ class Spy:
         self.seen: list[tuple[Reports, float, float]] = []
 
     def begin(self, prior: object) -> None:
+        pass
+
+    def belief(self, state: object) -> None:
         pass
 
     def step(self, state: object, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[object, None, None]:
@@ -380,7 +383,7 @@ def test_any_events_in_any_order(happened: list[Any], with_prior: bool, max_age:
     fusion = centre("fix-imm-ukf", "spcpf", prior=PRIOR if with_prior else None, max_age_ns=max_age * NS)
     memory = started(fusion)
     for what in happened:
-        step = memory.fused + 1
+        step = memory.progress.step + 1
         match what:
             case (ahead, sensor, x):
                 event: Event = report(max(step + ahead, 0), sensor, x=x, delay_ns=-ahead * NS)

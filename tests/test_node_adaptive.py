@@ -8,12 +8,12 @@ import pytest
 
 from node.role import Memory, Node, Phase
 from tests.puppet import MS, run
-from tests.test_node_sync import CONFIG
+from tests.test_timesync import CONFIG, asking, resting
+from trackfield.draw import uniform
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, Frame, Told
 from trackfield.link.clock import Clock
-from trackfield.protocols.timesync import Timekeeping
 from trackfield.role import (
     NS,
     CancelTimer,
@@ -162,7 +162,7 @@ def test_nobody_else_has_a_timer_for_commands(phase: Phase) -> None:
 
 def test_the_time_that_it_listens_at_is_the_centres() -> None:
     """Its clock is 20 ms ahead, and it knows."""
-    wrong = replace(AWAKE, time=Timekeeping(correction_ns=-20 * MS, due_ns=90 * NS))
+    wrong = replace(AWAKE, time=resting(-20 * MS))
     story(
         BOTH,
         wrong,
@@ -194,15 +194,16 @@ def test_the_first_may_be_of_step_0() -> None:
 
 def test_its_radio_stays_on_while_anything_may_come() -> None:
     """For the reply to a request, or for a command, or for both; it falls asleep while it waits for a reply."""
-    awake = Memory(Phase.AWAKE, 52.5, done=((1, 4),), time=Timekeeping(asked=3, sent_ns=4250 * MS, slots=1))
+    awake = Memory(Phase.AWAKE, 52.5, done=((1, 4),), time=asking(3, 4250 * MS))
     reply = SyncReply(3, 4_250_000, 4_305_000, 4_305_000)
+    again = SetTimer("sync", 6 * NS + int(600 * MS * (1 + 2 * uniform(1, "n007", "sync", 3))))
     asleep = story(
         BOTH,
         awake,
         (Timer(4300 * MS, "command"), (command(4700),)),
         (told(5, 51.0, at_ms=4310), (command(5300),)),
         (Sampled(5 * NS, "sound", None), (State("asleep"), CancelTimer("command"), Sample("wake-up"))),
-        (Timer(6 * NS, "sync"), (Radio(False), Sample("wake-up"))),
+        (Timer(6 * NS, "sync"), (Radio(False), again, Sample("wake-up"))),
     )
     assert (asleep.phase, asleep.done, asleep.listening) == (Phase.ASLEEP, ((1, 5),), False)
 
@@ -211,14 +212,14 @@ def test_its_radio_stays_on_while_anything_may_come() -> None:
         awake,
         (Timer(4300 * MS, "command"), (command(4700),)),
         (Received(4360 * MS, reply, "fusion"), ()),
-        (Timer(4450 * MS, "sync"), (Corrected(0), at(5), command(4700), SetTimer("sync", 64_450 * MS))),
+        (Timer(4450 * MS, "sync"), (Corrected(0), SetTimer("sync", 64_450 * MS), at(5), command(4700))),
         (Timer(4700 * MS, "command"), (Radio(False), command(5300))),
     )
 
 
 def test_a_correction_moves_when_it_listens() -> None:
     """At 4.2 s by its clock it learns that the time is 4.4 s: the centre is speaking."""
-    awake = Memory(Phase.AWAKE, 52.5, done=((1, 4),), time=Timekeeping(asked=3, sent_ns=4 * NS, slots=1))
+    awake = Memory(Phase.AWAKE, 52.5, done=((1, 4),), time=asking(3, 4 * NS))
     reply = SyncReply(3, 4_000_000, 4_205_000, 4_205_000)
     story(
         BOTH,
@@ -229,9 +230,9 @@ def test_a_correction_moves_when_it_listens() -> None:
             (
                 Radio(True),
                 Corrected(200 * MS),
+                SetTimer("sync", 64_200 * MS),
                 SetTimer("step", 4800 * MS),
                 command(4500),
-                SetTimer("sync", 64_200 * MS),
             ),
         ),
     )

@@ -1,4 +1,4 @@
-"""How a node learns the time: exchanges as plain calls, and whole lives with a clock that is off."""
+"""What a node makes of the time that it learns: event by event, and in whole lives with a clock that is off."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from node.role import Memory, Node, Phase
 from tests.puppet import MS, frames, run
+from tests.test_timesync import CONFIG, START_NS, asking, reply, resting
 from trackfield.draw import uniform
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Told
 from trackfield.link.clock import Clock
-from trackfield.protocols.timesync import SPREAD_NS, Offset, Synchronisation, Timekeeping, offset
 from trackfield.role import (
     NS,
     CancelTimer,
@@ -40,61 +40,27 @@ from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import decode, encode
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest
 
-CONFIG: dict[str, Any] = {"exchanges": 3, "resync_ns": 60 * NS, "timeout_ns": 200 * MS, "seed": 1, "id": "n007"}
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion", sync=CONFIG)
-SYNC = Synchronisation("fusion", **CONFIG)
 LOUD = Heard(60.0, 123.45)
 
 
-# --- the arithmetic -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("there_ms", "back_ms", "held_ms", "wrong_ms"),
-    [(5, 5, 0, 0), (5, 5, 40, 0), (9, 5, 0, 2), (1, 31, 7, -15), (31, 1, 0, 15)],
-)
-def test_an_exchange_is_off_by_half_the_asymmetry_of_its_way(
-    there_ms: int, back_ms: int, held_ms: int, wrong_ms: int
-) -> None:
-    ahead = 250 * MS  # the centre's clock
-    t0 = 1000 * MS
-    t1 = t0 + there_ms * MS + ahead
-    t2 = t1 + held_ms * MS
-    t3 = t2 - ahead + back_ms * MS
-    assert offset(t0, t1, t2, t3) == Offset((there_ms + back_ms) * MS, ahead + wrong_ms * MS)
-
-
-@given(*[st.integers(0, 10**12)] * 3, st.integers(-(10**15), 10**15))
-def test_the_error_is_at_most_half_the_delay(there: int, back: int, held: int, ahead: int) -> None:
-    found = offset(0, there + ahead, there + held + ahead, there + held + back)
-    assert found.delta_ns == there + back
-    assert abs(found.theta_ns - ahead) <= found.delta_ns / 2 + 1
-
-
 # --- a round, event by event --------------------------------------------------------------------------------------
-
-
-def reply(exchange: int, t0: int, *, there: int, back: int, ahead: int) -> Received:
-    came = (t0 + there + ahead) // 1000
-    return Received(t0 + there + back, SyncReply(exchange, t0 // 1000, came, came), "fusion")
 
 
 def started(now: int = 0) -> Memory:
     return NODE.handle(NODE.begin(), Started(now))[0]
 
 
-def asking(exchange: int = 1, at: int = NS) -> Memory:
+def node_asking(exchange: int = 1, at: int = NS) -> Memory:
     """Its request ``exchange`` of the first round left at ``at``."""
-    time = replace(started().time, asked=exchange, sent_ns=at, slots=CONFIG["exchanges"] - exchange + 1)
-    return replace(started(), time=time)
+    return replace(started(), time=asking(exchange, at))
 
 
 def test_a_round_from_the_first_request_to_the_correction() -> None:
     """Three exchanges in slots of 200 ms, of which the second is the fastest; the centre is 250 ms ahead."""
-    ahead, due = 250 * MS, int(SPREAD_NS * uniform(1, "n007", "sync", "start"))
-    second, third, end = (due + slot * 200 * MS for slot in (1, 2, 3))
+    ahead, (due, second, third, end) = 250 * MS, (START_NS + slot * 200 * MS for slot in range(4))
     story: list[tuple[Any, tuple[Effect, ...]]] = [
-        (Started(0), (State("asleep"), Radio(False), Sample("wake-up"))),
+        (Started(0), (State("asleep"), Radio(False), SetTimer("sync", due), Sample("wake-up"))),
         (Sampled(0, "wake-up", NS), (SetTimer("step", NS), SetTimer("sync", due))),
         (Timer(due, "sync"), (Radio(True), Send(SyncRequest(1, due // 1000), "fusion"), SetTimer("sync", second))),
         (reply(1, due, there=30 * MS, back=10 * MS, ahead=ahead), (Radio(False),)),
@@ -102,7 +68,7 @@ def test_a_round_from_the_first_request_to_the_correction() -> None:
         (reply(2, second, there=4 * MS, back=6 * MS, ahead=ahead), (Radio(False),)),
         (Timer(third, "sync"), (Radio(True), Send(SyncRequest(3, third // 1000), "fusion"), SetTimer("sync", end))),
         (reply(3, third, there=4 * MS, back=10 * MS, ahead=ahead), (Radio(False),)),
-        (Timer(end, "sync"), (Corrected(249 * MS), Sample("wake-up"))),
+        (Timer(end, "sync"), (Corrected(249 * MS), SetTimer("sync", end + 60 * NS), Sample("wake-up"))),
         # Step 100 and the round ahead of it (3 exchanges of 200 ms) in local time.
         (Sampled(end, "wake-up", 99 * NS), (SetTimer("step", 100 * NS - 249 * MS), SetTimer("sync", 98_400 * MS))),
     ]
@@ -111,7 +77,6 @@ def test_a_round_from_the_first_request_to_the_correction() -> None:
         state, effects = NODE.handle(state, event)
         # Requests carry microseconds; so the correction is good to one.
         assert [_in_ms(e) for e in effects] == [_in_ms(e) for e in expected], event
-    assert state.time == Timekeeping(state.time.correction_ns, asked=3, due_ns=end + 60 * NS)
 
 
 def _in_ms(effect: Effect) -> Effect:
@@ -123,85 +88,51 @@ def _in_ms(effect: Effect) -> Effect:
     return effect
 
 
-def test_nodes_of_a_field_begin_at_different_times_within_the_spread() -> None:
-    def starts(seed: int) -> list[int]:
-        nodes = [Synchronisation("fusion", **{**CONFIG, "id": f"n{i}", "seed": seed}) for i in range(200)]
-        return sorted(node.start(0).due_ns for node in nodes)
-
-    assert starts(1)[0] >= 0
-    assert starts(1)[-1] < SPREAD_NS
-    assert max(b - a for a, b in pairwise(starts(1))) < SPREAD_NS // 20
-    assert starts(1) != starts(2)
-
-
-def test_a_reply_that_does_not_come_is_given_up() -> None:
-    """Its receiver stays on for the next."""
-    state, effects = NODE.handle(asking(1), Timer(NS + 200 * MS, "sync"))
+def test_its_receiver_stays_on_for_the_next_if_a_reply_does_not_come() -> None:
+    _, effects = NODE.handle(node_asking(1), Timer(NS + 200 * MS, "sync"))
     again = NS + 200 * MS
     assert effects == (Send(SyncRequest(2, again // 1000), "fusion"), SetTimer("sync", again + 200 * MS))
-    assert (state.time.asked, state.time.sent_ns, state.time.slots) == (2, again, 2)
-
-
-def test_one_reply_of_a_round_will_do() -> None:
-    heard = NODE.handle(asking(2), reply(2, NS, there=5 * MS, back=5 * MS, ahead=-3 * MS))[0]
-    asked_again = NODE.handle(heard, Timer(NS + 200 * MS, "sync"))[0]
-    now = NS + 400 * MS
-    state, effects = NODE.handle(asked_again, Timer(now, "sync"))
-    assert effects == (Radio(False), Corrected(-3 * MS), Sample("wake-up"))
-    assert state.time == Timekeeping(-3 * MS, asked=3, due_ns=now + 60 * NS)
 
 
 def test_a_round_without_any_reply_keeps_what_was_known_and_is_repeated_soon() -> None:
-    before = asking(3)
+    before = node_asking(3)
     before = replace(before, phase=Phase.AWAKE, time=replace(before.time, correction_ns=7 * MS))
     now = NS + 200 * MS
     state, effects = NODE.handle(before, Timer(now, "sync"))
     assert state.time.correction_ns == 7 * MS
-    assert now + SYNC.lead_ns <= state.time.due_ns <= now + 3 * SYNC.lead_ns
-    assert effects == (Radio(False), SetTimer("step", 2 * NS - 7 * MS), SetTimer("sync", state.time.due_ns))
+    assert now + 600 * MS <= state.time.due_ns <= now + 1800 * MS
+    assert effects == (Radio(False), SetTimer("sync", state.time.due_ns), SetTimer("step", 2 * NS - 7 * MS))
 
 
-@pytest.mark.parametrize(
-    ("message", "sender", "reason"),
-    [
+def test_a_reply_of_no_use_is_ignored_and_it_still_waits() -> None:
+    state = node_asking(2)
+    for message, sender, reason in [
         (SyncReply(2, NS // 1000, 10, 10), "n001", "foreign"),
-        (SyncReply(1, NS // 1000, 10, 10), "fusion", "outdated"),  # to a request that was given up
-        (SyncReply(3, NS // 1000, 10, 10), "fusion", "outdated"),
-        (SyncReply(2, NS // 1000 - 1, 10, 10), "fusion", "outdated"),  # to an earlier life
-        (SyncReply(2, NS // 1000, 10, 9), "fusion", "implausible"),  # left before it came
-        (SyncReply(2, NS // 1000, 0, 5001), "fusion", "implausible"),  # held for longer than it took
-    ],
-)
-def test_a_reply_of_no_use_is_ignored_and_the_right_one_still_counts(
-    message: SyncReply, sender: str, reason: str
-) -> None:
-    state = asking(2)
-    assert NODE.handle(state, Received(NS + 5 * MS, message, sender)) == (state, (Ignored(reason),))
-    right = reply(2, NS, there=5 * MS, back=5 * MS, ahead=0)
-    after, effects = NODE.handle(state, right)
-    assert after.time.best == Offset(10 * MS, 0)
-    assert effects == (Radio(False),)
-    assert NODE.handle(after, right) == (after, (Ignored("outdated"),))
+        (SyncReply(1, NS // 1000, 10, 10), "fusion", "outdated"),
+        (SyncReply(2, NS // 1000, 10, 9), "fusion", "implausible"),
+        (SyncRequest(2, 0), "fusion", "unexpected"),
+    ]:
+        assert NODE.handle(state, Received(NS + 5 * MS, message, sender)) == (state, (Ignored(reason),))
+    assert NODE.handle(state, reply(2, NS, there=5 * MS, back=5 * MS, ahead=0))[1] == (Radio(False),)
 
 
-@pytest.mark.parametrize("state", [started(), replace(started(), time=Timekeeping(asked=1))])
-def test_a_reply_that_nobody_waits_for_is_ignored(state: Memory) -> None:
-    for exchange in (0, 1):
-        answer = Received(5, SyncReply(exchange, 0, 0, 0), "fusion")
-        assert NODE.handle(state, answer) == (state, (Ignored("outdated"),))
+def test_it_may_ask_another_than_the_one_it_reports_to() -> None:
+    """The centre's own time is then of no use to it."""
+    node = Node(step_ns=NS, threshold_db=52.5, centre="fusion", sync={**CONFIG, "reference": "head"})
+    state, _ = node.handle(node.begin(), Started(0))
+    state, effects = node.handle(state, Timer(START_NS, "sync"))
+    assert Send(SyncRequest(1, START_NS // 1000), "head") in effects
+    answer = reply(1, START_NS, there=5 * MS, back=5 * MS, ahead=0)
+    assert node.handle(state, answer)[1] == (Ignored("foreign"),)
+    assert node.handle(state, replace(answer, sender="head"))[1] == (Radio(False),)
+    awake = replace(state, phase=Phase.AWAKE)
+    assert Send(Doa(1, 123.45, 60.0), "fusion") in node.handle(awake, Sampled(NS, "sound", LOUD))[1]
 
 
 def test_a_broken_driver_is_told_so() -> None:
-    for state in (started(), asking()):
+    for state in (started(), node_asking()):
         with pytest.raises(IllegalEvent):
             NODE.handle(state, Timer(2 * NS, "nap"))
-
-
-def test_requests_are_numbered_round_and_round() -> None:
-    after, effects = SYNC.due(Timekeeping(asked=65535, due_ns=5), 5)
-    assert effects[0] == Send(SyncRequest(0, 0), "fusion")
-    found, _ = SYNC.receive(after, 10 * MS, SyncReply(0, 0, 0, 0), "fusion")
-    assert found.best is not None
 
 
 def test_it_consumes_replies() -> None:
@@ -212,7 +143,7 @@ def test_it_consumes_replies() -> None:
 
 
 def rested(phase: Phase = Phase.ASLEEP, *, correction: int = 0, due: int = 90 * NS) -> Memory:
-    return Memory(phase, 52.5, time=Timekeeping(correction, asked=8, due_ns=due))
+    return Memory(phase, 52.5, time=resting(correction, due=due))
 
 
 @pytest.mark.parametrize(
@@ -236,10 +167,10 @@ def test_one_that_will_hear_nothing_needs_no_time() -> None:
 
 def test_a_correction_while_awake_moves_the_next_step() -> None:
     """At 5.95 s by its clock it learns that it is 6.05 s: step 6 has gone by, 7 is 950 ms away."""
-    state = replace(asking(3, at=5750 * MS), phase=Phase.REPORTING, done=((1, 5),))
+    state = replace(node_asking(3, at=5750 * MS), phase=Phase.REPORTING, done=((1, 5),))
     after, _ = NODE.handle(state, reply(3, 5750 * MS, there=5 * MS, back=5 * MS, ahead=100 * MS))
     after, effects = NODE.handle(after, Timer(5950 * MS, "sync"))
-    assert effects == (Corrected(100 * MS), SetTimer("step", 6900 * MS), SetTimer("sync", 65950 * MS))
+    assert effects == (Corrected(100 * MS), SetTimer("sync", 65950 * MS), SetTimer("step", 6900 * MS))
     _, effects = NODE.handle(after, Timer(6900 * MS, "step"))
     assert effects == (Sample("sound"),)
     _, effects = NODE.handle(after, Sampled(6900 * MS, "sound", LOUD))
@@ -248,7 +179,7 @@ def test_a_correction_while_awake_moves_the_next_step() -> None:
 
 def test_a_correction_that_moves_time_back_repeats_no_step() -> None:
     """It did steps 1 to 5 and learns that it is 3.0 s: it waits for step 6."""
-    state = replace(asking(3, at=5 * NS), phase=Phase.REPORTING, done=((1, 5),))
+    state = replace(node_asking(3, at=5 * NS), phase=Phase.REPORTING, done=((1, 5),))
     state, _ = NODE.handle(state, reply(3, 5 * NS, there=5 * MS, back=5 * MS, ahead=-2010 * MS))
     after, effects = NODE.handle(state, Timer(5010 * MS, "sync"))
     assert after.time.correction_ns == -2010 * MS
@@ -257,7 +188,7 @@ def test_a_correction_that_moves_time_back_repeats_no_step() -> None:
 
 def test_a_clock_that_was_an_hour_ahead_does_not_silence_it_for_an_hour() -> None:
     """Steps 3601 to 3603 were done by mistake; the right ones are still to do."""
-    state = replace(asking(3, at=3603 * NS), phase=Phase.REPORTING, done=((1, 2), (3601, 3603)))
+    state = replace(node_asking(3, at=3603 * NS), phase=Phase.REPORTING, done=((1, 2), (3601, 3603)))
     state, _ = NODE.handle(state, reply(3, 3603 * NS, there=5 * MS, back=5 * MS, ahead=-3600 * NS))
     _, effects = NODE.handle(state, Timer(3603 * NS + 200 * MS, "sync"))
     assert SetTimer("step", 3604 * NS) in effects  # step 4 by the right time

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from trackfield.filters.own_fix import own_fix
+from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 
 import trackfield as tf
 from fusion.role import Fusion
@@ -22,7 +24,6 @@ from node.role import Node
 from tests.simulated import simulated
 from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
-from trackfield.filters.own_fix import own_fix
 from trackfield.filters.types import Model, Reports
 from trackfield.plugins import give
 from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
@@ -32,7 +33,6 @@ from trackfield.sensing.readings import Reading
 from trackfield.tracking.following import ANYWHERE
 from trackfield.wire import Doa, Measurement
 from trackfield.world.faulty import SensorFault
-from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 from trackfield.world.path import Path
 
 
@@ -325,8 +325,8 @@ def test_the_centre_takes_reports_of_its_sensors_kind_alone() -> None:
     for report in (Doa(1, 10.0, 60.0), Measurement(1, (1,)), Measurement(1, (1, 2, 3))):
         assert fusion.handle(state, Received(NS + 1, report, "a")) == (state, (Ignored("unexpected"),))
     after, effects = fusion.handle(state, Received(NS + 1, Measurement(1, (500, -30)), "a"))
-    assert (effects, after.heard[1]["a"].values) == ((), (500, -30))
-    reports = fusion.bank._reports(1, after.heard[1])
+    assert (effects, after.progress.collected.ahead[1]["a"].values) == ((), (500, -30))
+    reports = fusion.bank._reports(1, after.progress.collected.ahead[1])
     assert reports.values == pytest.approx(np.array([[5.0, -3.0]]))
     assert np.isnan(reports.bearings).all()
 

@@ -74,7 +74,8 @@ def test_a_clock_belongs_to_seed_and_node_whatever_else_is_there() -> None:
 def test_nodes_synchronise_if_their_clocks_are_off_and_they_may() -> None:
     plan = made(*OFF, "clock.exchanges=4", "clock.resync_s=30.5")
     assert process(plan, "n060").config["sync"] == {
-        "exchanges": 4, "resync_ns": 30_500_000_000, "timeout_ns": 100_000_000, "seed": 1, "id": "n060"
+        "reference": "fusion", "exchanges": 4, "resync_ns": 30_500_000_000, "timeout_ns": 100_000_000,
+        "seed": 1, "id": "n060",
     }  # fmt: skip
     for settings in ((), ("clock.exchanges=4",), (*OFF, "clock.sync=false")):
         assert "sync" not in process(made(*settings), "n060").config

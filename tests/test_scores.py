@@ -34,7 +34,7 @@ def field(steps: int, *, there: int | None = None, lost: Lost = LAST, gaps: Sequ
 
 
 def score(plan: Plan, *tracks: TrackRow, bound: dict[int, float] | None = None) -> Any:
-    return scored(plan, tracks, plan.run.end_ns, bound or {})
+    return scored(plan, tracks, plan.run.end_ns, {"fusion": bound or {}})
 
 
 def of(*tracks: TrackRow) -> Any:

@@ -28,7 +28,10 @@ KEYS = st.one_of(
     st.tuples(TIMES, st.just(3)),
 )
 POINTS = st.builds(
-    TrackPoint,
+    lambda unknowns, **fields: TrackPoint(
+        unknowns=tuple(value for value, _ in unknowns), unknown_sds=tuple(sd for _, sd in unknowns), **fields
+    ),
+    unknowns=st.lists(st.tuples(NUMBERS, NUMBERS), max_size=3),
     tracker=WORDS,
     target=WORDS,
     at_ns=TIMES,
@@ -40,6 +43,7 @@ POINTS = st.builds(
     lag=st.integers(0, 9),
     term=st.integers(0, 99),
     source=WORDS,
+    origin=st.just("") | IDS,
     step=st.one_of(st.none(), st.integers(0, 65535)),
 )
 EFFECTS = st.one_of(
@@ -77,6 +81,21 @@ def test_keys_still_sort_among_those_of_frames() -> None:
 def test_telemetry_of_no_known_kind_is_refused(body: tuple[Any, ...]) -> None:
     with pytest.raises(WireError, match="malformed"):
         event_of(msgpack.packb(body))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        ({"origin": "no id!"}, "key"),
+        ({"unknowns": (1.0,)}, "malformed"),
+        ({"unknowns": (1.0,), "unknown_sds": (1.0, 2.0)}, "malformed"),
+        ({"mean": (1.0, 2.0)}, "malformed"),
+    ],
+)
+def test_a_point_that_is_none_is_refused(wrong: dict[str, Any], reason: str) -> None:
+    point = TrackPoint(**{"tracker": "t", "target": "x", "at_ns": NS, "status": "waiting"} | wrong)
+    with pytest.raises(WireError, match=reason):
+        event_of(pack(Told((1, 2, 1, "t"), Publish(point))))
 
 
 def test_half_a_message_is_refused() -> None:

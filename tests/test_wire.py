@@ -16,11 +16,13 @@ from hypothesis import strategies as st
 
 from trackfield import wire
 from trackfield.wire import (
+    Blob,
     Doa,
     Scaled,
     SyncReply,
     SyncRequest,
     Threshold,
+    Track,
     WireError,
     decode,
     encode,
@@ -44,7 +46,9 @@ values = st.recursive(
 )
 
 
-def any_of(field: registry.Field) -> st.SearchStrategy[float]:
+def any_of(field: registry.Field) -> st.SearchStrategy[Any]:
+    if isinstance(field, registry.Bytes):
+        return st.binary(max_size=field.blob.most)
     low, high = field.scaled.low, field.scaled.high
     return st.integers(int(low), int(high)) if field.integral else st.floats(low, high)
 
@@ -61,11 +65,12 @@ messages = st.sampled_from(registry.product_kinds()).flatmap(
 @pytest.fixture
 def own_kinds() -> Iterator[None]:
     """Forget the kinds that a test registers."""
-    kept = dict(registry._by_number), dict(registry._by_class)
+    tables: tuple[dict[Any, Any], ...] = (registry._by_number, registry._by_name, registry._by_class)
+    kept = [dict(table) for table in tables]
     yield
-    for table, before in zip((registry._by_number, registry._by_class), kept, strict=True):
+    for table, before in zip(tables, kept, strict=True):
         table.clear()
-        table.update(before)  # type: ignore[arg-type]
+        table.update(before)
 
 
 def reason_of(data: Any) -> str:
@@ -74,13 +79,19 @@ def reason_of(data: Any) -> str:
     return caught.value.reason
 
 
+def message_of(vector: dict[str, Any]) -> Any:
+    """The message of a vector, where bytes are texts of hexadecimal digits."""
+    read = {list: tuple, str: bytes.fromhex}
+    fields = {name: read.get(type(value), lambda same: same)(value) for name, value in vector["fields"].items()}
+    return CLASSES[vector["kind"]](**fields)
+
+
 # --- golden vectors: written from the MessagePack specification, not from this codec ---
 
 
 @pytest.mark.parametrize("vector", VECTORS["messages"], ids=lambda v: v["hex"])
 def test_golden_messages(vector: dict[str, Any]) -> None:
-    fields = {name: tuple(value) if isinstance(value, list) else value for name, value in vector["fields"].items()}
-    message = CLASSES[vector["kind"]](**fields)
+    message = message_of(vector)
     assert kind_name(message) == vector["kind"]
     assert encode(message).hex() == vector["hex"]
     assert decode(bytes.fromhex(vector["hex"])) == message
@@ -129,7 +140,7 @@ def test_any_message_comes_back_within_half_a_resolution(message: Any) -> None:
     assert encode(back) == data
     for field in known.fields:
         sent, came = getattr(message, field.name), getattr(back, field.name)
-        if field.integral:
+        if isinstance(field, registry.Bytes) or field.integral:
             assert came == sent
         else:
             off = abs(came - sent)
@@ -186,6 +197,9 @@ def test_decoded_decimals_are_the_nearest_floats() -> None:
         (SyncReply(0, 0, -(10**15) - 1, 0), "range"),
         (Threshold(65536, 50.0), "range"),
         (Threshold(0, math.nan), "range"),
+        (Track(0, 0, 0, 1, 4, bytes(1025), b""), "range"),
+        (Track(0, 0, 0, 1, 4, bytearray(4), b""), "type"),  # type: ignore[arg-type]
+        (Track(0, 0, 0, 1, 4, "", b""), "type"),  # type: ignore[arg-type]
         (Doa, "kind"),
         ("doa", "kind"),
         (None, "kind"),
@@ -245,7 +259,7 @@ def test_no_messagepack_crashes_the_decoder(array: list[Any]) -> None:
 @settings(max_examples=300)
 @given(st.sampled_from(registry.product_kinds()), st.data())
 def test_no_field_crashes_the_decoder(known: registry.Kind, data: st.DataObject) -> None:
-    wrong = [data.draw(values | any_of(field).map(int)) for field in known.fields]
+    wrong = [data.draw(values | any_of(field)) for field in known.fields]
     refused_or_canonical(_packed([1, known.number, *wrong]))
 
 
@@ -268,8 +282,22 @@ def test_only_bytes_are_a_payload(data: object) -> None:
 
 
 def test_a_long_payload_is_refused_unread() -> None:
-    assert reason_of(bytes(257)) == "size"
-    assert reason_of(bytes(256)) == "malformed"
+    assert reason_of(bytes(wire.MAX_BYTES + 1)) == "size"
+    assert reason_of(bytes(wire.MAX_BYTES)) == "malformed"
+
+
+def test_each_kind_has_a_limit_of_its_own() -> None:
+    """27 numbers are at most 256 bytes; a track has as many more as its two fields of bytes may hold."""
+    limits = {known.name: known.most_bytes for known in registry.product_kinds()}
+    assert limits.pop("track") == 256 + 1024 + 2048 <= wire.MAX_BYTES
+    assert set(limits.values()) == {256}
+    assert reason_of(_packed([1, 1, 3, 100, bytes(300)])) == "size"
+    assert reason_of(_packed([1, 1, 3, 100, bytes(200)])) == "type"
+    largest = Track(10**15, 2**32 - 1, 255, 3, 16, bytes(1024), bytes(2048))
+    assert decode(encode(largest)) == largest
+    assert reason_of(_packed([1, 6, 0, 0, 0, 1, 4, bytes(1025), b""])) == "range"
+    assert reason_of(_packed([1, 6, 0, 0, 0, 1, 4, bytes(1024), bytes(2049)])) == "range"
+    assert reason_of(_packed([1, 6, 0, 0, 0, 1, 4, b"", bytes(3400)])) == "size"
 
 
 @pytest.mark.parametrize(
@@ -319,7 +347,7 @@ def test_a_kind_of_ones_own() -> None:
     assert kind_name(gust) == "wind"
     assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
     assert decode(encode(gust)) == Wind(12.5, -(2**63))
-    own = ["doa", "sync-request", "sync-reply", "threshold", "measurement"]
+    own = ["doa", "sync-request", "sync-reply", "threshold", "measurement", "track"]
     assert [known.name for known in registry.product_kinds()] == own
 
 
@@ -335,6 +363,14 @@ def test_a_kind_that_ends_in_any_number_of_numbers() -> None:
     for levels in ((), (0.0,) * 28):
         with pytest.raises(WireError, match="spectrum has 1 to 27"):
             encode(Spectrum(levels))
+    with pytest.raises(TypeError, match="two: up to 6256 bytes, at most 4096 fit a message"):
+
+        @kind(202, "two")
+        @dataclass(frozen=True, slots=True)
+        class Large:
+            one: Annotated[bytes, Blob(3000)]
+            other: Annotated[bytes, Blob(3000)]
+
     with pytest.raises(TypeError, match="only the last field may be a tuple"):
 
         @kind(202, "two")
@@ -371,12 +407,18 @@ def test_a_number_or_name_that_is_taken_or_invalid(number: int, name: str) -> No
         Annotated[float, Scaled(0, 1, 0.3)],
         Annotated[float, Scaled(1, 0)],
         Annotated[float, Scaled(0, 1e18, 0.01)],
+        bytes,
+        Annotated[bytes, Scaled(0, 1)],
+        Annotated[int, Blob(4)],
+        Annotated[bytes, Blob(0)],
+        Annotated[bytes, Blob(3841)],
+        tuple[Annotated[bytes, Blob(4)], ...],
     ],
     ids=str,
 )
 def test_a_field_that_cannot_be_encoded(hint: Any) -> None:
     with pytest.raises(TypeError, match=r"^x: "):
-        registry.Field.of("x", hint)
+        registry.field_of("x", hint)
 
 
 @pytest.mark.usefixtures("own_kinds")

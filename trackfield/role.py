@@ -131,7 +131,11 @@ class TrackPoint:
     in a live track ``lag`` is 0. ``step`` is the number of the instant if the tracker works in steps.
 
     ``source`` is the process that published it, set by its driver. If processes take turns, ``term`` counts the
-    turns: of two points for one instant the one of the higher term holds.
+    turns: of two points for one instant the one of the higher term holds. ``origin`` is the process whose tracker made
+    the point, if that is another one, which sent it by radio.
+
+    ``unknowns`` are estimates of what the sensors' kind has unknown besides x, y, vx, vy, in its order and units, and
+    ``unknown_sds`` their standard deviations.
     """
 
     tracker: str
@@ -146,6 +150,9 @@ class TrackPoint:
     step: int | None = None
     term: int = 0
     source: str = ""
+    origin: str = ""
+    unknowns: tuple[float, ...] = ()
+    unknown_sds: tuple[float, ...] = ()
 
     @property
     def reports(self) -> int:

@@ -37,8 +37,8 @@ def assembled(built: Built) -> Assembled:
     tracking = tracking_of(built.site, built.first)
     banks = {p.id: _bank(built, p, tracking) for p in built.processes if p.fuses}
     processes = _Assembly(built, tracking, banks).processes()  # which loads the kinds of message of users' own roles
-    end_ns = built.site.end_ns
-    flows = [Flow(longest(kind, tracking, end_ns), tuple(links)) for kind, links in _pairs(built).items()]
+    sent = {kind for process in built.processes if process.senses for kind in process.sends}
+    flows = [Flow(longest(kind, built.site), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
     return Assembled(_acquainted(processes, flows), tracking, banks, tuple(flows))
 
 
@@ -76,7 +76,7 @@ class _Assembly:
             config,
             float(process.x),
             float(process.y),
-            self._built.site.sound(self._numbers[id]) if process.senses else {},
+            self._built.site.sensor(self._numbers[id]).to_plain() if process.senses else {},
             sink=not process.senses,
             clock=clock_of(self._scenario, id) if process.asks else {},
             power=self._power(process),
@@ -86,7 +86,7 @@ class _Assembly:
     def _config(self, process: Process) -> dict[str, Any]:
         """The arguments of its role: its own, what it needs to track, how it sets its clock."""
         bank = {**self._tracking, **self._banks[process.id]} if process.fuses else {}
-        sync = sync_of(self._scenario, process.id) if process.asks else None
+        sync = sync_of(self._scenario, process.id, process.asks) if process.asks else None
         return {**bank, **process.config, **if_used(sync=sync)}
 
     def _power(self, process: Process) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def _pairs(built: Built) -> dict[str, dict[Pair, None]]:
     """Who sends to whom, by kind of message: first what sensors send, then what sets clocks, then all else."""
     pairs: dict[str, dict[Pair, None]] = defaultdict(dict)
     senders = sorted(built.processes, key=lambda process: not process.senses)
-    asking = [process for process in senders if process.asks and sync_of(built.site.scenario, process.id)]
+    asking = [process for process in senders if process.asks and sync_of(built.site.scenario, process.id, process.asks)]
     for process in filter(lambda one: one.senses, senders):
         _enter(pairs, process)
     for process in asking:

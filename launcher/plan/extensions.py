@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
-from math import isfinite
 from typing import Any
 
-import numpy as np
-
+from launcher.plan.hardware import adaptive
+from launcher.plan.probe import biases, probe
 from launcher.records import Plan
 from trackfield.errors import ScenarioError, together
-from trackfield.filters.trackers import ANY_SENSOR, TRACKERS, make_tracker
+from trackfield.filters.needs import unmet
+from trackfield.filters.trackers import TRACKERS, make_tracker
 from trackfield.plugins import importable
 from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.sections.fusion import Fusion
-from trackfield.scenario.sensors import OwnSensor
-from trackfield.sensing.kinds import SENSORS, Sensor, make_sensor
+from trackfield.scenario.survey import named
+from trackfield.sensing.kinds import SENSORS
 
 
 def own_places(scenario: Scenario) -> dict[str, str]:
@@ -29,8 +29,9 @@ def own_places(scenario: Scenario) -> dict[str, str]:
     check_trackers(scenario.fusion)
     kinds = sorted({kind for _, kind in _kinds(scenario.fusion)} - TRACKERS.own.keys())
     places = {f"tracker:{kind}": TRACKERS.place(kind) for kind in kinds}
-    if isinstance(scenario.sensor, OwnSensor):
-        places[f"sensor:{scenario.sensor.kind}"] = SENSORS.place(scenario.sensor.kind)
+    for _, section in scenario.keyed_sensors:
+        if section.kind in SENSORS and section.kind not in SENSORS.own:
+            places[f"sensor:{section.kind}"] = SENSORS.place(section.kind)
     return places
 
 
@@ -59,49 +60,23 @@ def _kinds(fusion: Fusion) -> Iterator[tuple[str, str]]:
     return ((name, str(options.get(name, {}).get("tracker", name))) for name in fusion.trackers)
 
 
-def own_sensor(scenario: Scenario, section: OwnSensor) -> Mapping[str, Any]:
-    """The arguments of ``make_sensor`` with which other processes make a user's own sensor.
-
-    Raises ``ScenarioError`` for an unknown kind, options that do not fit, methods that do not return what they should,
-    and for trackers and faults that do not work with such a sensor.
-    """
-    kind = section.kind
-    _probe(kind, make_sensor(kind, section.options))
+def check_sensing(scenario: Scenario) -> None:
+    """Raise ``ScenarioError`` unless the kinds of sensing are what they should be, and trackers and faults fit them."""
+    sections = named(scenario)
+    kinds = {name: section.sensing for name, section in sections.items()}
+    for kind in kinds.values():
+        if kind.name not in SENSORS.own:
+            probe(kind)
+    adaptive(scenario)
     for name, tracker in _kinds(scenario.fusion):
-        if tracker in TRACKERS.own.keys() - ANY_SENSOR:
-            what = f"'{name}' takes bearings only, and sensors of kind '{kind}' report none"
-            expected = f"{', '.join(sorted(ANY_SENSOR))}, or one of your own"
-            raise ScenarioError(what, key="fusion.trackers", expected=expected)
+        if tracker in TRACKERS and (why := unmet(TRACKERS[tracker], kinds)):
+            able = [own for own in TRACKERS.own if not unmet(TRACKERS.own[own], kinds)]
+            expected = f"{', '.join(sorted(able))}, or one of your own"
+            raise ScenarioError(f"'{name}' {why}", key="fusion.trackers", expected=expected)
     for number, fault in enumerate(scenario.faults):
         if isinstance(fault, Bias):
-            what = f"a bias in degrees and dB has no meaning for sensors of kind '{kind}'"
-            raise ScenarioError(what, key=f"faults[{number}].kind", expected="stuck, deaf, babble, or another")
-    return {"kind": kind, "options": section.options}
-
-
-def _probe(kind: str, sensor: Sensor) -> None:
-    """Raise ``ScenarioError`` unless the methods of a sensor return what they should."""
-    m, r = len(sensor.sd), sensor.range_m
-    states = np.array([[r / 2.0, r / 3.0, 1.0, -1.0], [-r / 3.0, r / 4.0, 0.0, 0.0]])
-    for count in (3, 0):
-        positions = np.array([[0.0, 0.0], [r / 5.0, 0.0], [0.0, -r / 5.0]])[:count]
-        for x in (states, states[0]):
-            shape = (*x.shape[:-1], count, m)
-            for name, expected in (("h", shape), ("jacobian", (*shape, 4))):
-                given = np.shape(_call(kind, name, getattr(sensor, name), x, positions))
-                if given != expected:
-                    what = f"returned an array {given} for states {x.shape} and positions {positions.shape}"
-                    raise ScenarioError(what, key=f"sensor '{kind}': {name}", expected=f"{expected}")
-    reading = _call(kind, "simulate", sensor.simulate, (r / 2.0, 0.0, 1.0, 0.0), (0.0, 0.0), (0.0,) * m)
-    if reading is not None and not (len(reading) == m and all(map(isfinite, reading))):
-        raise ScenarioError(f"returned {reading!r}", key=f"sensor '{kind}': simulate", expected=f"{m} numbers, or None")
-
-
-def _call(kind: str, name: str, method: Callable[..., Any], *arguments: object) -> Any:
-    try:
-        return method(*arguments)
-    except Exception as error:
-        raise ScenarioError(f"{type(error).__name__}: {error}", key=f"sensor '{kind}': {name}") from error
+            for kind in kinds.values():
+                biases(number, fault, kind)
 
 
 def check_importable(plan: Plan) -> None:

@@ -9,6 +9,7 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
+from launcher.plan.probe import biases
 from launcher.records import SENSES, Place
 from trackfield.draw import bits
 from trackfield.errors import ScenarioError, combined, together
@@ -16,6 +17,7 @@ from trackfield.link.partitioned import Cut
 from trackfield.role import NS
 from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
 from trackfield.scenario.nearest import suggestion
+from trackfield.sensing.complete import Kind
 from trackfield.words import quoted
 
 MS: Final = 1_000_000
@@ -96,11 +98,19 @@ Numbered = tuple[int, Fault]
 """A fault, and its number in the scenario."""
 
 
-def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns: int, origin_ns: int = 0) -> Faults:
+def resolve(
+    faults: Sequence[Fault],
+    seed: int,
+    places: Sequence[Place],
+    end_ns: int,
+    origin_ns: int = 0,
+    kinds: Mapping[str, Kind] | None = None,
+) -> Faults:
     """The faults of a field, in a run that ends at ``end_ns``; their times count from the first step, at ``origin_ns``.
 
-    A share of the sensors, or of a role, is drawn by seed and the fault's number. Raises one ``ScenarioError`` for all
-    unknown ids and roles, faults after the end, and faults that contradict each other.
+    ``kinds`` are those of the sensors by id, for biases in their units. A share of the sensors, or of a role, is drawn
+    by seed and the fault's number. Raises one ``ScenarioError`` for all unknown ids and roles, faults after the end,
+    and faults that contradict each other.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
     partitions, marks, spells = list[Cut](), list[Mark](), list[Spell]()
@@ -118,7 +128,7 @@ def resolve(faults: Sequence[Fault], seed: int, places: Sequence[Place], end_ns:
     fates, wrong = dict[str, Fates](), dict[str, ScenarioError]()
     for id, own in befalls.items():
         try:
-            fates[id] = _fates(id, sorted(own, key=_when), last_ns)
+            fates[id] = _fates(id, sorted(own, key=_when), last_ns, (kinds or {}).get(id))
         except ScenarioError as error:
             wrong.setdefault(error.key, error)  # the same of a thousand processes is told once
     if wrong:
@@ -227,7 +237,7 @@ def _with_role(number: int, fault: Fault, field: _Field) -> list[str]:
     return [place.id for place in found]
 
 
-def _fates(id: str, own: Sequence[Numbered], end_ns: int) -> Fates:
+def _fates(id: str, own: Sequence[Numbered], end_ns: int, kind: Kind | None) -> Fates:
     """The faults of this process, from all of them in the order in which they begin."""
     jumps: dict[int, int] = defaultdict(int)
     for _, fault in own:
@@ -238,7 +248,7 @@ def _fates(id: str, own: Sequence[Numbered], end_ns: int) -> Fates:
     return Fates(
         lives=_lives(id, own, end_ns),
         jumps=tuple((at, by) for at, by in sorted(jumps.items()) if by),
-        sensor=tuple(_plain(fault, end_ns) for _, fault in sensor if isinstance(fault, SensorFault)),
+        sensor=tuple(_plain(one, end_ns, kind) for one in sensor),
     )
 
 
@@ -292,11 +302,12 @@ def _check_sensor(id: str, own: Sequence[Numbered]) -> None:
             raise ScenarioError(what, key=f"faults[{number}].at_s", expected="one such fault of a sensor at a time")
 
 
-def _plain(fault: SensorFault, end_ns: int) -> dict[str, Any]:
+def _plain(one: Numbered, end_ns: int, kind: Kind | None) -> dict[str, Any]:
     """As ``world/faulty.py`` has it."""
-    until_ns = None if fault.until_s is None or fault.until_s * NS >= end_ns else _ns(fault.until_s)
-    plain = {"kind": fault.kind, "from_ns": _ns(fault.at_s), "until_ns": until_ns}
-    return plain | ({"bias_deg": fault.bias_deg, "bias_db": fault.bias_db} if isinstance(fault, Bias) else {})
+    number, fault = one
+    until_s = _until_s(fault, end_ns)
+    plain = {"kind": fault.kind, "from_ns": _ns(fault.at_s), "until_ns": None if until_s is None else _ns(until_s)}
+    return plain | ({"bias": biases(number, fault, kind)} if isinstance(fault, Bias) and kind else {})
 
 
 def _marks(fault: Fault, ids: Sequence[str], end_ns: int) -> Iterator[Mark]:
@@ -329,5 +340,6 @@ def _text(fault: Fault, until_s: float | None) -> str:
         case ClockJump():
             text = f"clock jump by {fault.jump_ms:+g} ms"
         case Bias():
-            text += f": {fault.bias_deg:+g} degrees, {fault.bias_db:+g} dB"
+            by = f"{fault.bias_deg:+g} degrees, {fault.bias_db:+g} dB"
+            text += f": {by if fault.by is None else ', '.join(f'{one:+g}' for one in fault.by)}"
     return text

@@ -20,7 +20,7 @@ from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
-from trackfield.sensing.kinds import fix_sensors, make_sensor
+from trackfield.sensing.kinds import make_sensor
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
@@ -30,8 +30,6 @@ MOST_FRAMES: Final = 1000
 """Frames sent on trial, at most, to learn the delay and air time of a report."""
 MOST_SENSORS: Final = 64
 """If more sensors have a target in reach, those with the best links count."""
-DOA_FIX: Final = 2
-"""Two bearings give a position."""
 
 
 @dataclass(frozen=True)
@@ -117,38 +115,47 @@ def best(shares: Shares) -> dict[str, float]:
     return found
 
 
+@dataclass(frozen=True)
+class Way:
+    """How a sensor reports: to whom (of several the nearest), in messages of which kind and of how many bytes."""
+
+    to: str
+    kind: str
+    size: int
+
+
 def foresee(plan: Plan) -> Foresight:
     """What to expect of this plan."""
-    hearers = _hearers(plan)
-    sensors = [place for place in plan.info.tagged(SENSES) if place.id in hearers or not hearers]
+    ways = _ways(plan)
+    sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways]
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
-    heard = Heard.of(plan, positions)
+    heard = Heard.of(plan, positions, np.array([plan.reaches[id] for id in ids]))
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
-    rows = len(heard.sensor)
+    rows = len(heard.sensor) if ways else 0
     some = np.unique(np.linspace(0, rows - 1, min(rows, MOST_FRAMES)).round().astype(int))
-    trial = _trial(plan, ids, heard, some, hearers)
+    trial = _trial(plan, ids, heard, some, ways)
     wait_s = _waits(plan, heard, trial)
     sent = np.isfinite(wait_s)
     leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
     by_sender = np.split(leaves_ns[np.argsort(heard.sensor, kind="stable")], np.cumsum(counts)[:-1])
     when = {ids[i]: times.tolist() for i, times in zip(senders.tolist(), by_sender, strict=False)}
     used = receptions(plan, when)
-    chance = _chances(plan, ids, heard, leaves_ns, next(iter(used.values()), {})) * sent
+    chance = _chances(plan, ids, heard, leaves_ns, _shares(plan, used), ways) * sent
     use_s = max(plan.deadline_s, plan.max_age_s)
     share = chance * trial.in_time(use_s - wait_s)
     delay_s = trial.delay_s + wait_s[some]
     needs = _needs(plan, len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
+    receivers = [ways[id].to if ways else "" for id in ids]
     return Foresight(
         needs=needs,
         steps=heard.steps,
         every=heard.every,
         adaptive=_adaptive(plan),
         coverage=tuple(
-            _coverage(plan, id, path, heard, positions, share, needs, [hearers.get(id, "") for id in ids])
-            for id, path in plan.paths.items()
+            _coverage(plan, id, path, heard, positions, share, needs, receivers) for id, path in plan.paths.items()
         ),
         reports=reports,
         receptions=used,
@@ -159,18 +166,26 @@ def foresee(plan: Plan) -> Foresight:
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
-        duty=_duty(plan, ids, heard, trial, hearers),
+        duty=_duty(plan, ids, heard, trial, ways),
     )
 
 
-def _hearers(plan: Plan) -> dict[str, str]:
-    """The process that gets each sensor's reports: of several the nearest."""
+def _ways(plan: Plan) -> dict[str, Way]:
+    """How each sensor reports, by its id."""
     at = {place.id: (place.x, place.y) for place in plan.info.places}
-    found: dict[str, str] = {}
-    for src, dst in plan.reports.pairs if plan.reports else ():
-        if src not in found or dist(at[src], at[dst]) < dist(at[src], at[found[src]]):
-            found[src] = dst
+    found: dict[str, Way] = {}
+    for flow in plan.reports:
+        kind, size = kind_of(flow.message).name, len(encode(flow.message))
+        for src, dst in flow.pairs:
+            if src not in found or dist(at[src], at[dst]) < dist(at[src], at[found[src].to]):
+                found[src] = Way(dst, kind, size)
     return found
+
+
+def _shares(plan: Plan, used: Mapping[str, Shares]) -> Shares:
+    """The receptions of all links by which sensors report."""
+    names = (kind_of(flow.message).name for flow in plan.reports)
+    return {link: share for name in names for link, share in used[name].items()}
 
 
 def _adaptive(plan: Plan) -> bool:
@@ -180,8 +195,7 @@ def _adaptive(plan: Plan) -> bool:
 
 def _needs(plan: Plan, sensors: int) -> int:
     """How many sensors a fix takes; in a field of fewer that starts from a prior, all of them."""
-    own = plan.tracking.get("sensor")
-    needs = fix_sensors(make_sensor(**own)) if own else DOA_FIX
+    needs = max(make_sensor(**arguments).fix_sensors for arguments in plan.tracking["sensing"].values())
     return min(needs, sensors) if plan.tracking.get("prior") else needs
 
 
@@ -200,20 +214,26 @@ def _waits(plan: Plan, heard: Heard, trial: Trial) -> Array:
     return wait_s
 
 
-def _chances(plan: Plan, ids: list[str], heard: Heard, leaves_ns: NDArray[np.int64], shares: Shares) -> Array:
+def _chances(
+    plan: Plan,
+    ids: list[str],
+    heard: Heard,
+    leaves_ns: NDArray[np.int64],
+    shares: Shares,
+    ways: Mapping[str, Way],
+) -> Array:
     """(n,) the probability that each report, sent then, arrives at its best receiver; links have these ``shares``."""
-    if not varies(plan) or plan.reports is None:
+    if not varies(plan) or not ways:
         at_best = best(shares)
         return np.array([at_best.get(id, 0.0) for id in ids])[heard.sensor]
-    link, message = _link(plan), plan.reports.message
-    kind, size = kind_of(message).name, len(encode(message))
+    link = _link(plan)
     receivers: dict[str, list[str]] = {}
     for src, dst in shares:
         receivers.setdefault(src, []).append(dst)
     return np.array(
         [
-            max(link.reception(ids[i], dst, size, kind, t_ns) for dst in receivers[ids[i]])
-            for i, t_ns in zip(heard.sensor.tolist(), leaves_ns.tolist(), strict=True)
+            max(link.reception(id, dst, ways[id].size, ways[id].kind, t_ns) for dst in receivers[id])
+            for id, t_ns in zip([ids[i] for i in heard.sensor.tolist()], leaves_ns.tolist(), strict=True)
         ]
     )
 
@@ -263,15 +283,14 @@ def at_least(needs: int, chances: Array) -> Array:
     return so_many[:, needs]
 
 
-def _trial(plan: Plan, ids: list[str], heard: Heard, some: Indices, hearers: Mapping[str, str]) -> Trial:
+def _trial(plan: Plan, ids: list[str], heard: Heard, some: Indices, ways: Mapping[str, Way]) -> Trial:
     """The reports of ``some`` rows, as the link would treat them."""
-    if plan.reports is None or not len(some):
+    if not len(some):
         return Trial(*np.empty((4, 0)))
-    link, message = _link(plan), plan.reports.message
-    kind, size = kind_of(message).name, len(encode(message))
+    link = _link(plan)
     fates = [
-        link.fate(ids[i], hearers[ids[i]], kind, t_ns, 0, size)
-        for i, t_ns in zip(heard.sensor[some].tolist(), heard.t_ns[some].tolist(), strict=True)
+        link.fate(id, ways[id].to, ways[id].kind, t_ns, 0, ways[id].size)
+        for id, t_ns in zip([ids[i] for i in heard.sensor[some].tolist()], heard.t_ns[some].tolist(), strict=True)
     ]
     lost = float("nan")
     rows = [(f.delay_ns if f.cause is None else lost, f.air_ns, f.ack_air_ns, f.busy_ns) for f in fates]
@@ -282,13 +301,13 @@ def _link(plan: Plan) -> Link:
     return make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
 
 
-def _duty(plan: Plan, ids: list[str], heard: Heard, trial: Trial, hearer: Mapping[str, str]) -> Duty | None:
+def _duty(plan: Plan, ids: list[str], heard: Heard, trial: Trial, ways: Mapping[str, Way]) -> Duty | None:
     """The node whose reports, or acknowledgements of reports, are longest on air in any hour."""
     name = str(plan.run.link.get("radio"))
     if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(trial.air_s):
         return None
-    hearers = sorted(set(hearer.values()))
-    to = np.array([hearers.index(hearer[ids[i]]) for i in heard.sensor.tolist()], np.intp)
+    hearers = sorted({way.to for way in ways.values()})
+    to = np.array([hearers.index(ways[ids[i]].to) for i in heard.sensor.tolist()], np.intp)
     air_s, ack_s = float(trial.air_s.mean()), float(trial.ack_s.mean())
     on_air = [Duty(ids[i], "reports", n * air_s) for i, n in _busiest(heard, heard.sensor)]
     on_air += [Duty(hearers[i], "acknowledgements", n * ack_s) for i, n in _busiest(heard, to)]

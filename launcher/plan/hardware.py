@@ -6,12 +6,13 @@ from dataclasses import asdict, replace
 from typing import Any, Final
 
 from trackfield.draw import normal
+from trackfield.errors import ScenarioError
 from trackfield.link.energy import DEVICES
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 from trackfield.scenario import Scenario
 from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
-from trackfield.scenario.sensors import Acoustic
+from trackfield.sensing.complete import Kind
 
 FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12
@@ -30,7 +31,10 @@ SYNC_BYTES: Final = 64
 
 
 def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
-    """The clock of a sensor node: how far it is off, drawn for this node alone; nothing if clocks are right."""
+    """The clock of process ``id``: how far it is off, drawn for this process alone; nothing if clocks are right.
+
+    For every process but the one whose clock is the run's reference, which an architecture chooses.
+    """
     clock, seed = scenario.clock, scenario.seed
     if not clock.off:
         return {}
@@ -41,12 +45,17 @@ def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
     }
 
 
-def sync_of(scenario: Scenario, id: str) -> dict[str, Any] | None:
-    """How a sensor node sets its clock; None if it never does."""
+def sync_of(scenario: Scenario, id: str, reference: str) -> dict[str, Any] | None:
+    """How process ``id`` sets its clock by asking ``reference``, the ``sync`` of its role; None if it never does.
+
+    These are the fields of ``Rounds`` (``trackfield/protocols/timesync.py``). The reference is any process that tells
+    the time: the one whose clock is right, or one that asks another in turn.
+    """
     clock = scenario.clock
     if not (clock.sync and clock.off):
         return None
     return {
+        "reference": reference,
         "exchanges": clock.exchanges,
         "resync_ns": round(clock.resync_s * NS),
         "timeout_ns": PATIENCE_NS + 2 * slowest_ns(scenario),
@@ -60,7 +69,7 @@ def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] |
 
     The first step is at ``origin_ns``, the run ends at ``end_ns``.
     """
-    if not (isinstance(scenario.sensor, Acoustic) and scenario.sensor.adaptive):
+    if adaptive(scenario) is None:
         return None
     step_ns, guard_ns = round(scenario.step_s * NS), _guard_ns(scenario, end_ns)
     match scenario.link:
@@ -75,6 +84,19 @@ def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] |
         # At most until it listens again: a threshold that comes after the next step's instant counts for later steps.
         "listen_for_ns": min(window_ns + 2 * guard_ns, step_ns),
     }
+
+
+def adaptive(scenario: Scenario) -> Kind | None:
+    """The kind of sensing whose threshold is set by whoever tracks; None if there is none.
+
+    Raises ``ScenarioError`` if it is one of several kinds: a threshold holds for all sensors.
+    """
+    kinds = [section.sensing for _, section in scenario.keyed_sensors]
+    found = next((kind for kind in kinds if kind.adaptive), None)
+    if found is not None and len(kinds) > 1:
+        what = f"sensors of kind '{found.name}' have an adaptive threshold, and there are others"
+        raise ScenarioError(what, key="sensors", expected="a fixed threshold, or sensors of one kind")
+    return found
 
 
 def _guard_ns(scenario: Scenario, end_ns: int) -> int:

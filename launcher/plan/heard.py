@@ -37,17 +37,15 @@ class Heard:
     steps: int
 
     @classmethod
-    def of(cls, plan: Plan, positions: Array) -> Heard:
-        """Those of a plan."""
+    def of(cls, plan: Plan, positions: Array, reaches: Array) -> Heard:
+        """Those of a plan, by sensors at ``positions`` (n, 2) that report as far as their ``reaches`` (n,)."""
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
         from scipy.spatial import cKDTree
 
         tree = cKDTree(positions)
         every = -(-_pairs(plan, tree, steps) // MOST_REPORTS) or 1
         times = tuple(steps[::every])
-        rows = [
-            _rows(tree, path, number, times, plan.reach_m, positions) for number, path in enumerate(plan.paths.values())
-        ]
+        rows = [_rows(tree, path, number, times, reaches, positions) for number, path in enumerate(plan.paths.values())]
         t_ns, target, sensor, far = (np.concatenate(column) for column in zip(*rows, strict=True))
         order = np.lexsort((far, sensor, t_ns))
         t_ns, target, sensor = t_ns[order], target[order], sensor[order]
@@ -65,14 +63,15 @@ def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:
 
 
 def _rows(
-    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reach_m: float, positions: Array
+    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reaches: Array, positions: Array
 ) -> tuple[NDArray[np.int64], Indices, Indices, Array]:
     """When, which target, which sensor, how far away (m), for all sensors in reach of one target."""
     there = [(t, state[:2]) for t in times if (state := path.at(t / NS)) is not None]
     points = np.reshape([point for _, point in there], (-1, 2))
-    near: Any = tree.query_ball_point(points, reach_m) if len(points) else []
+    near: Any = tree.query_ball_point(points, float(reaches.max())) if len(points) else []
     counts = [len(found) for found in near]
     sensor = np.array([i for found in near for i in found], np.intp)
     far = np.hypot(*(np.repeat(points, counts, axis=0) - positions[sensor]).T)
     t_ns = np.repeat(np.array([t for t, _ in there], np.int64), counts)
-    return t_ns, np.full(len(sensor), number), sensor, far
+    heard = far <= reaches[sensor]
+    return t_ns[heard], np.full(int(heard.sum()), number), sensor[heard], far[heard]

@@ -46,7 +46,6 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     places = own_places(scenario)
     whole = assembled(field)
     processes = tuple(life for process in whole.processes for life in _lives(process, faults))
-    _, report_m = scenario.sensor.reach_m()
     return Plan(
         spec,
         processes,
@@ -55,7 +54,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         whole.tracking,
         field.views,
         whole.flows,
-        report_m,
+        {id: kind.report_m for id, kind in site.sensing.items()},
         scenario.restart == "on-death",
         lost_of(scenario),
         scenario.fusion.deadline_s,
@@ -68,7 +67,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
 def planned_faults(field: Built) -> Faults:
     """The planned faults by process. Raises ``ScenarioError`` as ``resolve`` does."""
     site, scenario = field.site, field.site.scenario
-    return resolve(scenario.faults, scenario.seed, field.places, site.end_ns, site.origin_ns)
+    return resolve(scenario.faults, scenario.seed, field.places, site.end_ns, site.origin_ns, site.sensing)
 
 
 def lost_of(scenario: Scenario) -> Lost:
@@ -138,6 +137,7 @@ def _info(field: Built, spec: RunSpec, faults: Faults) -> FieldInfo:
         paths=field.routes,
         origin_ns=site.origin_ns,
         step_ns=site.step_ns,
+        layers={id: kind.layer for id, kind in site.sensing.items() if kind.layer},
     )
 
 

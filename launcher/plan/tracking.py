@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from launcher.plan.extensions import check_trackers, own_sensor
+from launcher.plan.extensions import check_sensing, check_trackers
 from trackfield.draw import normal
 from trackfield.errors import together
 from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.options import tables
-from trackfield.scenario.sensors import Acoustic, OwnSensor
+from trackfield.scenario.survey import named
 from trackfield.tracking.smoothing import lagged_names
 
 
@@ -27,7 +27,7 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
         "trackers": list(scenario.fusion.trackers),
         "sensors": [list(place) for place in site.believed],
         "step_ns": site.step_ns,
-        **_noise(scenario),
+        "sensing": _sensing(scenario),
         "seed": scenario.seed,
         "prior": _prior(site, source),
         "sigma_v": scenario.fusion.sigma_v,
@@ -36,13 +36,14 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
             options=tables(scenario.fusion.options),
             smooth_lag=scenario.fusion.smooth_lag,
             origin_ns=site.origin_ns,
+            kinds=_kinds(site),
         ),
     }
 
 
 def check_tracking(scenario: Scenario) -> None:
     """Raise ``ScenarioError`` for unknown trackers and sensors, and for those that do not fit each other."""
-    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(_noise, scenario)]
+    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(_sensing, scenario)]
     together(checks)
 
 
@@ -58,13 +59,17 @@ def if_used(**more: Any) -> dict[str, Any]:
     return {name: value for name, value in more.items() if value}
 
 
-def _noise(scenario: Scenario) -> Mapping[str, Any]:
-    """The noise of reports, or the user's own sensor that makes them."""
-    sensor = scenario.sensor
-    if isinstance(sensor, Acoustic):
-        return {"doa_sd_deg": sensor.doa_sd_deg}
-    assert isinstance(sensor, OwnSensor)
-    return {"sensor": own_sensor(scenario, sensor)}
+def _sensing(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """The arguments of ``make_sensor`` of each kind of sensing by name. Raises ``ScenarioError`` as its checks do."""
+    check_sensing(scenario)
+    return {name: section.plain for name, section in named(scenario).items()}
+
+
+def _kinds(site: Site) -> dict[str, list[str]]:
+    """Which sensors are of which kind, of several kinds."""
+    ids = [id for id, *_ in site.sensors]
+    several = len(site.kinds) > 1
+    return {name: [ids[i] for i in sorted(members)] for name, members in site.kinds.items()} if several else {}
 
 
 def _prior(site: Site, source: str) -> Mapping[str, Sequence[float]] | None:

@@ -22,9 +22,11 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
 from trackfield.drivers.telemetry import pack
 from trackfield.link.energy import DEVICES
 from trackfield.role import NS
+from trackfield.sensing.kinds import known_sensor
 from trackfield.wire import keys
-from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
+from trackfield.world.placed import Placed
+from trackfield.world.scene import Scene
 
 _NODE, _CENTRE = "n001", "fusion"
 _SECONDS: Final = 4
@@ -67,7 +69,9 @@ def a_node() -> int:
 def _spec() -> ProcessSpec:
     """What such a node is."""
     passing = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (float(_SECONDS), float(_SECONDS), 0.0, 1.0, 0.0)])
-    sensor = AcousticSensor(_NODE, (0.0, 1.0), (passing,), ((0, _SECONDS * NS),), 70.0, 2.0, 50.0, 3.0, 0.0, 1)
+    options = {"threshold": 50.0 / 70.0}
+    kind = known_sensor("doa", options)
+    sensor = Placed(_NODE, (0.0, 1.0), Scene((passing,)), ((0, _SECONDS * NS),), kind, options, kind.threshold, 1)
     return ProcessSpec(
         _NODE,
         "node",

@@ -8,27 +8,85 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
-from math import radians
-from typing import Any
 
 import numpy as np
 
-from launcher.record.tables import TrackRow
+from launcher.record.tables import Bounds, TrackRow
+from launcher.record.views import headline
 from launcher.records import SENSES, Plan
-from trackfield.filters.bounds import information, position_sd, trajectory_crlb
+from trackfield.filters.bounds import position_sd, trajectory_crlb
 from trackfield.filters.gaussian import Motion
-from trackfield.filters.measurement import OfSensor
+from trackfield.filters.measurement import extended, sensing_information, widened
 from trackfield.filters.metrics import LOST_M
-from trackfield.filters.types import Array, Measurement, Model
+from trackfield.filters.types import Array, Gaussian, Model, Readings, Reports
 from trackfield.models import motion
 from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.following import ANYWHERE
 
+Key = tuple[str, str, str, int]
+"""(source, tracker, target, instant) of a point."""
 Reporting = Mapping[int, Collection[str]]
 """The sensors that reported of each instant (ns)."""
-Series = dict[int, float]
+Series = Mapping[int, float]
 """A bound on the sd of the position (m) by instant (ns)."""
+
+
+def run_bounds(plan: Plan, rows: Collection[TrackRow]) -> dict[str, Series]:
+    """The bound of each source's tracks: that of the reports which the process used that made the point.
+
+    Processes that take turns (``term``) hand their beliefs on, so together they are as one. Where a source has points
+    of several processes at one instant, the lowest bound holds.
+    """
+    chains, origins = defaultdict[str, list[TrackRow]](list), _origins(rows)
+    for row in rows:
+        chains[_chain(row, origins)].append(row)
+    series = {chain: run_bound(plan, made) for chain, made in chains.items()}
+    sources = defaultdict[str, list[tuple[int, Series]]](list)
+    for row in rows:
+        sources[row.point.source].append((row.t_ns, series[_chain(row, origins)]))
+    return {source: _lowest(holding) for source, holding in sources.items()}
+
+
+def headline_bound(plan: Plan, rows: Iterable[TrackRow], bounds: Bounds) -> Series:
+    """The bound of the points of the plan's first view, of all rows of a run and what ``run_bounds`` found for them."""
+    return _lowest([(row.t_ns, bounds[row.point.source]) for row in headline(plan, rows)])
+
+
+def _origins(rows: Iterable[TrackRow]) -> dict[Key, str]:
+    return {_key(row): row.point.origin for row in rows if row.point.origin}
+
+
+def _chain(row: TrackRow, origins: Mapping[Key, str]) -> str:
+    """The process that made a point, which its source may have had over several others; empty if it took turns."""
+    if row.point.term:
+        return ""
+    source, tracker, target, t_ns = _key(row)
+    passed = {source}
+    while (before := origins.get((source, tracker, target, t_ns))) and before not in passed:
+        passed.add(source := before)
+    return source
+
+
+def _key(row: TrackRow) -> Key:
+    return row.point.source, row.point.tracker, row.point.target, row.t_ns
+
+
+def _lowest(holding: Collection[tuple[int, Series]]) -> Series:
+    """The lowest of the bounds that hold at each instant; none if one of them has none there.
+
+    If the same one holds at all instants, it is known also between them.
+    """
+    if len({id(series) for _, series in holding}) == 1:
+        return next(series for _, series in holding)
+    several = defaultdict[int, list[Series]](list)
+    for t_ns, series in holding:
+        several[t_ns].append(series)
+    return {
+        t_ns: min(series[t_ns] for series in found)
+        for t_ns, found in several.items()
+        if all(t_ns in series for series in found)
+    }
 
 
 def run_bound(plan: Plan, rows: Iterable[TrackRow]) -> Series:
@@ -72,45 +130,65 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
         return heard
     ids, times = list(sensors), list(truth)
     near = cKDTree(list(sensors.values())).query_ball_point([truth[t][:2] for t in times], plan.reach_m)
-    return {t: {ids[i] for i in found} | set(heard.get(t, ())) for t, found in zip(times, near, strict=True)}
+    return {
+        t: {id for i in found if _reports(plan, id := ids[i], sensors[id], truth[t])} | set(heard.get(t, ()))
+        for t, found in zip(times, near, strict=True)
+    }
+
+
+def _reports(plan: Plan, id: str, place: tuple[float, float], state: Array) -> bool:
+    """Whether a sensor reports a target in this state."""
+    return bool(np.hypot(*(state[:2] - place)) <= plan.reaches[id])
 
 
 def _series(plan: Plan, reporting: Reporting) -> Series:
     """From the start if there is a prior, else from the time when the target is known to within ``lost_m``."""
     truth, sensors = _truth(plan), _sensors(plan)
-    prior, sensor = plan.tracking.get("prior"), _sensor(plan.tracking)
+    prior, model = plan.tracking.get("prior"), _model(plan)
     first = next((t for t in truth if t > plan.origin_ns and (prior or reporting.get(t))), None)
-    if first is None or min(sensor.sd) <= 0.0:
+    if first is None or model is None:
         return {}
     times = [t for t in truth if t >= first]
-    informations = np.stack([_information(truth[t], reporting.get(t, ()), sensors, sensor) for t in times])
+    informations = np.stack([_information(plan, truth[t], reporting.get(t, ()), sensors, model) for t in times])
     begin = ANYWHERE if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
-    bounds = position_sd(trajectory_crlb(begin, _motions(truth, times, plan.step_ns), informations))
+    begin = extended(Gaussian(np.zeros(4), begin), model.unknowns).covariance
+    bounds = position_sd(trajectory_crlb(begin, _motions(truth, times, plan.step_ns, model), informations))
     known = bounds <= plan.tracking.get("lost_m", LOST_M)
     shown = 0 if prior else int(known.argmax()) if known.any() else len(times)
     return dict(zip(times[shown:], bounds[shown:].tolist(), strict=True))
 
 
-def _sensor(tracking: Mapping[str, Any]) -> Measurement:
-    """The measurement model; its sd is 0 if no process tracks or bearings have no error, and then there is no bound."""
-    own = OfSensor(make_sensor(**tracking["sensor"])) if "sensor" in tracking else None
-    return Model(radians(tracking.get("doa_sd_deg", 0.0)), own=own).sensor
+def _model(plan: Plan) -> Model | None:
+    """What is known of the sensors; None if no process tracks, and then there is no bound."""
+    sensing = plan.tracking.get("sensing")
+    return Model({name: make_sensor(**arguments) for name, arguments in sensing.items()}) if sensing else None
 
 
 def _information(
-    state: Array, ids: Collection[str], places: Mapping[str, tuple[float, float]], sensor: Measurement
+    plan: Plan, state: Array, ids: Collection[str], places: Mapping[str, tuple[float, float]], model: Model
 ) -> Array:
-    positions = np.reshape([places[id] for id in sorted(ids) if id in places], (-1, 2))
-    slopes = sensor.jacobian(state, positions)  # (K, m, 4)
-    return np.asarray(information(slopes, np.asarray(sensor.sd, float)).sum(axis=0))
+    """That of the reports of these sensors, at the true ``state`` (4,); unknowns are taken at their means."""
+    kinds: Mapping[str, Collection[str]] = plan.tracking.get("kinds", dict.fromkeys(model.kinds, places))
+    known, readings = list[str](), list[Readings]()
+    for name, kind in model.kinds.items():
+        mine = sorted(id for id in ids if id in places and id in kinds[name])
+        known += mine
+        readings.append(Readings(name, np.zeros((len(mine), len(kind.sd)))))
+    positions = np.reshape([places[id] for id in known], (-1, 2))
+    x = np.append(state, [one.mean for one in model.unknowns])
+    return sensing_information(model, x, Reports(0, tuple(known), positions, tuple(readings)))
 
 
-def _motions(truth: Mapping[int, Array], times: Collection[int], step_ns: int) -> Motion:
-    """Nearly constant velocity (T, 4, 4), with as much acceleration in each step as there was."""
+def _motions(truth: Mapping[int, Array], times: Collection[int], step_ns: int, model: Model) -> Motion:
+    """Nearly constant velocity (T, 4 + u, 4 + u), with as much acceleration in each step as there was."""
     dt = step_ns / NS
     moved = [truth[t][2:] - truth.get(t - step_ns, truth[t])[2:] for t in times]
     square = np.square(moved).mean(axis=-1) / dt**2  # per axis
-    return Motion(np.array(motion.transition(dt)), square[:, None, None] * np.array(motion.process_noise(dt, 1.0)))
+    motions = Motion(np.array(motion.transition(dt)), square[:, None, None] * np.array(motion.process_noise(dt, 1.0)))
+    if not model.unknowns:
+        return motions
+    wide = [widened(Motion(motions.F, Q), model.unknowns, dt) for Q in motions.Q]
+    return Motion(wide[0].F, np.stack([one.Q for one in wide]))
 
 
 def _sensors(plan: Plan) -> dict[str, tuple[float, float]]:

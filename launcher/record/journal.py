@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from errno import ENOSPC
 from functools import cache, partial
@@ -14,12 +14,11 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE, patiently, reason, write_whole
-from launcher.record.bounds import run_bound
+from launcher.record.bounds import headline_bound, run_bounds
 from launcher.record.diary import Event
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.record.tables import TrackRow, nearest, track_rows, write_messages, write_tracks
-from launcher.record.views import headline
+from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_messages, write_tracks
 from launcher.records import MessageRow, Plan
 from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.errors import RunFailed
@@ -142,10 +141,11 @@ class Journal(Telling):
         """
         self._rest, self._deaths = self.ledger.close(name for name, *_ in deaths), deaths
         tracks = track_rows(self.ledger.estimates(), self.plan.paths)
-        bound = run_bound(self.plan, headline(self.plan, tracks))
+        bounds = run_bounds(self.plan, tracks)
+        bound = headline_bound(self.plan, tracks, bounds)
         self._bound = {t_ns: bound[t_ns] for t_ns in sorted({row.t_ns for row in tracks} & bound.keys())}
-        patiently(lambda: self._write_tables(tracks, bound), f"the tables of {self.folder}")
-        metrics = run_metrics(self.plan, self.ledger, tracks, bound)
+        patiently(lambda: self._write_tables(tracks, bounds), f"the tables of {self.folder}")
+        metrics = run_metrics(self.plan, self.ledger, tracks, bounds)
         metrics["recorder"]["messages"] = messages
         return metrics
 
@@ -156,9 +156,9 @@ class Journal(Telling):
             os.truncate(self._file, 0)  # it is still open
             self._file.unlink()
 
-    def _write_tables(self, tracks: Sequence[TrackRow], bound: Mapping[int, float]) -> None:
+    def _write_tables(self, tracks: Sequence[TrackRow], bounds: Bounds) -> None:
         write_messages(self.ledger.rows, self.folder / MESSAGES_TABLE)
-        write_tracks(tracks, bound, self.folder / TRACKS_TABLE, self.plan.origin_ns)
+        write_tracks(tracks, bounds, self.folder / TRACKS_TABLE, self.plan.origin_ns)
 
     def draw(self) -> str:
         """Write the rest of the timeline; returns why it failed, or nothing. To be called after ``tables``."""

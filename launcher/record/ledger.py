@@ -19,9 +19,11 @@ from launcher.records import MessageRow
 from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish, TrackPoint
+from trackfield.sensing.complete import Kind
+from trackfield.sensing.kinds import known_kind
 from trackfield.wire.codec import WireError, decode
 from trackfield.wire.keys import id_of
-from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
+from trackfield.wire.messages import SyncReply, SyncRequest, Threshold
 
 FRAMES: Final = "frames"
 """Interference: frames in the name of a process that did not send them."""
@@ -69,6 +71,7 @@ class Ledger:
         for p in processes:
             self._lives[p.id].append(self.diaries[p.name])
         self._listeners = [p for p in self._processes.values() if p.cells]
+        self._kinds: dict[str, Kind | None] = {}
         self._timed = {p.id for p in processes if p.clock or p.jumps}
         self._written: dict[str, None] = {}
         self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
@@ -87,7 +90,7 @@ class Ledger:
         self.on_air += cost.bytes_on_air
         size, frames = self.sent_bytes[frame.src]
         self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
-        said, local_ns = describe(frame.payload), self._local_ns(frame)
+        said, local_ns = describe(frame.payload, self._kind(frame.src)), self._local_ns(frame)
         for hearer in self._hearers(frame):
             outcome, due = "in_flight", None
             if frame.sent_ns < self.run.end_ns:
@@ -229,8 +232,15 @@ class Ledger:
         return (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell))
 
     def _overflowed(self, frame: Frame) -> list[MessageRow]:
-        said = describe(frame.payload)
+        said = describe(frame.payload, self._kind(frame.src))
         return [_row(frame, hearer, "overflow", None, said, None) for hearer in self._hearers(frame)]
+
+    def _kind(self, id: str) -> Kind | None:
+        """The kind of sensing of a process; None if it has no sensor, or is unknown."""
+        if id not in self._kinds:
+            sound = self._processes[id].sound if id in self._processes else {}
+            self._kinds[id] = known_kind(sound["kind"], sound["options"]) if sound else None
+        return self._kinds[id]
 
     def _local_ns(self, frame: Frame) -> int | None:
         """What its sender's clock showed as it left, where that is known."""
@@ -277,37 +287,33 @@ class Ledger:
 
 
 class Said(NamedTuple):
-    """The content of a payload: in words; of a report also its step, and of a DOA report its bearing (degrees)."""
+    """The content of a payload: in words; of a report also its numbers, in the units of its kind, and its step."""
 
     text: str
-    bearing_deg: float | None = None
+    values: tuple[float, ...] = ()
     step: int | None = None
 
 
 def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
     return MessageRow(
         frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
-        frame.incarnation, said.text, said.bearing_deg, said.step, local_ns, frame.payload,
+        frame.incarnation, said.text, said.values, said.step, local_ns, frame.payload,
     )  # fmt: skip
 
 
-def describe(payload: bytes) -> Said:
-    """The content of a payload in words; never raises."""
+def describe(payload: bytes, kind: Kind | None = None) -> Said:
+    """The content of a payload in words, if need be those of its sender's ``kind`` of sensing; never raises."""
     try:
         message = decode(payload)
     except WireError as error:
         return Said(f"malformed ({error.reason})")
+    if kind is not None and kind.takes(message):
+        return Said(kind.words(message), tuple(kind.values(message)), message.step)
     match message:
-        case Doa(step, bearing_deg, level_db):
-            said = Said(f"DOA {bearing_deg:.1f} deg {level_db:.1f} dB", bearing_deg, step)
-        case Measurement(step, values):
-            said = Said(f"measured {', '.join(map(str, values))}", step=step)
         case Threshold(_, level_db):
-            said = Said(f"report from {level_db:.2f} dB on")
+            return Said(f"report from {level_db:.2f} dB on")
         case SyncRequest(exchange, sent_us):
-            said = Said(f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)")
+            return Said(f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)")
         case SyncReply(exchange, left_us=left_us):
-            said = Said(f"it is {left_us / 1e6:.6f} s (exchange {exchange})")
-        case _:
-            said = Said(repr(message))
-    return said
+            return Said(f"it is {left_us / 1e6:.6f} s (exchange {exchange})")
+    return Said(repr(message), step=getattr(message, "step", None))

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 
-from launcher.record.bounds import bound_metrics, run_bound
+from launcher.record.bounds import bound_metrics, headline_bound, run_bounds
 from launcher.record.energy import batteries_of, energy_metrics, lifetime_metrics
 from launcher.record.ledger import Ledger
 from launcher.record.scores import offsets, scored
-from launcher.record.tables import TrackRow
+from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan
 from trackfield.drivers.histogram import Histogram
@@ -31,16 +31,13 @@ ROUTER_LOST: Final = "the router was lost"
 Metrics = dict[str, Any]
 
 
-def run_metrics(
-    plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bound: Mapping[int, float] | None = None
-) -> Metrics:
+def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: Bounds | None = None) -> Metrics:
     """Every key of metrics.json that the ledger and the tracks can fill; null where there is no value.
 
-    ``bound`` is what ``run_bound`` finds for the headline view, if that is known.
+    ``bounds`` is what ``run_bounds`` finds for these tracks, if that is known.
     """
     batteries = batteries_of(plan, ledger)
-    seen_first = headline(plan, tracks)
-    bound = run_bound(plan, seen_first) if bound is None else bound
+    bounds = run_bounds(plan, tracks) if bounds is None else bounds
     return {
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
@@ -49,8 +46,8 @@ def run_metrics(
         **ended_because(THE_END),
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
-        "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bound),
-        "bound": bound_metrics(plan, seen_first, bound),
+        "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bounds),
+        "bound": bound_metrics(plan, headline(plan, tracks), headline_bound(plan, tracks, bounds)),
         "processes": _processes(len(plan.processes)),
         "frames": _frames(ledger),
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
@@ -89,20 +86,20 @@ def _blank(value: object) -> Any:
 
 
 def tracker_metrics(
-    plan: Plan, tracks: Sequence[TrackRow], end_ns: int | None = None, bound: Mapping[int, float] | None = None
+    plan: Plan, tracks: Sequence[TrackRow], end_ns: int | None = None, bounds: Bounds | None = None
 ) -> Metrics:
     """How well each tracker did in the headline view; then by target, by source and in each view.
 
-    ``end_ns`` is when the run ended (None: as planned), ``bound`` that of the headline view (m, by instant in ns).
+    ``end_ns`` is when the run ended (None: as planned).
     """
     own = {name: [row for row in tracks if row.point.tracker == name] for name in plan.info.trackers}
     until_ns = plan.run.end_ns if end_ns is None else end_ns
-    return {name: _tracker(plan, rows, until_ns, bound or {}, plan.lag_of(name)) for name, rows in own.items()}
+    return {name: _tracker(plan, rows, until_ns, bounds or {}, plan.lag_of(name)) for name, rows in own.items()}
 
 
-def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float], lag: int) -> Metrics:
+def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, lag: int) -> Metrics:
     views = {view.name: seen(rows, view) for view in plan.views}
-    scores = {name: scored(plan, chosen, end_ns, bound, lag) for name, chosen in views.items()}
+    scores = {name: scored(plan, chosen, end_ns, bounds, lag) for name, chosen in views.items()}
     several = len(plan.paths) > 1
     first = plan.views[0].name
     return {

@@ -14,9 +14,9 @@ from trackfield.drivers.intake import read, unpacked
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.drivers.telemetry import Telemetry
 from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
-from trackfield.wire.codec import MAX_BYTES
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import Medium, check_id
+from trackfield.wire.registry import check_size
 
 MAX_EVENT: Final = 256 * 1024
 """The largest telemetry of one event (bytes): a point with its particles and the ids of thousands of sensors."""
@@ -118,14 +118,17 @@ def _made(kind: Any, values: list[Any]) -> Any:
 def _point(point: TrackPoint) -> TrackPoint:
     if (len(point.mean), len(point.covariance)) not in ((0, 0), (4, 16)) or len(point.particles) % 8:
         raise WireError("malformed", "no state of x, y, vx, vy")
+    if len(point.unknowns) != len(point.unknown_sds):
+        raise WireError("malformed", "not one sd for each unknown")
+    if point.origin:
+        check_id(point.origin)
     return point
 
 
 def _frame(frame: Frame) -> Frame:
     for id in (frame.src, frame.kind):
         check_id(id)
-    if len(frame.payload) > MAX_BYTES:
-        raise WireError("size", f"{len(frame.payload)} bytes, at most {MAX_BYTES}")
+    check_size(frame.kind, len(frame.payload))
     return frame
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 
-from launcher.record.tables import TrackRow
+from launcher.record.tables import Bounds, TrackRow, bound_of
 from launcher.record.verdict import verdict
 from launcher.records import Plan, last_due
 from trackfield.filters import metrics as score
@@ -25,12 +25,10 @@ _NOTHING: Final = {
 }
 
 
-def scored(
-    plan: Plan, rows: Sequence[TrackRow], end_ns: int, bound: Mapping[int, float], lag: int = 0
-) -> dict[str, Any]:
+def scored(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, lag: int = 0) -> dict[str, Any]:
     """The figures of one tracker in one view, of a run that ended at ``end_ns``; its points come ``lag`` steps later.
 
-    Errors, and the ``bound`` (m, by instant in ns) beside them, are over the instants at which there are both a track
+    Errors, and the ``bounds`` beside them, are over the instants at which there are both a track
     and a recorded truth; what lies in gaps of the truth stands apart. Each step at which a target is there is expected
     to have a track, also those for which nothing was published.
     """
@@ -39,7 +37,7 @@ def scored(
     known = [row for row in known if not row.interpolated]
     return {
         **(_errors(known) if known else _NOTHING),
-        **_beside(known, bound),
+        **_beside(known, bounds),
         **_presence(plan, rows, end_ns, lag),
         "gap": {"rmse": score.rmse(offsets(guessed)[:, :2]) if guessed else None, "steps": len(guessed)},
     }
@@ -69,12 +67,13 @@ def _errors(rows: Sequence[TrackRow]) -> dict[str, Any]:
     }
 
 
-def _beside(rows: Sequence[TrackRow], bound: Mapping[int, float]) -> dict[str, float | None]:
+def _beside(rows: Sequence[TrackRow], bounds: Bounds) -> dict[str, float | None]:
     """The bound, and the error divided by it, both over the instants that have a bound."""
-    bounded = [row for row in rows if not row.point.lag and row.t_ns in bound]
+    found = [(row, bound_of(row, bounds)) for row in rows]
+    bounded = [row for row, bound in found if bound is not None]
     if not bounded:
         return {"bound_m": None, "times_bound": None}
-    bound_m = score.rmse(np.array([[bound[row.t_ns]] for row in bounded]))
+    bound_m = score.rmse(np.array([[bound] for _, bound in found if bound is not None]))
     return {"bound_m": bound_m, "times_bound": score.rmse(offsets(bounded)[:, :2]) / bound_m}
 
 

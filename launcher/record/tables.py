@@ -17,6 +17,8 @@ from trackfield.role import NS, TrackPoint
 from trackfield.world.path import Path, State
 
 STATE = ("x", "y", "vx", "vy")
+Bounds = Mapping[str, Mapping[int, float]]
+"""The bound of the position's sd (m) by source and instant (ns)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,11 @@ class TrackRow:
     def has_track(self) -> bool:
         """Whether there is a track; a filter that diverged to NaN or infinity has none."""
         return bool(self.point.mean) and all(map(isfinite, (*self.point.mean, *self.point.covariance)))
+
+
+def bound_of(row: TrackRow, bounds: Bounds) -> float | None:
+    """The bound beside a point; None where there is none, and for smoothed tracks, which use later reports."""
+    return None if row.point.lag else bounds.get(row.point.source, {}).get(row.t_ns)
 
 
 def track_rows(published: Iterable[Published], paths: Mapping[str, Path]) -> list[TrackRow]:
@@ -77,7 +84,7 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
     """messages.parquet: one row per frame and receiver."""
     types = {
         "sent_ns": pa.int64(), "due_ns": pa.int64(), "bytes": pa.int32(), "copy": pa.int32(),
-        "incarnation": pa.int32(), "step": pa.int32(), "bearing_deg": pa.float64(), "local_ns": pa.int64(),
+        "incarnation": pa.int32(), "step": pa.int32(), "values": pa.list_(pa.float64()), "local_ns": pa.int64(),
         "payload": pa.binary(),
     }  # fmt: skip
     names = [f.name for f in fields(MessageRow)]
@@ -87,17 +94,16 @@ def write_messages(rows: Sequence[MessageRow], file: FilePath) -> None:
         pq.write_table(pa.table(columns), part, write_page_checksum=True)
 
 
-def write_tracks(rows: Sequence[TrackRow], bound: Mapping[int, float], file: FilePath, origin_ns: int = 0) -> None:
+def write_tracks(rows: Sequence[TrackRow], bounds: Bounds, file: FilePath, origin_ns: int = 0) -> None:
     """tracks.parquet."""
     with whole_file(file) as part:
-        pq.write_table(tracks_table(rows, bound, origin_ns), part, write_page_checksum=True)
+        pq.write_table(tracks_table(rows, bounds, origin_ns), part, write_page_checksum=True)
 
 
-def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns: int = 0) -> pa.Table:
+def tracks_table(rows: Sequence[TrackRow], bounds: Bounds, origin_ns: int = 0) -> pa.Table:
     """One row per (source, tracker, target, instant): state, covariance row by row, truth; null without a track.
 
-    Times in s count from the first step, at ``origin_ns``. ``bound`` is that of the position's sd (m) by instant (ns),
-    as far as there is one.
+    Times in s count from the first step, at ``origin_ns``.
     """
     floats, texts, vector = pa.float64(), pa.string(), pa.list_(pa.float64())
     points = [r.point for r in rows]
@@ -115,12 +121,15 @@ def tracks_table(rows: Sequence[TrackRow], bound: Mapping[int, float], origin_ns
         **{f"true_{n}": pa.array([r.truth[i] if r.truth else None for r in rows], floats) for i, n in enumerate(STATE)},
         "true_target": pa.array([r.true_target or None for r in rows], texts),
         "true_interpolated": pa.array([r.interpolated for r in rows], pa.bool_()),
-        "bound_m": pa.array([None if p.lag else bound.get(p.at_ns) for p in points], floats),
+        "bound_m": pa.array([bound_of(r, bounds) for r in rows], floats),
         "sensors": pa.array([list(p.sensors) for p in points], pa.list_(texts)),
         "lag": pa.array([p.lag for p in points], pa.int32()),
         "term": pa.array([p.term for p in points], pa.int32()),
         "at_ns": pa.array([p.at_ns for p in points], pa.int64()),
         "told_ns": pa.array([r.told_ns for r in rows], pa.int64()),
         "incarnation": pa.array([r.incarnation for r in rows], pa.int32()),
+        "origin": pa.array([p.origin for p in points], texts),
+        "unknowns": pa.array([list(p.unknowns) for p in points], vector),
+        "unknown_sds": pa.array([list(p.unknown_sds) for p in points], vector),
     }
     return pa.table(columns)

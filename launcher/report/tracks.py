@@ -22,7 +22,7 @@ from trackfield.world.path import Path, State
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 COLUMNS: Final = (
-    *("source", "tracker", "target", "at_ns", "told_ns", "term", "lag", "step", "sensors"),
+    *("source", "origin", "tracker", "target", "at_ns", "told_ns", "term", "lag", "step", "sensors"),
     *("t_s", "told_s", "reports", "status", "covariance", "bound_m"),
     *STATE,
     *(f"true_{name}" for name in STATE),

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from launcher.files import whole_file
 from launcher.plan.prepare import planned
-from launcher.record.bounds import run_bound
+from launcher.record.bounds import headline_bound, run_bounds
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
 from launcher.reproduce.case import Case
@@ -74,9 +74,10 @@ def measure(case: Case, seed: int) -> Record:
         reports[at] = row.point.reports
         if row.point.mean and row.truth:
             errors[places[row.point.tracker], at] = np.subtract(row.point.mean, row.truth)
-    metrics = run_metrics(plan, ledger, tracks)
+    every = run_bounds(plan, tracks)
+    metrics = run_metrics(plan, ledger, tracks, every)
     energy = metrics["energy_j"]
     network = [metrics["frames"]["sent"], metrics["bytes"]["payload"], energy["by"]["send"], energy["total"]]
-    bounds = run_bound(plan, tracks)
+    bounds = headline_bound(plan, tracks, every)
     bound = np.array([bounds.get(plan.origin_ns + step * plan.step_ns, np.nan) for step in range(1, steps + 1)])
     return Record(errors, reports, bound, np.array(network, float))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from math import radians
 from typing import Any, Final
 
 import numpy as np
@@ -18,8 +17,9 @@ from trackfield.drivers.frames import Frame
 from trackfield.drivers.virtual import Virtual
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
-from trackfield.filters.types import Gaussian, Model, Reports, Tracker
+from trackfield.filters.types import Gaussian, Model, Reports, Tracker, of_bearings
 from trackfield.role import NS
+from trackfield.sensing.kinds import make_sensor
 from trackfield.wire.codec import decode
 from trackfield.wire.messages import Doa
 
@@ -51,7 +51,8 @@ class Heard:
 
     def begun(self, tracker: Tracker[Any]) -> Any:
         """The tracker's state before the first step."""
-        prior, model = self.config["prior"], Model(radians(self.config["doa_sd_deg"]), self.config["sigma_v"])
+        kinds = {name: make_sensor(**arguments) for name, arguments in self.config["sensing"].items()}
+        prior, model = self.config["prior"], Model(kinds, self.config["sigma_v"])
         return tracker.init(Gaussian(np.array(prior["mean"]), np.diag(np.square(prior["sd"]))), model)
 
     def stepped(self, tracker: Tracker[Any], state: Any, some: Reports, rng: np.random.Generator) -> Any:
@@ -101,7 +102,7 @@ def _reports(config: Mapping[str, Any], told: Iterable[tuple[str, Doa]], steps: 
         if message.step in by_step:
             by_step[message.step][sensor] = message
     return [
-        Reports(
+        of_bearings(
             step,
             tuple(sorted(some)),
             np.array([places[id] for id in sorted(some)], float).reshape(-1, 2),

@@ -103,11 +103,13 @@ def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterab
         for sensor in one.sensors:
             if row := reports.get((sensor, one.step)):
                 try:
-                    usable = bank.takes(decode(row.payload))
+                    usable = bank.takes(decode(row.payload), sensor)
                 except WireError:
                     usable = False
                 if not usable:
-                    what = f"is no {bank.kind} message where {sensor} reported on step {one.step}"
+                    what = (
+                        f"is no {' or '.join(sorted(bank.messages))} message where {sensor} reported on step {one.step}"
+                    )
                     refuse(run / MESSAGES_TABLE, "payload", what, "the messages of the run")
 
 
@@ -170,7 +172,7 @@ class _Source:
         told = [point for point in points.values() if point.mean] if resumed else [*points.values(), *earlier]
         yield from ((one.told_ns, Publish(replace(point, source=one.source))) for point in told)
         if not resumed:
-            self._stored = one.step, pack(one.step, None, points)
+            self._stored = one.step, pack(one.step, None, self.bank.beliefs(self._tracks))
             status = next(iter(points.values())).status
             yield from self._enter(one.told_ns, "coasting" if status == "tracking" and not early else status)
 
@@ -181,7 +183,7 @@ class _Source:
             self._tracks = self.bank.begin(prior=until == 0)
         else:
             since, kept = self._stored
-            self._tracks, _ = self.bank.resume(unpack(kept).beliefs, since, until)
+            self._tracks = self.bank.resume(unpack(kept).beliefs, since, until).tracks
         known = self._stored is not None and self._tracks[0].track is not None
         start_ns = self._starts.get(one.life, one.told_ns if one.incarnation else 0)
         self._step = until

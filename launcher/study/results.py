@@ -15,13 +15,12 @@ import pyarrow.parquet as pq
 
 from launcher.files import TRACKS_TABLE, whole_file
 from launcher.plan.plan import make_plan
-from launcher.record.bounds import run_bound
+from launcher.record.bounds import run_bounds
 from launcher.record.measures import RunFigures
 from launcher.record.metrics import run_metrics
 from launcher.record.reading.columns import COLUMNS
 from launcher.record.reading.files import checked_table
 from launcher.record.tables import tracks_table
-from launcher.record.views import headline
 from launcher.record.virtually import simulate
 from launcher.study.axes import TRACKER, Axis, label
 from trackfield.errors import ScenarioError, told_of
@@ -110,12 +109,12 @@ def study_run(scenario: Scenario) -> StudyRun:
     except ScenarioError as error:
         raise told_of(f"with seed {scenario.seed}", error) from None
     ledger, rows = simulate(plan)
-    bound = run_bound(plan, headline(plan, rows))
-    metrics = run_metrics(plan, ledger, rows, bound)
+    bounds = run_bounds(plan, rows)
+    metrics = run_metrics(plan, ledger, rows, bounds)
     metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None
     metrics["recorder"]["messages"] = metrics["frames"]["sent"]
-    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, bound, plan.origin_ns))
+    return StudyRun(scenario.seed, RunFigures.of(metrics), tracks_table(rows, bounds, plan.origin_ns))
 
 
 def median_run(runs: Sequence[StudyRun]) -> StudyRun:

@@ -9,8 +9,8 @@ import numpy as np
 
 from launcher.records import SENSES, FieldInfo
 from launcher.timeline import look, rows
+from launcher.timeline.layers import READINGS
 from launcher.timeline.layers.closeup import Closeups
-from launcher.timeline.layers.rays import rays
 from launcher.timeline.scene import Add, Shown, crosses, extent, spacing
 
 PACE_NS: Final = 400_000
@@ -23,10 +23,9 @@ class Picture:
     """Draws what is in ``shown``, as rows that it hands to ``add``.
 
     Kinds of things shown, with their keys and values: ``state`` process -> name, while it is at work; ``battery``
-    process -> share, while low; ``lost`` process -> True; ``edge`` (from, to) -> True; ``ray`` process ->
-    bearing in rad; ``fix`` tracker -> (x, y) m; ``size`` (target, tracker, source) -> m that a close-up is to reach;
-    ``mark`` (process, text) -> colour. ``words`` holds the texts of the lane of
-    marks so far, and the colour of each.
+    process -> share, while low; ``lost`` process -> True; ``edge`` (from, to) -> True; ``reading`` process -> its
+    numbers; ``fix`` tracker -> (x, y) m; ``size`` (target, tracker, source) -> m that a close-up is to reach; ``mark``
+    (process, text) -> colour. ``words`` holds the texts of the lane of marks so far, and the colour of each.
     """
 
     def __init__(self, info: FieldInfo, add: Add) -> None:
@@ -41,6 +40,7 @@ class Picture:
         self._closeups = Closeups(info, add)
         self._cross = 0.16 * spacing(info)
         self._still = self._places.keys() - {id for id, _ in info.paths}
+        self._layer_of = info.layers
         self._working: dict[str, int] = {}  # sensors that neither rest nor are dead, and their colours
         self._dead: set[str] = set()
         self._links = bool(info.receptions)
@@ -51,7 +51,7 @@ class Picture:
             "nodes": self._draw_nodes,
             "edge": self._draw_edges,
             "lost": self._draw_lost,
-            "ray": self._draw_rays,
+            "reading": self._draw_readings,
             "mark": self._draw_marks,
             "size": lambda t_ns: self._closeups.until(t_ns, self.shown.now["size"]),
         }
@@ -153,11 +153,14 @@ class Picture:
             self._add("/links/frames", rows.strips, t_ns, at)
         return len(edges)
 
-    def _draw_rays(self, t_ns: int) -> int:
-        now = self.shown.now
-        found = rays(now["ray"], self._places, now["fix"].values(), self._reach)
-        self._add("/field/rays", rows.strips, t_ns, found)
-        return len(found)
+    def _draw_readings(self, t_ns: int) -> int:
+        now, drawn = self.shown.now, 0
+        for name in sorted(set(self._layer_of.values())):
+            mine = {id: values for id, values in now["reading"].items() if self._layer_of[id] == name}
+            found = READINGS[name](mine, self._places, now["fix"].values(), self._reach)
+            self._add(f"/field/{name}", rows.strips, t_ns, found)
+            drawn += len(found)
+        return drawn
 
     def _draw_marks(self, t_ns: int) -> int:
         marks = self.shown.now["mark"]

@@ -283,8 +283,8 @@ class Timeline:
             show("lost", row.src, True, min(begin_ns, row.sent_ns), over_ns)
             return
         show("edge", (row.src, row.dst), True, begin_ns, over_ns)
-        if row.bearing_deg is not None and row.outcome == "delivered":
-            show("ray", row.src, math.radians(row.bearing_deg), begin_ns, over_ns)
+        if row.values and row.src in self._info.layers and row.outcome == "delivered":
+            show("reading", row.src, row.values, begin_ns, over_ns)
 
     def _add(self, path: str, columns: Callable[[list[Any]], Columns], t_ns: int, value: Any) -> None:
         self._pending[path, columns].append((t_ns, value))

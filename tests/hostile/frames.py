@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from dataclasses import replace
+from typing import Any
 
 import msgpack
 
 from tests.hostile.samples import ALARM, EITHER, REFUSED, Draw, Means, Sample, bad
 from trackfield.role import NS
 from trackfield.wire import Doa, Envelope, Threshold, encode
-from trackfield.wire.messages import Measurement, SyncReply, SyncRequest
+from trackfield.wire.messages import Measurement, SyncReply, SyncRequest, Track
 
 DATA = "data"
 
@@ -51,7 +53,7 @@ def no_message(draw: Draw) -> Sample:
 
 @bad(DATA, REFUSED)
 def oversized(draw: Draw) -> Sample:
-    size = draw.choice([257, 300, 5000, 100_000])
+    size = draw.choice([257, 300, 4097, 5000, 100_000])
     return to_centre(draw, draw.choice([b"\x90", b"\x00", b"\xff"]) * size, stamp(draw))
 
 
@@ -67,6 +69,25 @@ def wrong_fields(draw: Draw) -> Sample:
         [[3, 40000, 6000], [3, -1, 6000], [70000, 1, 1], [3, 1], [3, 1, 1, 1], [True, 1, 1], [1.5, 1, 1]]
     )
     return to_centre(draw, msgpack.packb([1, 1, *fields]), stamp(draw))
+
+
+def to_centre_as_track(draw: Draw, payload: bytes) -> Sample:
+    return Sample(inbox(draw.node(), draw.known.centre, "track"), payload, stamp(draw))
+
+
+@bad(DATA, REFUSED)
+def oversized_track(draw: Draw) -> Sample:
+    return to_centre_as_track(draw, msgpack.packb([1, 6, 0, 0, 0, 1, 4, bytes(draw.randint(3400, 9000)), b""]))
+
+
+@bad(DATA, REFUSED)
+def track_with_wrong_fields(draw: Draw) -> Sample:
+    fields: list[Any] = draw.choice(
+        [[0, 0, 0, 1, 4, bytes(56)], [0, 0, 0, 1, 4, 56, 8], [0, 0, 0, 1, 4, "belief", ""], [0, 0, 0, 1, 4, None, []]]
+        + [[0, 0, 0, form, size, draw.junk(), b""] for form, size in ((0, 4), (4, 4), (1, 3), (1, 17), (-1, 2**40))]
+        + [[0, -1, 0, 1, 4, b"", b""], [0, 0, 256, 1, 4, b"", b""], [0, 0, 0, 1, 4, bytes(1025), bytes(2049)]]
+    )
+    return to_centre_as_track(draw, msgpack.packb([1, 6, *fields]))
 
 
 @bad(DATA, REFUSED)
@@ -201,6 +222,15 @@ def forged_threshold(draw: Draw) -> Sample:
     return Sample(
         inbox(draw.known.centre, draw.node(), "threshold"), encode(Threshold(step, draw.uniform(0, 150))), stamp(draw)
     )
+
+
+@bad(DATA, ALARM)
+def forged_track_by_radio(draw: Draw) -> Sample:
+    """Of no sense, or of the target somewhere else; the centre does not take tracks."""
+    belief = draw.choice([draw.junk(), struct.pack("<14f", 5000, -5000, 0, 0, 9, 0, 0, 0, 9, 0, 0, 1, 0, 1)])
+    numbers = b"".join(draw.randrange(65536).to_bytes(2, "little") for _ in range(draw.randrange(9)))
+    track = Track(draw.known.now_ns // 1000, draw.randrange(10**6), draw.randrange(256), 1, 4, belief, numbers)
+    return to_centre_as_track(draw, encode(track))
 
 
 @bad(DATA, ALARM)

@@ -18,6 +18,7 @@ from trackfield.wire.codec import MAX_BYTES
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import parse
+from trackfield.wire.registry import check_size
 
 EARLY_NS: Final = 50_000_000
 """How far ahead (wall time) the clock of a sender may be; frames leave when they say that they do."""
@@ -71,6 +72,7 @@ def frame_in(
     if len(payload) > MAX_BYTES:
         raise WireError("size", f"{len(payload)} bytes, at most {MAX_BYTES}")
     a = _parsed(key)
+    check_size(a.kind, len(payload))
     e = stamp() if attachment is None else Envelope.unpack(attachment)
     to = a.to or NEIGHBOURHOOD
     return Frame(a.src, e.incarnation, a.kind, e.sent_ns, e.copy, to, a.medium, payload), e, a.cell or ""

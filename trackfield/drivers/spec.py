@@ -18,8 +18,8 @@ from trackfield.plugins import load
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.sensing.readings import Ears
 from trackfield.wire.keys import Medium
-from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
+from trackfield.world.placed import Placed
 
 Plain = dict[str, Any]
 
@@ -47,10 +47,10 @@ class ProcessSpec:
 
     The ``factory`` is never sent: a process knows its own, from its parent or as the program that it is.
 
-    ``sound`` is the plain form of its sensor, acoustic or (with a ``kind``) a user's own; empty: none. ``cell`` is
-    where its broadcasts go, ``cells`` those it listens to (none if none of its roles consumes broadcasts). ``media``
-    are the radios and wires it has. ``peers`` are the places of the processes whose frames it may receive, not of the
-    whole field. A process that moves has ``legs`` as in ``link/places.py``; ``x``, ``y`` is its place at the start.
+    ``sound`` is the plain form of its sensor (``world/placed.py``); empty: none. ``cell`` is where its broadcasts go,
+    ``cells`` those it listens to (none if none of its roles consumes broadcasts). ``media`` are the radios and wires it
+    has. ``peers`` are the places of the processes whose frames it may receive, not of the whole field. A process that
+    moves has ``legs`` as in ``link/places.py``; ``x``, ``y`` is its place at the start.
 
     A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
@@ -191,9 +191,4 @@ def _senses(spec: ProcessSpec) -> Sense:
 
 
 def _ears(spec: ProcessSpec) -> Ears:
-    if "kind" in spec.sound:
-        from trackfield.world.own import own_ears  # late: other nodes need not load it
-
-        return own_ears(spec.sound, spec.faults)
-    healthy = AcousticSensor.from_plain(spec.sound)
-    return with_faults(healthy, spec.faults, spec.config.get("threshold_db", healthy.audible_db))
+    return with_faults(Placed.from_plain(spec.sound), spec.faults)

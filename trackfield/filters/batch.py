@@ -11,7 +11,7 @@ import numpy as np
 
 from trackfield.filters.particles import draw
 from trackfield.filters.spcpf import Cloud, Draws, SpCpf, coast, fuse
-from trackfield.filters.types import Gaussian, Model, Reports
+from trackfield.filters.types import Gaussian, Model, Readings, Reports
 
 
 def begin(tracker: SpCpf, priors: Sequence[Gaussian], rngs: Sequence[np.random.Generator]) -> Cloud:
@@ -57,7 +57,8 @@ def stacked(reports: Sequence[Reports]) -> Reports:
         for name in ("bearings", "positions", "levels")
     )
     missing = np.arange(most) >= np.array([len(one) for one in reports])[:, None]
-    return Reports(reports[0].step, (), positions, bearings, np.where(missing, -np.inf, levels))
+    values = np.moveaxis(np.stack((bearings, np.where(missing, -np.inf, levels))), 0, -1)
+    return Reports(reports[0].step, (), positions, (Readings(reports[0].readings[0].kind, values),))
 
 
 def _at(cloud: Cloud, runs: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Cloud:

@@ -7,13 +7,16 @@ from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
-from trackfield.errors import RunFailed
+from trackfield.errors import RunFailed, ScenarioError
+from trackfield.filters.belief import Belief, Modes, Particles
 from trackfield.filters.gaussian import Motion
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, Tracker
 
 S = TypeVar("S")
 
 _SHAPES: Final = {"mean": (4,), "covariance": (4, 4)}
+_SHARES: Final = 1e-6
+"""How far from 1 the sum of weights may be."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +62,53 @@ class CheckedForesees(Checked[S]):
         return Motion(F, Q)
 
 
+class CheckedBelieves(Checked[S]):
+    """The same for a tracker with the methods ``belief`` and ``resume``."""
+
+    def belief(self, state: S) -> Belief | None:
+        """See ``trackfield.filters.belief.Believes``; raises ``RunFailed`` for what is no belief."""
+        believes: Any = self.tracker
+        one = believes.belief(state)
+        if one is not None:
+            _check_belief(one, f"tracker '{self.name}': its belief")
+        return one  # type: ignore[no-any-return]
+
+    def resume(self, belief: Belief, model: Model) -> S:
+        """See ``trackfield.filters.belief.Believes``."""
+        believes: Any = self.tracker
+        try:
+            return believes.resume(belief, model)  # type: ignore[no-any-return]
+        except Exception as error:
+            error.add_note(f"in tracker '{self.name}', as it resumed from {type(belief).__name__}")
+            raise
+
+
+class CheckedForeseesBelieves(CheckedForesees[S], CheckedBelieves[S]):
+    """The same for a tracker with all of these methods."""
+
+
 def checked(name: str, tracker: Tracker[S]) -> Checked[S]:
-    """The tracker with its estimates checked, under this name in messages."""
-    return CheckedForesees(name, tracker) if hasattr(tracker, "motion") else Checked(name, tracker)
+    """The tracker with its estimates checked, under this name in messages.
+
+    Raises ``ScenarioError`` for a tracker that has one of ``belief`` and ``resume`` without the other.
+    """
+    foresees, (believes, resumes) = hasattr(tracker, "motion"), (hasattr(tracker, at) for at in ("belief", "resume"))
+    if believes is not resumes:
+        has, lacks = ("belief", "resume") if believes else ("resume", "belief")
+        raise ScenarioError(f"has a method {has} and no {lacks}", key=f"tracker '{name}'", expected="both or neither")
+    kinds = {(False, False): Checked, (True, False): CheckedForesees, (False, True): CheckedBelieves}
+    return kinds.get((foresees, believes), CheckedForeseesBelieves)(name, tracker)
+
+
+def _check_belief(belief: object, what: str) -> None:
+    if not isinstance(belief, Gaussian | Modes | Particles):
+        raise RunFailed(f"{what} is a {type(belief).__name__}; expected Gaussian, Modes, Particles or None")
+    many = () if isinstance(belief, Gaussian) else np.shape(belief[0])[:1] or (1,)
+    shapes = {"mean": (4,), "means": (*many, 4), "points": (*many, 4), "weights": many}
+    for part, array in zip(belief._fields, belief, strict=True):
+        _check(array, shapes.get(part, (*many, 4, 4)), f"{what}: {part}")
+    if many and ((belief[0] < 0.0).any() or abs(belief[0].sum() - 1.0) > _SHARES):
+        raise RunFailed(f"{what}: weights are negative or sum to {belief[0].sum():.6g}; expected 1")
 
 
 def _check(array: Array, shape: tuple[int, ...], what: str) -> None:

@@ -43,6 +43,17 @@ def centroid(reports: Reports) -> Array:
     return centre
 
 
+def first_fix(reports: Reports, sigma_w: float, anywhere: Array) -> Gaussian | None:
+    """The belief from the bearings of one step alone, or None if their geometry does not give one.
+
+    ``anywhere`` (4, 4) is the covariance over (x, y, vx, vy) without information.
+    """
+    if len(reports) < 2:
+        return None
+    prior = Gaussian(np.append(centroid(reports), [0.0, 0.0]), anywhere)
+    return certain_fix(prior, reports.only(agreeing(prior, reports, sigma_w).believed), sigma_w)
+
+
 def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     """The belief after ``prior`` over (x, y, vx, vy) and the bearings of ``reports`` (at least one).
 

@@ -8,7 +8,7 @@ drawn from that have weights p(y | x) N(x; F m, F P F^T + Q) / q(x). As most of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,8 @@ class FixDoa:
 
     ``particles`` in each step, and its own ``sigma_v`` (m/s^2), wide enough for manoeuvres.
     """
+
+    needs: ClassVar[tuple[str, ...]] = ("bearings", "one kind")
 
     particles: Particles = 200
     sigma_v: Annotated[float, Within(0, 10_000)] = 1.0

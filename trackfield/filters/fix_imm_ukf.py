@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from immutables import Map
 
 from trackfield.filters import imm, ukf
+from trackfield.filters.belief import Belief, Modes, moments
 from trackfield.filters.fix import agreeing, certain_fix, map_fix
 from trackfield.filters.gate import Indices, left_out, likeliest
 from trackfield.filters.gaussian import Motion, constant_velocity, predict
@@ -65,6 +66,8 @@ class FixImmUkf:
     Without its ``gate`` it uses every bearing.
     """
 
+    needs: ClassVar[tuple[str, ...]] = ("bearings", "one kind")
+
     gate: bool = True
 
     def init(self, prior: Gaussian, model: Model) -> FixImmUkfState:
@@ -72,6 +75,19 @@ class FixImmUkf:
         m = len(_SWITCHING)
         bank = imm.Bank(np.full(m, 1.0 / m), np.tile(prior.mean, (m, 1)), np.tile(prior.covariance, (m, 1, 1)))
         return FixImmUkfState(model, bank, fixed=False)
+
+    def belief(self, state: FixImmUkfState) -> Modes:
+        """The beliefs of its three models."""
+        return Modes(*state.bank)
+
+    def resume(self, belief: Belief, model: Model) -> FixImmUkfState:
+        """Three modes are those of its models, any other belief is a prior; no sensor is suspected.
+
+        The first bearings are used by a fix again: the pause may have hidden a manoeuvre.
+        """
+        if isinstance(belief, Modes) and len(belief.weights) == len(_SWITCHING):
+            return FixImmUkfState(model, imm.Bank(*belief), fixed=False)
+        return self.init(moments(belief), model)
 
     def step(
         self, state: FixImmUkfState, reports: Reports, dt: float, rng: np.random.Generator

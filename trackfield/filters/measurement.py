@@ -1,96 +1,220 @@
-"""The reports of a step as one measurement vector, for filters that take any sensor.
+"""The reports of a step as one measurement vector, for filters that take any kind of sensing.
 
-Its K m numbers are those of the first sensor, then those of the second, and so on. States may have leading batch axes.
+Its numbers are those of the first sensor, then those of the second, and so on: m of each, K m in all, or with several
+kinds the sum of K m over kinds. States (..., 4 + u) have the unknowns of all kinds after (x, y, vx, vy); they may have
+leading batch axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters import particles
-from trackfield.filters.types import Array, Model, Reports
-from trackfield.models import doa
+from trackfield.filters.gaussian import Motion, constant_velocity
+from trackfield.filters.types import Array, Gaussian, Model, Reports, Sensing
+from trackfield.models.unknowns import Unknown
+
+STATE = 4
+"""The numbers of a state that are not unknowns of the sensing: x, y, vx, vy."""
 
 
-@dataclass(frozen=True)
-class OfSensor:
-    """The measurement model of a user's ``sensor`` (``sensing.kinds.Sensor``), which may lack ``residual``."""
+class _Part(NamedTuple):
+    """The reports of one kind: its model, its readings (k, n), the sensors (k, 2), and its columns of a state."""
 
-    sensor: Any
+    kind: Sensing
+    values: Array
+    positions: Array
+    columns: list[int] | None
 
-    @property
-    def range_m(self) -> float:
-        """See ``OwnMeasurement``."""
-        return float(self.sensor.range_m)
-
-    @property
-    def sd(self) -> Sequence[float]:
-        """See ``Measurement``."""
-        sd: Sequence[float] = self.sensor.sd
-        return sd
-
-    def h(self, states: Array, positions: Array) -> Array:
-        """See ``Measurement``."""
-        return np.asarray(self.sensor.h(states, positions), float)
-
-    def jacobian(self, states: Array, positions: Array) -> Array:
-        """See ``Measurement``."""
-        return np.asarray(self.sensor.jacobian(states, positions), float)
-
-    def residual(self, difference: Array) -> Array:
-        """See ``Measurement``."""
-        wrapped = getattr(self.sensor, "residual", None)
-        return difference if wrapped is None else np.asarray(wrapped(difference), float)
+    def of(self, states: Array) -> Array:
+        """The states (..., 4 + u) that its functions take."""
+        return states if self.columns is None else states[..., self.columns]
 
 
-def measured(reports: Reports) -> Array:
+def measured(model: Model, reports: Reports) -> Array:
     """The readings z (K m,)."""
-    return reports.bearings if reports.readings is None else reports.readings.reshape(-1)
+    return _joined([part.values[:, : part.kind.m].reshape(-1) for part in _parts(model, reports)])
 
 
-def noise_sd(model: Model, reports: Reports) -> Array:
-    """The noise's sd of each of them (K m,)."""
-    if model.own is None:
-        return np.full(len(reports), model.sigma_w)
-    return np.tile(np.asarray(model.own.sd, float), len(reports))
+def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Array:
+    """The noise's sd of each of them (K m,), or (..., K m) at ``states`` (..., 4 + u) where it depends on them.
+
+    Raises ``ValueError`` if it depends on the state, and none is given.
+    """
+    found = []
+    for part in _parts(model, reports):
+        if part.kind.variance is None:
+            found.append(np.tile(np.asarray(part.kind.sd, float), len(part.values)))
+        elif states is None:
+            raise ValueError("the noise of this kind of sensing depends on the state; expected states")
+        else:
+            found.append(np.sqrt(_flat(np.asarray(part.kind.variance(part.of(states), part.positions), float))))
+    if len(found) > 1:
+        batch = np.broadcast_shapes(*(one.shape[:-1] for one in found))
+        found = [np.broadcast_to(one, (*batch, one.shape[-1])) for one in found]
+    return _joined(found)
+
+
+def varies(model: Model) -> bool:
+    """Whether the noise of any kind depends on the state."""
+    return any(kind.variance is not None for kind in model.kinds.values())
 
 
 def expected(model: Model, states: Array, reports: Reports) -> Array:
-    """h(x) (..., K m): the noiseless readings of ``states`` (..., 4)."""
-    if model.own is None:
-        return doa.measure(states, reports.positions)
-    readings = model.own.h(states, reports.positions)
-    return readings.reshape(*readings.shape[:-2], -1)
+    """h(x) (..., K m): the noiseless readings of ``states`` (..., 4 + u)."""
+    return _joined([_flat(np.asarray(p.kind.h(p.of(states), p.positions), float)) for p in _parts(model, reports)])
 
 
 def jacobians(model: Model, states: Array, reports: Reports) -> Array:
-    """dh/dx (..., K m, 4) at ``states`` (..., 4)."""
-    if model.own is None:
-        return doa.jacobian(states, reports.positions)
-    slopes = model.own.jacobian(states, reports.positions)
-    return slopes.reshape(*slopes.shape[:-3], -1, 4)
+    """dh/dx (..., K m, 4 + u) at ``states`` (..., 4 + u)."""
+    return _joined([_slopes(part, states) for part in _parts(model, reports)], axis=-2)
 
 
-def residual(model: Model, difference: Array) -> Array:
+def residual(model: Model, reports: Reports, difference: Array) -> Array:
     """Differences of readings (..., K m) in their valid range; angles are wrapped."""
-    if model.own is None:
-        return doa.wrap(difference)
-    apart = difference.reshape(*difference.shape[:-1], -1, len(model.own.sd))
-    return model.own.residual(apart).reshape(difference.shape)
+    parts, first = [], 0
+    for part in _parts(model, reports):
+        count = len(part.values) * part.kind.m
+        apart = difference[..., first : first + count]
+        first += count
+        wrapped = part.kind.residual(apart.reshape(*apart.shape[:-1], -1, part.kind.m))
+        parts.append(np.asarray(wrapped, float).reshape(apart.shape))
+    return _joined(parts)
 
 
 def innovations(model: Model, states: Array, reports: Reports) -> Array:
-    """z - h(x) (..., K m) for ``states`` (..., 4)."""
-    return residual(model, measured(reports) - expected(model, states, reports))
+    """z - h(x) (..., K m) for ``states`` (..., 4 + u)."""
+    return residual(model, reports, measured(model, reports) - expected(model, states, reports))
 
 
 def log_likelihood(model: Model, states: Array, reports: Reports) -> Array:
-    """log p(z | x) (...,) of all readings for ``states`` (..., 4), up to a constant."""
-    if model.own is None:
-        return particles.log_likelihood(states, reports, model.sigma_w)
-    log_weights: Array = -0.5 * np.square(innovations(model, states, reports) / noise_sd(model, reports)).sum(axis=-1)
+    """log p(z | x) (...,) of all readings for ``states`` (..., 4 + u), up to a constant."""
+    log_weights = np.zeros(states.shape[:-1])
+    for part in _parts(model, reports):
+        kind, at = part.kind, part.positions
+        miss = kind.residual(part.values[:, : kind.m] - np.asarray(kind.h(part.of(states), at), float))
+        if kind.variance is None:
+            for j, sd in enumerate(kind.sd):
+                log_weights += np.vecdot(miss[..., j], miss[..., j]) * (-0.5 / sd**2)
+        else:
+            variance = np.asarray(kind.variance(part.of(states), at), float)
+            log_weights -= 0.5 * (np.square(miss) / variance + np.log(variance)).sum(axis=(-2, -1))
     return log_weights
+
+
+def log_ratios(model: Model, belief: Gaussian, reports: Reports) -> Array:
+    """Log of the density of each reading (K,) from the ``belief`` to that of one from anywhere.
+
+    Only of kinds that know the latter (``log_clutter``); the belief is over (4 + u,).
+    """
+    found = []
+    for part in _parts(model, reports):
+        kind, at = part.kind, part.positions
+        if kind.log_clutter is None or not len(part.values):
+            continue
+        H = _slopes(part, belief.mean).reshape(len(at), kind.m, -1)
+        R = np.square(np.broadcast_to(np.asarray(kind.sd, float), (len(at), kind.m)))
+        if kind.variance is not None:
+            R = np.asarray(kind.variance(part.of(belief.mean), at), float)
+        S = np.einsum("kmi,ij,knj->kmn", H, belief.covariance, H) + R[..., None] * np.eye(kind.m)
+        miss = kind.residual(part.values[:, : kind.m] - np.asarray(kind.h(part.of(belief.mean), at), float))
+        square = np.einsum("km,km->k", miss, np.linalg.solve(S, miss[..., None])[..., 0])
+        density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * S)[1])
+        found.append(density - kind.log_clutter(part.values, at))
+    return _joined(found)
+
+
+def sensing_information(model: Model, state: Array, reports: Reports) -> Array:
+    """D (4 + u, 4 + u): the Fisher information of the readings about a ``state`` (4 + u,).
+
+    H^T R^-1 H, and half the sum of the squared slopes of log R where the noise depends on the state, by central
+    differences (Kay 1993, eq. 3.31).
+    """
+    H = jacobians(model, state, reports) / noise_sd(model, reports, state)[:, None]
+    D = H.T @ H
+    if varies(model):
+        step = 1e-5 * np.maximum(np.abs(state), 1.0)
+        ends = state + np.stack((np.diag(step), -np.diag(step)))
+        up, down = (2.0 * np.log(noise_sd(model, reports, these)) for these in ends)
+        slopes = (up - down) / (2.0 * step[:, None])
+        D = D + 0.5 * slopes @ slopes.T
+    return np.asarray(D)
+
+
+# --- unknowns of the sensing ------------------------------------------------------------------------------------------
+
+
+def moving(model: Model, dt: float, sigma_v: float | None = None) -> Motion:
+    """Nearly constant velocity over ``dt`` seconds, the unknowns of the sensing as random walks beside it."""
+    motion = constant_velocity(dt, model.sigma_v if sigma_v is None else sigma_v)
+    return widened(motion, model.unknowns, dt) if model.unknowns else motion
+
+
+def widened(motion: Motion, unknowns: tuple[Unknown, ...], dt: float) -> Motion:
+    """A motion (4, 4) with random walks of these unknowns beside it: (4 + u, 4 + u)."""
+    walks = np.array([one.walk_sd for one in unknowns]) ** 2 * dt
+    return Motion(_beside(motion.F, np.eye(len(unknowns))), _beside(motion.Q, np.diag(walks)))
+
+
+def extended(belief: Gaussian, unknowns: tuple[Unknown, ...]) -> Gaussian:
+    """A belief over (x, y, vx, vy) with what is known of the unknowns at the start: (4 + u,)."""
+    if not unknowns or len(belief.mean) > STATE:
+        return belief
+    mean = np.append(belief.mean, [one.mean for one in unknowns])
+    return Gaussian(mean, _beside(belief.covariance, np.diag([one.sd**2 for one in unknowns])))
+
+
+def _beside(a: Array, b: Array) -> Array:
+    """Two square matrices along the diagonal of one."""
+    n = len(a) + len(b)
+    matrix = np.zeros((n, n))
+    matrix[: len(a), : len(a)], matrix[len(a) :, len(a) :] = a, b
+    return matrix
+
+
+# --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def _parts(model: Model, reports: Reports) -> Iterator[_Part]:
+    """The reports kind by kind."""
+    if len(reports.readings) == 1 and len(model.kinds) == 1:
+        ((name, values),) = reports.readings
+        yield _Part(model.kinds[name], values, reports.positions, None)
+        return
+    columns, first = _columns(model), 0
+    for name, values in reports.readings:
+        yield _Part(model.kinds[name], values, reports.positions[first : first + len(values)], columns[name])
+        first += len(values)
+
+
+def _columns(model: Model) -> dict[str, list[int]]:
+    """Which numbers of a state each kind depends on."""
+    columns, first = {}, STATE
+    for name, kind in model.kinds.items():
+        columns[name] = [*range(STATE), *range(first, first + len(kind.unknowns))]
+        first += len(kind.unknowns)
+    return columns
+
+
+def _slopes(part: _Part, states: Array) -> Array:
+    """dh/dx (..., k m, 4 + u) of a part's readings."""
+    own = np.asarray(part.kind.jacobian(part.of(states), part.positions), float)
+    own = own.reshape(*own.shape[:-3], -1, own.shape[-1])
+    if part.columns is None:
+        return own
+    slopes = np.zeros((*own.shape[:-1], states.shape[-1]))
+    slopes[..., part.columns] = own
+    return slopes
+
+
+def _flat(values: Array) -> Array:
+    """(..., k, m) as (..., k m)."""
+    return values.reshape(*values.shape[:-2], -1)
+
+
+def _joined(parts: list[Array], axis: int = -1) -> Array:
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate(parts, axis=axis) if parts else np.empty(0)

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from trackfield.filters import ekf, ukf
-from trackfield.filters.gaussian import Motion, constant_velocity, predict
-from trackfield.filters.measurement import expected, jacobians, measured, noise_sd, residual
-from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+from trackfield.filters.gaussian import Motion, predict
+from trackfield.filters.measurement import expected, jacobians, measured, moving, noise_sd, residual, varies
+from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
 
 
 class SingleState(NamedTuple):
-    """The ``belief`` over (x, y, vx, vy) after the last step."""
+    """The ``belief`` over (x, y, vx, vy) and the unknowns of the sensing, after the last step."""
 
     model: Model
     belief: Gaussian
@@ -24,6 +24,8 @@ class SingleState(NamedTuple):
 class PredictOnly:
     """Predicts from the prior and takes no reports: a baseline that shows the value of reports."""
 
+    needs: ClassVar[tuple[str, ...]] = ()
+
     def init(self, prior: Gaussian, model: Model) -> SingleState:
         """The state of belief ``prior``."""
         return SingleState(model, prior)
@@ -32,14 +34,14 @@ class PredictOnly:
         self, state: SingleState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[SingleState, Estimate]:
         """Predict with ``Model.sigma_v``, then update with the readings, if any; no random draws."""
-        belief = predict(state.belief, constant_velocity(dt, state.model.sigma_v))
+        belief = predict(state.belief, moving(state.model, dt))
         if len(reports):
             belief = self._take(belief, reports, state.model)
         return SingleState(state.model, belief), Estimate(*belief)
 
     def motion(self, before: SingleState, after: SingleState, dt: float) -> Motion:
         """The predicted motion between two states, ``dt`` seconds apart."""
-        return constant_velocity(dt, after.model.sigma_v)
+        return moving(after.model, dt)
 
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return belief
@@ -54,11 +56,11 @@ class Ekf(PredictOnly):
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return ekf.posterior(
             belief,
-            measured(reports),
-            noise_sd(model, reports),
+            measured(model, reports),
+            noise_sd(model, reports, belief.mean),
             lambda x: expected(model, x, reports),
             lambda x: jacobians(model, x, reports),
-            lambda difference: residual(model, difference),
+            lambda difference: residual(model, reports, difference),
         )
 
 
@@ -71,8 +73,16 @@ class Ukf(PredictOnly):
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
         return ukf.posterior(
             belief,
-            measured(reports),
-            noise_sd(model, reports),
+            measured(model, reports),
+            _expected_sd(belief, reports, model),
             lambda x: expected(model, x, reports),
-            lambda difference: residual(model, difference),
+            lambda difference: residual(model, reports, difference),
         )
+
+
+def _expected_sd(belief: Gaussian, reports: Reports, model: Model) -> Array:
+    """Root of the mean of the noise's variance (K m,) over the belief, where it depends on the state."""
+    if not varies(model):
+        return noise_sd(model, reports)
+    points, weights = ukf.sigma_points(belief)
+    return np.asarray(np.sqrt(weights @ np.square(noise_sd(model, reports, points))))

@@ -18,7 +18,7 @@ Deviations from the paper, and why:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -69,6 +69,8 @@ class SpCpf:
 
     ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor.
     """
+
+    needs: ClassVar[tuple[str, ...]] = ("bearings", "one kind")
 
     particles: Particles = 200
     nominals: Annotated[int, Within(1, 1000)] = 15

@@ -29,8 +29,6 @@ TRACKERS: Final = Plugins(
     },
     methods=("init", "step"),
 )
-ANY_SENSOR: Final = frozenset({"bootstrap", "ekf", "ukf", "predict-only"})
-"""Trackfield's own trackers that take readings of any kind; the others take bearings only."""
 
 
 def register_tracker(name: str, maker: Maker) -> None:

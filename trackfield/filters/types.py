@@ -5,14 +5,15 @@ The target's state is (x, y, vx, vy). The arrays must not be modified.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from trackfield.models.doa import Bearings
+from trackfield.models.unknowns import Unknown
 
 Array = npt.NDArray[np.float64]
 
@@ -31,81 +32,156 @@ class Update(NamedTuple):
     log_evidence: Array
 
 
+class Readings(NamedTuple):
+    """The reports of one kind of sensing: ``values`` (k, n), in the units of the kind's ``h``."""
+
+    kind: str
+    values: Array
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Reports:
-    """The K reports of one step that reached the tracker; K may be 0."""
+    """The K reports of one step that reached the tracker; K may be 0.
+
+    With several kinds of sensing, those of the first kind come first, then those of the second, and so on.
+    """
 
     step: int
     sensors: tuple[str, ...]
     positions: Array
     """(K, 2) m, the assumed places of the sensors."""
-    bearings: Array
-    """(K,) rad, direction from sensor to target."""
-    levels: Array
-    """(K,) dB, received sound."""
-    readings: Array | None = None
-    """(K, m), readings of sensors that report no bearings; then ``bearings`` and ``levels`` are NaN."""
+    readings: tuple[Readings, ...]
+    """What they read, by kind; together as many as there are sensors."""
 
     def __len__(self) -> int:
         return len(self.sensors)
 
     @property
     def values(self) -> Array:
-        """(K, m) the readings of any kind of sensor, in the units of ``Model.sensor``."""
-        return self.bearings[:, None] if self.readings is None else self.readings
+        """(K, n) the readings of sensors of one kind. Raises ``ValueError`` if there are several kinds."""
+        if len(self.readings) != 1:
+            raise ValueError(f"reports of {len(self.readings)} kinds of sensing; expected those of one")
+        return self.readings[0].values
+
+    @property
+    def bearings(self) -> Array:
+        """(K,) rad, the directions from sensors to the target, of sensors that report them: their first number."""
+        return self.values[..., 0]
+
+    @property
+    def levels(self) -> Array:
+        """(K,) dB, the received sound, of sensors that report bearings: their second number."""
+        return self.values[..., 1]
 
     def only(self, which: npt.NDArray[np.intp]) -> Reports:
-        """The reports at these indices."""
-        sensors = tuple(self.sensors[i] for i in which)
-        readings = None if self.readings is None else self.readings[which]
-        return Reports(self.step, sensors, self.positions[which], self.bearings[which], self.levels[which], readings)
+        """The reports at these indices, which are ascending."""
+        sensors, found, first = tuple(self.sensors[i] for i in which), list[Readings](), 0
+        if len(self.readings) == 1:
+            kind, values = self.readings[0]
+            return Reports(self.step, sensors, self.positions[which], (Readings(kind, values[which]),))
+        for kind, values in self.readings:
+            mine = which[(which >= first) & (which < first + len(values))] - first
+            found.append(Readings(kind, values[mine]))
+            first += len(values)
+        return Reports(self.step, sensors, self.positions[which], tuple(found))
 
 
-class Measurement(Protocol):
-    """A measurement model for readings of m numbers: z = h(x) + noise, independent, Gaussian, of sd ``sd``."""
+def of_bearings(step: int, sensors: tuple[str, ...], positions: Array, bearings: Array, levels: Array) -> Reports:
+    """Reports of arrays of microphones: ``positions`` (K, 2) m, ``bearings`` (K,) rad, ``levels`` (K,) dB."""
+    return Reports(step, sensors, positions, (Readings("doa", np.array((bearings, levels)).T),))
+
+
+class Sensing(Protocol):
+    """The measurement model of a kind of sensing; in full ``trackfield.sensing.sensing.Full``.
+
+    A reading has n numbers; the first m are z = h(x) + noise, independent, Gaussian. States ``x`` (..., 4 + u) are (x,
+    y, vx, vy) and the kind's u ``unknowns``.
+    """
+
+    @property
+    def m(self) -> int:
+        """How many numbers ``h`` predicts."""
+        ...
 
     @property
     def sd(self) -> Sequence[float]:
         """The noise's sd (m,)."""
         ...
 
-    def h(self, states: Array, positions: Array) -> Array:
-        """Noiseless readings (..., K, m) of ``states`` (..., 4) by sensors at ``positions`` (K, 2)."""
-        ...
-
-    def jacobian(self, states: Array, positions: Array) -> Array:
-        """dh/dx (..., K, m, 4)."""
-        ...
-
-    def residual(self, difference: Array) -> Array:
-        """Differences of readings (..., m) in their valid range; angles are wrapped."""
-        ...
-
-
-class OwnMeasurement(Measurement, Protocol):
-    """The measurement model of a user's own sensors."""
-
     @property
     def range_m(self) -> float:
         """The largest distance (m) between the target and a sensor that measured it."""
         ...
 
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """The knowledge of a tracker about the deployment."""
-
-    sigma_w: float
-    """sd of a reported bearing, rad; NaN if the sensors report no bearings."""
-    sigma_v: float = 0.1
-    """sd of the target's acceleration per axis, m/s^2, for trackers with a single motion model."""
-    own: OwnMeasurement | None = None
-    """The measurement model of sensors that report no bearings."""
+    @property
+    def unknowns(self) -> Sequence[Unknown]:
+        """What it depends on beyond (x, y, vx, vy)."""
+        ...
 
     @property
-    def sensor(self) -> Measurement:
-        """The measurement model of the reports, bearings or not."""
-        return self.own or Bearings(self.sigma_w)
+    def bearings(self) -> bool:
+        """Whether its first number is a bearing (rad), and its second the level (dB)."""
+        ...
+
+    @property
+    def h(self) -> Callable[[Array, Array], Array]:
+        """Noiseless readings (..., K, m) of states by sensors at (K, 2)."""
+        ...
+
+    @property
+    def jacobian(self) -> Callable[[Array, Array], Array]:
+        """dh/dx (..., K, m, 4 + u)."""
+        ...
+
+    @property
+    def variance(self) -> Callable[[Array, Array], Array] | None:
+        """R(x) (..., K, m), the variances of the noise; None: those of ``sd``, everywhere."""
+        ...
+
+    @property
+    def residual(self) -> Callable[[Array], Array]:
+        """Differences of readings (..., m) in their valid range; angles are wrapped."""
+        ...
+
+    @property
+    def log_clutter(self) -> Callable[[Array, Array], Array] | None:
+        """Log density (K,) of readings (K, n) at (K, 2) that come from anywhere; None: not known."""
+        ...
+
+    @property
+    def fix(self) -> Callable[[Array, Array, Array], Gaussian | None] | None:
+        """A start from readings (K, n) at (K, 2), given a covariance without information; None: the general search."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """The knowledge of a tracker about the deployment: the ``kinds`` of sensing by name, as ``Reports`` name them."""
+
+    kinds: Mapping[str, Sensing]
+    sigma_v: float = 0.1
+    """sd of the target's acceleration per axis, m/s^2, for trackers with a single motion model."""
+
+    @property
+    def sensor(self) -> Sensing:
+        """The measurement model of a field with one kind of sensing. Raises ``ValueError`` if there are several."""
+        (kind,) = self.kinds.values()
+        return kind
+
+    @property
+    def sigma_w(self) -> float:
+        """sd of a reported bearing, rad; NaN if the sensors report no bearings."""
+        return next((kind.sd[0] for kind in self.kinds.values() if kind.bearings), math.nan)
+
+    @property
+    def unknowns(self) -> tuple[Unknown, ...]:
+        """Those of all kinds, kind by kind: the columns of a state after (x, y, vx, vy)."""
+        return tuple(one for kind in self.kinds.values() for one in kind.unknowns)
+
+    @property
+    def dimension(self) -> int:
+        """How many numbers the target's state has: x, y, vx, vy, and the unknowns of the sensing."""
+        return 4 + len(self.unknowns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,9 +189,9 @@ class Estimate:
     """A tracker's answer for one step."""
 
     mean: Array
-    """(4,)"""
+    """(4,), or (4 + u,) of a tracker that estimates the unknowns of the sensing, too"""
     covariance: Array
-    """(4, 4)"""
+    """(4, 4), or (4 + u, 4 + u)"""
     particles: Array | None = None
     """(n, 2) positions, of trackers that have particles."""
 
@@ -124,7 +200,12 @@ S = TypeVar("S")
 
 
 class Tracker(Protocol[S]):
-    """A tracker: two pure functions over a state of its own, an immutable value."""
+    """A tracker: two pure functions over a state of its own, an immutable value.
+
+    It may have further methods: ``motion`` (``trackfield.tracking.smoothing.Foresees``), so that its track can be
+    smoothed, and ``belief`` and ``resume`` (``trackfield.filters.belief.Believes``), if it knows more than its estimate
+    says.
+    """
 
     def init(self, prior: Gaussian, model: Model) -> S:
         """The state of belief ``prior`` over (x, y, vx, vy)."""

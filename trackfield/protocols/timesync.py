@@ -1,72 +1,134 @@
-"""How a node learns the centre's time over the radio: exchanges as in NTP (RFC 5905, sections 8 and 10).
+"""Asking for the time and telling it over the radio: exchanges as in NTP (RFC 5905, sections 8 and 10).
 
-A request leaves at t0 and its reply arrives at t3 by the node's clock; by the centre's clock, the request arrives at t1
-and the reply leaves at t2. Then the centre's clock is ahead by theta and the two frames took delta:
+A request leaves at t0 and its reply arrives at t3 by the asker's clock; by the time of its reference, the request
+arrives at t1 and the reply leaves at t2. Then the reference is ahead by theta and the two frames took delta:
 
     theta = ((t1 - t0) + (t2 - t3)) / 2        delta = (t3 - t0) - (t2 - t1)
 
-Of a round of exchanges the theta of the smallest delta counts (of equals the last): its error is at most delta / 2.
-Each exchange has a slot of its own, and the next begins when that is over, whenever the reply arrived: so many nodes
-that ask at a time do not flood the centre, and the sending times of a node depend on its own clock only.
+Of a round of exchanges the theta of the smallest delta counts (of equals the last): it differs from the lead of the
+reference by at most delta / 2. Each exchange has a slot of its own, and the next begins when that is over, whenever the
+reply arrived: so many processes that ask at a time do not flood their reference, and the sending times of a process
+depend on its own clock only.
+
+Any process may be a reference. One that asks nobody is a root: its clock is right by definition, and it answers always.
+Any other answers by its corrected time, and not before it has set its clock once in its life; so processes that ask
+each other in a circle never set theirs. The references of a run form trees: a root is of stratum 0, any other process
+of one more than its reference. At stratum n the error is at most the sum of delta / 2 over the n exchanges between it
+and the root, plus what the clocks in between have drifted since each was set.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Final
 
 from trackfield.draw import uniform
-from trackfield.role import NS, Corrected, Effect, Ignored, Send, SetTimer
-from trackfield.wire.messages import SyncReply, SyncRequest
+from trackfield.role import (
+    NS,
+    Corrected,
+    Effect,
+    Event,
+    Ignored,
+    IllegalEvent,
+    Received,
+    Send,
+    SetTimer,
+    Started,
+    Timer,
+    Transitions,
+    check_transition,
+)
+from trackfield.wire.messages import MOST_US, SyncReply, SyncRequest
 
 SPREAD_NS: Final = NS
-"""Nodes that are awake soon begin their first rounds spread over this time, so that not all ask at once."""
+"""First rounds begin spread over this time, so that not all processes of a field ask at once."""
 _NUMBERS: Final = 1 << 16
 _US: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """The result of an exchange: the centre's clock is ``theta_ns`` ahead, plus or minus half of ``delta_ns``."""
+    """The result of an exchange: the reference is ``theta_ns`` ahead, plus or minus half of ``delta_ns``."""
 
     delta_ns: int
     theta_ns: int
 
 
 def offset(t0: int, t1: int, t2: int, t3: int) -> Offset:
-    """The result of an exchange with the times t0 and t3 (node's clock), t1 and t2 (centre's clock)."""
+    """The result of an exchange with the times t0 and t3 (asker's clock), t1 and t2 (time of its reference)."""
     return Offset((t3 - t0) - (t2 - t1), ((t1 - t0) + (t2 - t3)) // 2)
+
+
+class Phase(Enum):
+    """``RESTING``: between rounds; ``ASKING``: a request waits for its reply; ``ANSWERED``: the rest of its slot."""
+
+    NEW = "new"
+    RESTING = "resting"
+    ASKING = "asking"
+    ANSWERED = "answered"
+
+
+TRANSITIONS: Final[Transitions] = {
+    (Phase.NEW, Started): frozenset({Phase.RESTING}),
+    (Phase.RESTING, Timer): frozenset({Phase.ASKING}),
+    (Phase.ASKING, Timer): frozenset({Phase.ASKING, Phase.RESTING}),
+    (Phase.ANSWERED, Timer): frozenset({Phase.ASKING, Phase.RESTING}),
+    (Phase.RESTING, Received): frozenset({Phase.RESTING}),
+    (Phase.ASKING, Received): frozenset({Phase.ASKING, Phase.ANSWERED}),
+    (Phase.ANSWERED, Received): frozenset({Phase.ANSWERED}),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Timekeeping:
-    """A node's knowledge of the time: its clock plus ``correction_ns`` is the centre's.
+    """What a process knows of the time: its clock plus ``correction_ns`` is its estimate of the root's.
 
-    ``asked`` counts its requests; ``sent_ns`` is the local sending time of the pending request, None if there is none.
-    ``slots`` are left of the round, including the present one; ``best`` is the best result of the round so far. A node
-    that is awake begins its next round at ``due_ns`` (local time).
+    ``known`` once it has set its clock in this life. ``asked`` counts its requests, of which the last left at local
+    time ``sent_ns``. ``slots`` are left of the round, including the present one; ``best`` is the best result of the
+    round so far. The next round is due at local time ``due_ns``.
     """
 
+    phase: Phase = Phase.NEW
     correction_ns: int = 0
+    known: bool = False
     asked: int = 0
-    sent_ns: int | None = None
+    sent_ns: int = 0
     slots: int = 0
     best: Offset | None = None
     due_ns: int = 0
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a reply may arrive now: its receiver must be on."""
+        return self.phase is Phase.ASKING
+
+    @property
+    def in_round(self) -> bool:
+        """Whether a round is under way."""
+        return self.slots > 0
+
+    def corrected(self, local_ns: int) -> int:
+        """The estimated time of the root when the own clock shows ``local_ns``."""
+        return local_ns + self.correction_ns
+
+    def local(self, corrected_ns: int) -> int:
+        """What the own clock shows at a corrected time: when to set a timer for that."""
+        return corrected_ns - self.correction_ns
 
 
 Step = tuple[Timekeeping, tuple[Effect, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Synchronisation:
-    """Rounds of ``exchanges`` with ``centre``, a slot of ``timeout_ns`` for each.
+class Rounds:
+    """How a process asks: rounds of ``exchanges`` with ``reference``, a slot of ``timeout_ns`` for each.
 
-    A node that is awake begins a round ``resync_ns`` after the last. Node ``id`` of a run with ``seed`` has its own
-    share of the spread at the start and after failures.
+    A round begins ``resync_ns`` after the last. Process ``id`` of a run with ``seed`` has its own share of the spread
+    at the start and after failures.
     """
 
-    centre: str
+    reference: str
     exchanges: int
     resync_ns: int
     timeout_ns: int
@@ -78,38 +140,94 @@ class Synchronisation:
         """How long a round takes."""
         return self.exchanges * self.timeout_ns
 
-    def start(self, now: int) -> Timekeeping:
-        """A life begins: a node that is awake soon begins its first round within ``SPREAD_NS``."""
-        return Timekeeping(due_ns=now + int(SPREAD_NS * uniform(self.seed, self.id, "sync", "start")))
 
-    def due(self, time: Timekeeping, now: int) -> Step:
-        """The timer ``sync``: a round begins, or a slot of it is over."""
-        left = time.slots - 1 if time.slots else self.exchanges
-        return self._ask(replace(time, slots=left), now) if left else self._conclude(time, now)
+class TimeSync:
+    """A protocol piece, in the form of a role: asks as ``rounds`` say, and tells the time to whoever asks.
 
-    def receive(self, time: Timekeeping, now: int, reply: SyncReply, sender: str) -> Step:
-        """A reply arrived; it is used only if it answers the pending request and its times are plausible."""
-        if sender != self.centre:
-            return time, (Ignored("foreign"),)
-        if time.sent_ns is None or (reply.exchange, reply.sent_us) != (time.asked % _NUMBERS, time.sent_ns // _US):
-            return time, (Ignored("outdated"),)
-        found = offset(time.sent_ns, reply.came_us * _US, reply.left_us * _US, now)
-        if reply.left_us < reply.came_us or found.delta_ns < 0:
-            return time, (Ignored("implausible"),)
-        best = found if time.best is None or found.delta_ns <= time.best.delta_ns else time.best
-        return replace(time, sent_ns=None, best=best), ()
+    Without ``rounds`` it is the root. The role that it is part of keeps its ``Timekeeping``, gives it ``Started``, the
+    timer ``sync`` and the frames of its ``kinds``, and passes its effects on. Between rounds the role may set the timer
+    to another time, or cancel it. ``Corrected`` ends a round that succeeded.
+    """
 
-    def _ask(self, time: Timekeeping, now: int) -> Step:
-        asked = time.asked + 1
-        request = SyncRequest(asked % _NUMBERS, now // _US)
-        after = replace(time, asked=asked, sent_ns=now)
-        return after, (Send(request, self.centre), SetTimer("sync", now + self.timeout_ns))
+    def __init__(self, rounds: Rounds | None = None) -> None:
+        self.rounds = rounds
+        self.kinds = frozenset({"sync-request"} | ({"sync-reply"} if rounds else set()))
 
-    def _conclude(self, time: Timekeeping, now: int) -> Step:
-        """The end of a round; if all its exchanges failed, the old correction holds, and the next round comes soon."""
-        over = replace(time, sent_ns=None, slots=0, best=None)
-        if time.best is None:
-            pause = int(self.lead_ns * (1 + 2 * uniform(self.seed, self.id, "sync", time.asked)))
-            return replace(over, due_ns=now + min(pause, self.resync_ns)), ()
-        over = replace(over, correction_ns=time.best.theta_ns, due_ns=now + self.resync_ns)
-        return over, (Corrected(over.correction_ns),)
+    @property
+    def lead_ns(self) -> int:
+        """How long a round takes; 0 for the root."""
+        return self.rounds.lead_ns if self.rounds else 0
+
+    def begin(self) -> Timekeeping:
+        """A process that has not started."""
+        return Timekeeping()
+
+    def handle(self, state: Timekeeping, event: Event) -> Step:
+        """See ``trackfield.role.Role``. Raises ``IllegalEvent`` for the timer of a root, and as ``TRANSITIONS`` say."""
+        after, effects = self._react(state, event)
+        check_transition(TRANSITIONS, state.phase, event, after.phase)
+        return after, effects
+
+    def _react(self, time: Timekeeping, event: Event) -> Step:
+        match event:
+            case Started(now):
+                return self._start(replace(time, phase=Phase.RESTING), now)
+            case Timer(now, "sync") if self.rounds:
+                left = time.slots - 1 if time.slots else self.rounds.exchanges
+                time = replace(time, slots=left)
+                return _ask(self.rounds, time, now) if left else _conclude(self.rounds, time, now)
+            case Received(now, SyncReply() as reply, sender) if self.rounds:
+                return _learn(self.rounds, time, now, reply, sender)
+            case Received(now, SyncRequest() as request, sender):
+                return time, (self._tell(time, now, request, sender),)
+            case Received():
+                return time, (Ignored("unexpected"),)
+        raise IllegalEvent(f"timesync cannot handle {event}")
+
+    def _start(self, time: Timekeeping, now: int) -> Step:
+        """A life begins; the first round does so within ``SPREAD_NS``."""
+        if self.rounds is None:
+            return time, ()
+        due = now + int(SPREAD_NS * uniform(self.rounds.seed, self.rounds.id, "sync", "start"))
+        return replace(time, due_ns=due), (SetTimer("sync", due),)
+
+    def _tell(self, time: Timekeeping, now: int, request: SyncRequest, sender: str) -> Send | Ignored:
+        """The answer to a request, at once: it leaves when the request came."""
+        if self.rounds and not time.known:
+            return Ignored("not synchronised")
+        at_us = time.corrected(now) // _US
+        if abs(at_us) > MOST_US:  # its reference may have told it any time
+            return Ignored("out of range")
+        return Send(SyncReply(request.exchange, request.sent_us, at_us, at_us), sender)
+
+
+def _ask(rounds: Rounds, time: Timekeeping, now: int) -> Step:
+    asked = time.asked + 1
+    request = SyncRequest(asked % _NUMBERS, now // _US)
+    after = replace(time, phase=Phase.ASKING, asked=asked, sent_ns=now)
+    return after, (Send(request, rounds.reference), SetTimer("sync", now + rounds.timeout_ns))
+
+
+def _learn(rounds: Rounds, time: Timekeeping, now: int, reply: SyncReply, sender: str) -> Step:
+    """A reply is used only if it answers the pending request and its times are plausible."""
+    if sender != rounds.reference:
+        return time, (Ignored("foreign"),)
+    if not time.waiting or (reply.exchange, reply.sent_us) != (time.asked % _NUMBERS, time.sent_ns // _US):
+        return time, (Ignored("outdated"),)
+    found = offset(time.sent_ns, reply.came_us * _US, reply.left_us * _US, now)
+    if reply.left_us < reply.came_us or found.delta_ns < 0:
+        return time, (Ignored("implausible"),)
+    best = found if time.best is None or found.delta_ns <= time.best.delta_ns else time.best
+    return replace(time, phase=Phase.ANSWERED, best=best), ()
+
+
+def _conclude(rounds: Rounds, time: Timekeeping, now: int) -> Step:
+    """The end of a round; if all its exchanges failed, the old correction holds, and the next round comes soon."""
+    over = replace(time, phase=Phase.RESTING, best=None)
+    if time.best is None:
+        pause = int(rounds.lead_ns * (1 + 2 * uniform(rounds.seed, rounds.id, "sync", time.asked)))
+        due = now + min(pause, rounds.resync_ns)
+        return replace(over, due_ns=due), (SetTimer("sync", due),)
+    due, correction = now + rounds.resync_ns, time.best.theta_ns
+    over = replace(over, correction_ns=correction, known=True, due_ns=due)
+    return over, (Corrected(correction), SetTimer("sync", due))

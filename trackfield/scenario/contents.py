@@ -24,10 +24,12 @@ from trackfield.scenario.sections.energy import Energy
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sections.run import Run
 from trackfield.scenario.sections.score import Score
-from trackfield.scenario.sensors import Acoustic, Sensor
+from trackfield.scenario.sensors import DoaSensor, Sensor, SensorSection
 
 MOST_TARGETS: Final = 1000
 MOST_FAULTS: Final = 10_000
+MOST_KINDS: Final = 20
+"""Groups of sensors of one kind each."""
 
 
 class Contents(Section):
@@ -43,7 +45,8 @@ class Contents(Section):
         default="never", description="whether a process that dies unplanned is started again"
     )
     field: Layout = Grid()
-    sensor: Sensor = Acoustic()
+    sensor: Sensor = DoaSensor()
+    sensors: tuple[Sensor, ...] = Field(default=(), max_length=MOST_KINDS, validate_default=True)
     target: Target | None = None
     targets: tuple[Target, ...] = Field(default=(), max_length=MOST_TARGETS, validate_default=True)
     link: Link = Ideal()
@@ -54,6 +57,29 @@ class Contents(Section):
     run: Run = Run()
     score: Score = Score()
     faults: tuple[Fault, ...] = Field(default=(), max_length=MOST_FAULTS)
+
+    @field_validator("sensors")
+    @classmethod
+    def _some_of_each(cls, sensors: tuple[SensorSection, ...], info: ValidationInfo) -> tuple[SensorSection, ...]:
+        """Either all sensors are of one kind, or each group says which sensors are of its kind; one may be the rest."""
+        alone = info.data.get("sensor")
+        if alone is None:  # its own error is reported already
+            return sensors
+        if sensors and alone.model_fields_set:
+            raise wrong("is given together with [[sensors]]", "one of the two", "sensor")
+        for name in ("nodes", "share"):
+            if getattr(alone, name) is not None:
+                raise wrong(
+                    "is for one of several kinds", "sections [[sensors]], or none: all are alike", f"sensor.{name}"
+                )
+        for i, one in enumerate(sensors):
+            if one.nodes is not None and one.share is not None:
+                raise wrong("is given together with nodes", "one of the two", f"sensors[{i}].share")
+        rest = [i for i, one in enumerate(sensors) if one.nodes is None and one.share is None]
+        if len(rest) > 1:
+            what = f"says not which sensors are of its kind, and neither does sensors[{rest[0]}]"
+            raise wrong(what, "nodes (a list of ids) or share (from 0 to 1)", f"sensors[{rest[1]}]")
+        return sensors
 
     @field_validator("targets")
     @classmethod
@@ -87,6 +113,13 @@ class Contents(Section):
                 "fusion.deadline_s",
             )
         return self
+
+    @property
+    def keyed_sensors(self) -> tuple[tuple[str, SensorSection], ...]:
+        """The kinds of sensors in order, each with its key: ``sensor``, or ``sensors[0]``, ..."""
+        if not self.sensors:
+            return (("sensor", self.sensor),)
+        return tuple((f"sensors[{i}]", one) for i, one in enumerate(self.sensors))
 
     @property
     def keyed_targets(self) -> tuple[tuple[str, PathSection], ...]:

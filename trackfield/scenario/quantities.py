@@ -59,6 +59,8 @@ Joules = Annotated[float, Field(ge=0.000_001, le=1e9)]
 """The charge of a battery."""
 Millijoules = Annotated[float, Field(ge=0, le=1e9), Exact]
 """The energy of one act."""
+Number = Annotated[float, Field(ge=-1e15, le=1e15), Exact]
+"""A number in whatever unit a kind of sensing has."""
 Seed = Annotated[int, Field(ge=0, le=MOST_SEED)]
 """The seed of random draws."""
 Nodes = Annotated[int, Field(ge=1, le=MOST_NODES)]

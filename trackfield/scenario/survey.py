@@ -5,19 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from math import ceil, isinf
+from typing import Final
 
 import numpy as np
 
-from trackfield.draw import normal
+from trackfield.draw import bits, normal
 from trackfield.errors import ScenarioError, together
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
 from trackfield.scenario.scenario import Scenario
-from trackfield.scenario.sensors import Acoustic
-from trackfield.world.acoustic import AcousticSensor
+from trackfield.scenario.sensors import SensorSection
+from trackfield.sensing.complete import Kind
+from trackfield.words import quoted
 from trackfield.world.path import Path
+from trackfield.world.placed import Placed
+from trackfield.world.scene import Scene
 from trackfield.world.windows import Array, Windows, distances, merged, windows
 
 Leg = tuple[int, float, float]
@@ -35,8 +39,9 @@ class Site:
 
     Step k is at ``origin_ns`` + k ``step_ns``, up to and including ``steps``. ``paths`` are the targets' paths by
     id, in order. ``windows`` hold for each sensor when it may hear any target, in order and disjoint; ``believed``
-    are the sensors at the places that the fusion centre assumes; ``centre`` is the centre's own place (m), and
-    ``route`` its positions over time if it moves: (t ns, x m, y m), with straight lines between them.
+    are the sensors at the places that the fusion centre assumes. ``sections`` are the kinds of sensors by name, and
+    ``kinds`` the indices of those that are of each kind. ``centre`` is the centre's own place (m), and ``route`` its
+    positions over time if it moves: (t ns, x m, y m), with straight lines between them.
     """
 
     scenario: Scenario
@@ -47,6 +52,8 @@ class Site:
     sensors: tuple[Place, ...]
     believed: tuple[Place, ...]
     windows: tuple[Windows, ...]
+    sections: Mapping[str, SensorSection]
+    kinds: Mapping[str, frozenset[int]]
     centre: Point
     route: tuple[Leg, ...] = ()
 
@@ -55,16 +62,32 @@ class Site:
         """When a run ends: the last step's deadline falls after the paths' end; one step more lets it pass."""
         return self.origin_ns + (self.steps + 1) * self.step_ns
 
-    def sound(self, index: int) -> dict[str, Any]:
-        """The plain form of the sensor of this index, acoustic or a user's own."""
-        scenario, paths = self.scenario, tuple(self.paths.values())
-        return scenario.sensor.plain(self.sensors[index], paths, self.windows[index], scenario.seed)
+    def kind_of(self, index: int) -> str:
+        """The name of the kind of the sensor of this index."""
+        return next(name for name, members in self.kinds.items() if index in members)
 
-    def acoustic(self, index: int, incarnation: int = 0) -> AcousticSensor:
-        """The acoustic sensor of this index."""
-        sensor, seed, paths = self.scenario.sensor, self.scenario.seed, tuple(self.paths.values())
-        assert isinstance(sensor, Acoustic)
-        return sensor.placed(self.sensors[index], paths, self.windows[index], seed, incarnation)
+    @property
+    def sensing(self) -> dict[str, Kind]:
+        """The kind of sensing of each sensor, by its id."""
+        made = {name: section.sensing for name, section in self.sections.items()}
+        return {self.sensors[i][0]: made[name] for name, members in self.kinds.items() for i in sorted(members)}
+
+    def sensor(self, index: int, incarnation: int = 0) -> Placed:
+        """The sensor of this index, in one of its node's lives."""
+        section = self.sections[self.kind_of(index)]
+        id, x, y = self.sensors[index]
+        sensing = section.sensing
+        return Placed(
+            id,
+            (x, y),
+            Scene(tuple(self.paths.values())),
+            self.windows[index],
+            sensing,
+            section.options,
+            sensing.threshold,
+            self.scenario.seed,
+            incarnation,
+        )
 
 
 def survey(scenario: Scenario) -> Site:
@@ -78,13 +101,14 @@ def survey(scenario: Scenario) -> Site:
     if len(sensors) * len(found) > MOST_HEARERS:
         what = f"{len(sensors)} sensors may hear {len(found)} targets"
         raise ScenarioError(what, key="targets", expected=f"at most {MOST_HEARERS} pairs of the two")
-    check(scenario, sensors, tuple(found.values()))
+    sections = named(scenario)
+    kinds = assigned(scenario, sensors)
+    check(sections, kinds, sensors, tuple(found.values()))
     positions = np.array([place[1:] for place in sensors])
-    awake_m, _ = scenario.sensor.reach_m()
     setup_s = scenario.run.setup_s
     origin_ns = round(setup_s * _NS)
     paths = {id: path.shifted(setup_s) for id, path in found.items()}
-    heard = [windows(positions, path, awake_m) for path in paths.values()]
+    heard = [_windows(sections, kinds, positions, path) for path in paths.values()]
     return Site(
         scenario=scenario,
         paths=paths,
@@ -92,8 +116,10 @@ def survey(scenario: Scenario) -> Site:
         step_ns=_step_ns(scenario),
         origin_ns=origin_ns,
         sensors=tuple(sensors),
-        believed=tuple(believed(scenario, sensors)),
+        believed=tuple(believed(scenario, sensors, sections, kinds)),
         windows=tuple(map(merged, zip(*heard, strict=True))),
+        sections=sections,
+        kinds=kinds,
         centre=_centre(scenario, place, positions),
         route=tuple((origin_ns + round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
     )
@@ -110,14 +136,72 @@ def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Po
     return sensors, place
 
 
-def believed(scenario: Scenario, sensors: Sequence[Place]) -> Sequence[Place]:
+def named(scenario: Scenario) -> dict[str, SensorSection]:
+    """The kinds of sensors by name; of several groups of one kind, the later ones are ``kind-2``, ``kind-3``, ..."""
+    found: dict[str, SensorSection] = {}
+    for _, section in scenario.keyed_sensors:
+        same = sum(one.kind == section.kind for one in found.values())
+        found[f"{section.kind}-{same + 1}" if same else section.kind] = section
+    return found
+
+
+def assigned(scenario: Scenario, sensors: Sequence[Place]) -> dict[str, frozenset[int]]:
+    """Which sensors (by index) are of each kind: those that it names, its share of all by lot, or the rest.
+
+    Raises ``ScenarioError`` for an unknown id, one that two kinds name, and sensors that are of no kind.
+    """
+    index = {id: i for i, (id, *_) in enumerate(sensors)}
+    free, found = dict(index), dict[str, frozenset[int]]()
+    keyed = list(zip(named(scenario).items(), (key for key, _ in scenario.keyed_sensors), strict=True))
+    for (name, section), key in keyed:
+        for id in section.nodes or ():
+            if id not in free:
+                what = f"{quoted(id)} is named twice" if id in index else f"there is no sensor {quoted(id)}"
+                raise ScenarioError(what, key=f"{key}.nodes", expected=f"ids of this field, like {next(iter(index))}")
+            del free[id]
+        if section.nodes is not None:
+            found[name] = frozenset(index[id] for id in section.nodes)
+    for number, ((name, section), key) in enumerate(keyed):
+        if section.share is not None:
+            drawn = sorted(free, key=lambda id: bits(scenario.seed, "sensor kind", number, id))
+            drawn = drawn[: max(round(section.share * len(index)), 1)]
+            if not drawn:
+                raise ScenarioError("no sensor is left for it", key=f"{key}.share", expected="smaller shares")
+            found[name] = frozenset(free.pop(id) for id in drawn)
+    for (name, section), _ in keyed:
+        if section.nodes is None and section.share is None:
+            found[name], free = frozenset(free.values()), {}
+    if free:
+        what = f"{len(free)} sensors are of no kind, such as {next(iter(free))}"
+        raise ScenarioError(what, key="sensors", expected="a kind without nodes and share, for the rest")
+    return {name: found[name] for (name, _), _ in keyed}
+
+
+def _windows(
+    sections: Mapping[str, SensorSection], kinds: Mapping[str, frozenset[int]], positions: Array, path: Path
+) -> list[Windows]:
+    """When each sensor can sense the target on this path."""
+    found: list[Windows] = [()] * len(positions)
+    for name, section in sections.items():
+        members, sensing = sorted(kinds[name]), section.sensing
+        late_ns = 0 if isinf(sensing.speed_m_s) else ceil(2e9 * sensing.range_m / sensing.speed_m_s)
+        for i, own in zip(members, windows(positions[members], path, sensing.range_m), strict=True):
+            found[i] = tuple((begin, end + late_ns) for begin, end in own)
+    return found
+
+
+def believed(
+    scenario: Scenario,
+    sensors: Sequence[Place],
+    sections: Mapping[str, SensorSection],
+    kinds: Mapping[str, frozenset[int]],
+) -> Sequence[Place]:
     """The sensors at the places that the fusion centre assumes: off by a Gaussian error, east and north."""
-    seed, sd = scenario.seed, scenario.sensor.position_error_m
-    if not sd:
-        return sensors
-    error = partial(normal, seed)
+    sds = {i: sections[name].position_error_m for name, members in kinds.items() for i in members}
+    error = partial(normal, scenario.seed)
     return [
-        (id, x + sd * error(id, 0, "position", "x"), y + sd * error(id, 0, "position", "y")) for id, x, y in sensors
+        (id, x + sd * error(id, 0, "position", "x"), y + sd * error(id, 0, "position", "y")) if sd else (id, x, y)
+        for (id, x, y), sd in zip(sensors, map(sds.__getitem__, range(len(sensors))), strict=True)
     ]
 
 
@@ -164,17 +248,25 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     return steps, {target.id: path.clip(0.0, end_s) for (_, target), (_, path) in zip(targets, runs, strict=True)}
 
 
-def check(scenario: Scenario, sensors: Sequence[Place], paths: Sequence[Path]) -> None:
+def check(
+    sections: Mapping[str, SensorSection],
+    kinds: Mapping[str, frozenset[int]],
+    sensors: Sequence[Place],
+    paths: Sequence[Path],
+) -> None:
     """Raise ``ScenarioError`` unless some target comes near enough to some sensor for a report."""
     positions = np.array([place[1:] for place in sensors])
-    _, radius = scenario.sensor.reach_m()
-    if any(np.isfinite(distances(positions, path, radius)).any() for path in paths):
-        return
+    for name, section in sections.items():
+        near = positions[sorted(kinds[name])], section.sensing.report_m
+        if any(np.isfinite(distances(near[0], path, near[1])).any() for path in paths):
+            return
     far = np.min([distances(positions, path, np.inf) for path in paths], axis=0)
     nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
     what = "the target never comes in range: it stays" if len(paths) == 1 else "no target comes in range: they stay"
+    radius = max(section.sensing.report_m for section in sections.values())
     expected = f"a path within the {radius:.0f} m in which a sensor hears a target"
-    raise ScenarioError(f"{what} {nearest}", key=scenario.sensor.reach_key, expected=expected)
+    key = f"sensor.{next(iter(sections.values())).reach_key}" if len(sections) == 1 else "sensors"
+    raise ScenarioError(f"{what} {nearest}", key=key, expected=expected)
 
 
 def _step_ns(scenario: Scenario) -> int:

@@ -1,25 +1,23 @@
-"""Users' own sensors, by kind: the interface of their classes, and how they are made from a scenario."""
+"""Kinds of sensing by name: Trackfield's own, and those that users register or install."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from collections.abc import Mapping
+from functools import lru_cache
+from math import isfinite
+from typing import Any, Final
 
 from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
-from trackfield.options import made
+from trackfield.models.unknowns import Unknown
 from trackfield.plugins import Maker, Plugins
+from trackfield.sensing.complete import FIELD, NEAREST, Kind, arguments
+from trackfield.sensing.doa import Doa
+from trackfield.sensing.sensing import LAYERS
 from trackfield.words import quoted
-from trackfield.world.acoustic import AcousticSensor
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-
-ACOUSTIC: Final = "acoustic"
-"""Trackfield's own kind."""
+DEFAULT: Final = "doa"
+"""The kind of a scenario that names none."""
 NEAREST_M: Final = 0.001
 """The shortest range of a sensor (m)."""
 FINEST: Final = 1e-12
@@ -27,94 +25,115 @@ COARSEST: Final = 1e12
 """The smallest and the largest noise and resolution of a reading."""
 MAX_VALUES: Final = 26
 """The most numbers that fit into a report (docs/wire.md)."""
+MOST_UNKNOWNS: Final = 8
 
-
-class Sensor(Protocol):
-    """A kind of sensor, the same at every node: a frozen dataclass whose fields a scenario sets in ``[sensor]``.
-
-    A reading is m numbers, z = h(x) + noise. Nodes only call ``simulate``, trackers call the others. ``residual`` may
-    be left out: it maps differences of readings (..., m) into their valid range, as for angles. So may
-    ``fix_sensors``, the number of sensors that a position fix needs: two if m is 1, else one.
-    """
-
-    @property
-    def range_m(self) -> float:
-        """Beyond this distance (m) from the target nothing is measured, and its node sleeps."""
-        ...
-
-    @property
-    def sd(self) -> Sequence[float]:
-        """The noise's standard deviations (m,)."""
-        ...
-
-    @property
-    def resolution(self) -> Sequence[float]:
-        """The resolution with which each number is reported (m,)."""
-        ...
-
-    def simulate(
-        self, target: tuple[float, float, float, float], position: tuple[float, float], normals: tuple[float, ...]
-    ) -> Sequence[float] | None:
-        """The reading (m,) of a ``target`` (x, y, vx, vy) from ``position``; None if nothing is measured.
-
-        ``normals`` (m,) are draws from N(0, 1), the only randomness it may have. Nodes need no numpy for it.
-        """
-        ...
-
-    def h(self, states: Array, positions: Array) -> Array:
-        """Noiseless readings (..., K, m) of ``states`` (..., 4) from ``positions`` (K, 2)."""
-        ...
-
-    def jacobian(self, states: Array, positions: Array) -> Array:
-        """dh/dx (..., K, m, 4)."""
-        ...
-
-
-SENSORS: Final = Plugins(
-    "sensor", "trackfield.sensors", {ACOUSTIC: AcousticSensor}, methods=("simulate", "h", "jacobian")
-)
+SENSORS: Final = Plugins("sensor", "trackfield.sensors", {DEFAULT: Doa}, methods=("simulate", "h", "jacobian"))
 
 
 def register_sensor(kind: str, maker: Maker) -> None:
-    """Let scenarios of this Python process name a kind of sensor of your own (``Sensor``), as ``sensor.kind``.
+    """Let scenarios of this Python process name a kind of sensing of your own (``sensing.Sensing``).
 
-    Runs over processes need a class that can be imported. Raises ``ScenarioError`` for ``acoustic``, and for a class
-    without ``simulate``, ``h`` and ``jacobian``.
+    Runs over processes need a class that can be imported. Raises ``ScenarioError`` for the name of one of Trackfield's
+    own, and for a class without ``simulate``, ``h`` and ``jacobian``.
     """
     SENSORS.register(kind, maker)
 
 
-def fix_sensors(sensor: Sensor) -> int:
-    """The number of sensors whose readings of one instant determine a position."""
-    return int(getattr(sensor, "fix_sensors", 2 if len(sensor.sd) == 1 else 1))
-
-
-def make_sensor(kind: str, options: Mapping[str, Any]) -> Sensor:
-    """The sensor of this kind with these options.
-
-    Raises ``ScenarioError`` with the nearest name for an unknown kind, for unknown or unsuitable options, and for a
-    sensor without range, noise or resolution.
-    """
+def known_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
+    """The kind with options that were checked before, by whoever planned the run: nodes do no more than this."""
     if kind not in SENSORS:
         raise SENSORS.unknown(kind, "sensor.kind")
-    sensor: Sensor = made(SENSORS[kind], options, "sensor")
-    range_m = getattr(sensor, "range_m", None)
-    if not (isinstance(range_m, int | float) and NEAREST_M <= range_m <= FAR_M):
-        expected = f"metres, above 0: from {NEAREST_M:g} to {FAR_M:g}"
-        raise ScenarioError(f"'{kind}' has {quoted(range_m)}", key="sensor.range_m", expected=expected)
-    for name in ("sd", "resolution"):
-        values = getattr(sensor, name, None)
-        if not (isinstance(values, tuple) and values and all(FINEST <= v <= COARSEST for v in values)):
-            raise ScenarioError(
-                f"'{kind}' has {quoted(values)}",
-                key=f"sensor.{name}",
-                expected=f"a tuple of numbers above 0: from {FINEST:g} to {COARSEST:g}",
-            )
-    needs = getattr(sensor, "fix_sensors", 1)
-    if not (isinstance(needs, int) and needs >= 1):
-        what = f"'{kind}' has {needs!r}"
-        raise ScenarioError(what, key="sensor.fix_sensors", expected="a whole number of at least 1")
-    if not len(sensor.sd) == len(sensor.resolution) <= MAX_VALUES:
-        what = f"'{kind}' has {len(sensor.sd)} sd and {len(sensor.resolution)} resolutions"
+    return Kind(kind, SENSORS[kind](**options))
+
+
+def known_kind(kind: str, options: Mapping[str, Any]) -> Kind:
+    """As ``known_sensor``, the same object for the same arguments."""
+    return _known(kind, tuple(sorted(options.items())))
+
+
+@lru_cache(maxsize=64)
+def _known(kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
+    return known_sensor(kind, dict(options))
+
+
+def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
+    """The kind with these options.
+
+    Raises ``ScenarioError`` with the nearest name for an unknown kind, for unknown or unsuitable options, and for
+    members that a kind cannot have.
+    """
+    from trackfield.options import made  # late: a node need not load it
+
+    if kind not in SENSORS:
+        raise SENSORS.unknown(kind, "sensor.kind")
+    own = made(SENSORS[kind], options, "sensor")
+    for name, fine, expected in _RULES:
+        value = getattr(own, name, None)
+        if not fine(value) and not (name in _OPTIONAL and not hasattr(own, name)):
+            raise ScenarioError(f"'{kind}' has {quoted(value)}", key=f"sensor.{name}", expected=expected)
+    if not len(own.sd) <= len(own.resolution) <= MAX_VALUES:
+        what = f"'{kind}' has {len(own.sd)} sd and {len(own.resolution)} resolutions"
         raise ScenarioError(what, key="sensor.sd", expected=f"one of each per number, at most {MAX_VALUES}")
-    return sensor
+    if len(units := getattr(own, "units", own.resolution)) != len(own.resolution):
+        raise ScenarioError(f"'{kind}' has {units!r}", key="sensor.units", expected="a text for each number")
+    if arguments(own.simulate) not in (FIELD, NEAREST):
+        what = f"takes {arguments(own.simulate)} arguments"
+        expected = "(scene, t_ns, place, normals), or (target, place, normals)"
+        raise ScenarioError(what, key=f"sensor '{kind}': simulate", expected=expected)
+    if getattr(own, "thresholds", None) is not None and not (hasattr(own, "level") or hasattr(own, "reading")):
+        raise ScenarioError(f"'{kind}' has none", key="sensor.level", expected="a method level: it has thresholds")
+    return Kind(kind, own)
+
+
+def _metres(value: object) -> bool:
+    return isinstance(value, int | float) and NEAREST_M <= value <= FAR_M
+
+
+def _positive(values: object) -> bool:
+    return isinstance(values, tuple) and bool(values) and all(FINEST <= v <= COARSEST for v in values)
+
+
+def _count(value: object) -> bool:
+    return isinstance(value, int) and value >= 1
+
+
+def _unknowns(values: object) -> bool:
+    return isinstance(values, tuple) and len(values) <= MOST_UNKNOWNS and all(map(_unknown, values))
+
+
+def _unknown(one: object) -> bool:
+    return (
+        isinstance(one, Unknown)
+        and FINEST <= one.sd <= COARSEST
+        and 0.0 <= one.walk_sd <= COARSEST
+        and isfinite(one.mean)
+    )
+
+
+def _texts(values: object) -> bool:
+    return isinstance(values, tuple) and all(isinstance(one, str) for one in values)
+
+
+def _ordered(value: object) -> bool:
+    return value is None or (isinstance(value, tuple) and len(value) == 2 and value[0] <= value[1])
+
+
+def _speed(value: object) -> bool:
+    return isinstance(value, int | float) and value > 0
+
+
+_SMALL: Final = f"a tuple of numbers above 0: from {FINEST:g} to {COARSEST:g}"
+_FAR: Final = f"metres, above 0: from {NEAREST_M:g} to {FAR_M:g}"
+_RULES: Final = (
+    ("range_m", _metres, _FAR),
+    ("sd", _positive, _SMALL),
+    ("resolution", _positive, _SMALL),
+    ("fix_sensors", _count, "a whole number of at least 1"),
+    ("report_m", _metres, _FAR),
+    ("unknowns", _unknowns, f"a tuple of Unknown(name, sd, walk_sd, mean), at most {MOST_UNKNOWNS}, sd above 0"),
+    ("units", _texts, "a tuple of texts"),
+    ("layer", LAYERS.__contains__, f"one of {', '.join(LAYERS)}"),
+    ("thresholds", _ordered, "None, or the lowest and the highest level"),
+    ("speed_m_s", _speed, "metres per second, above 0"),
+)
+_OPTIONAL: Final = frozenset({"fix_sensors", "report_m", "unknowns", "units", "layer", "thresholds", "speed_m_s"})

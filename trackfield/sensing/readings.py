@@ -1,17 +1,38 @@
-"""Readings of sensors and the windows in which they may read anything: shared by all kinds of sensors."""
+"""Readings of sensors, and the windows in which they may read anything: the same for all kinds of sensing."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol, Self
+from math import inf
+from typing import Any, Final, Protocol, Self
+
+from trackfield.wire.messages import Doa, Measurement
 
 LOUDEST_DB: Final = 200.0
 """The highest level that an array reads, and that fits into a report (docs/wire.md)."""
 
 Window = tuple[int, int]
 """(from ns, to ns), both included, in true time since the start of the run."""
+
+
+class Reading(Protocol):
+    """What a sensor read at an instant."""
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its numbers, in the units of its kind."""
+        ...
+
+    @property
+    def level(self) -> float:
+        """What is compared with the threshold of its node; infinite for kinds that have none."""
+        ...
+
+    def report(self, step: int) -> Any:
+        """The message that reports it."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,18 +48,38 @@ class Heard:
         turned = angle_deg % 360.0  # a tiny negative angle rounds up to a full turn
         return cls(min(level_db, LOUDEST_DB), 0.0 if turned == 360.0 else turned)
 
+    @property
+    def values(self) -> tuple[float, ...]:
+        """(bearing, level)."""
+        return self.bearing_deg, self.level_db
+
+    @property
+    def level(self) -> float:
+        """The level (dB)."""
+        return self.level_db
+
+    def report(self, step: int) -> Doa:
+        """The message that reports it."""
+        return Doa(step, self.bearing_deg, self.level_db)
+
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """The reading of a user's own sensor: m whole numbers, in steps of the sensor's resolutions."""
+class Measured:
+    """A reading in whole ``steps`` of its kind's resolutions; ``values`` are in the kind's units."""
 
-    values: tuple[int, ...]
+    steps: tuple[int, ...]
+    values: tuple[float, ...]
+    level: float = inf
+
+    def report(self, step: int) -> Measurement:
+        """The message that reports it."""
+        return Measurement(step, self.steps)
 
 
 class Ears(Protocol):
     """The interface of a sensor to its node; times are true."""
 
-    def sample(self, t_ns: int) -> Heard | Reading | None:
+    def sample(self, t_ns: int) -> Reading | None:
         """The reading at this time; None if nothing is heard."""
         ...
 

@@ -1,12 +1,12 @@
 """Following a target with any tracker: track initiation from reports alone, also after a loss.
 
-A lost track is detected by Page's cumulative sum test (Page 1954): each bearing adds the log likelihood ratio of
-"uniformly distributed" to "from the track", and the sum never falls below zero. When it exceeds ``_LOST_AT``, the
-track is given up; a correct track lasts at least e^_LOST_AT bearings on average. A share ``CLUTTER`` of bearings may
-be uniformly distributed although the track is correct: no single one can end it.
+A lost track is detected by Page's cumulative sum test (Page 1954): each reading adds the log likelihood ratio of "from
+anywhere" (for bearings: uniformly distributed) to "from the track", and the sum never falls below zero. When it
+exceeds ``_LOST_AT``, the track is given up; a correct track lasts at least e^_LOST_AT readings on average. A share
+``CLUTTER`` of readings may come from anywhere although the track is correct: no single one can end it.
 
-For users' own sensors the distribution of false readings is not known. Their tracks are given up only when their own
-standard deviation becomes too large.
+A kind of sensing may not know the distribution of false readings (``log_clutter``). Then a track is given up only when
+its own standard deviation becomes too large.
 """
 
 from __future__ import annotations
@@ -17,14 +17,13 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackfield.filters.fix import agreeing, centroid, certain_fix
+from trackfield.filters.belief import Belief, Believes, moments
 from trackfield.filters.gate import CLUTTER
 from trackfield.filters.gaussian import extent
+from trackfield.filters.measurement import extended, log_ratios
 from trackfield.filters.metrics import LOST_M
-from trackfield.filters.own_fix import own_fix
+from trackfield.filters.search import searched
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
-from trackfield.models import doa
-from trackfield.models.doa import wrap
 
 S = TypeVar("S")
 
@@ -34,12 +33,16 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 
 
 class Followed(NamedTuple, Generic[S]):
-    """``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``new``: it
-    began with the reports of this very step."""
+    """A tracker on a target, or waiting for one.
+
+    ``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``known``: the
+    Gaussian of the last estimate, or what the track began with; ``new``: it began with the reports of this very step.
+    """
 
     track: S | None
     doubt: float
     alone: bool
+    known: Gaussian | None = None
     new: bool = False
 
 
@@ -56,11 +59,27 @@ class Following(Generic[S]):
         """The state before the first step; without a prior the track starts from the first reports."""
         if prior is None:
             return Followed(None, 0.0, alone=True)
-        return Followed(self.tracker.init(prior, self.model), 0.0, alone=False)
+        known = extended(prior, self.model.unknowns)
+        return Followed(self.tracker.init(known, self.model), 0.0, alone=False, known=known)
 
-    def resume(self, belief: Gaussian) -> Followed[S]:
-        """The state after a pause that began with ``belief``; it may be restarted, as without a prior."""
-        return Followed(self.tracker.init(belief, self.model), 0.0, alone=True)
+    def belief(self, state: Followed[S]) -> Belief | None:
+        """What is known of the target; None while there is no track."""
+        if state.track is None:
+            return None
+        own = self.tracker.belief(state.track) if isinstance(self.tracker, Believes) else None
+        return state.known if own is None else own
+
+    def resume(self, belief: Belief) -> Followed[S]:
+        """The state after a pause that began with ``belief``, over the state of ``model``.
+
+        It may be restarted, as without a prior.
+        """
+        known = moments(belief)
+        if isinstance(self.tracker, Believes):
+            track = self.tracker.resume(belief, self.model)
+        else:
+            track = self.tracker.init(known, self.model)
+        return Followed(track, 0.0, alone=True, known=known)
 
     def step(
         self, state: Followed[S], reports: Reports, dt: float, rng: np.random.Generator
@@ -69,33 +88,30 @@ class Following(Generic[S]):
         if state.track is None:
             return self._start(reports)
         track, estimate = self.tracker.step(state.track, reports, dt, rng)
-        doubt = 0.0
-        if self.model.own is None:
-            doubt = max(0.0, state.doubt + doubts(estimate, reports, self.model.sigma_w))
+        doubt = max(0.0, state.doubt + doubts(self.model, estimate, reports))
         if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m):
             return self._start(reports)
-        return Followed(track, doubt, state.alone), estimate
+        return Followed(track, doubt, state.alone, Gaussian(estimate.mean, estimate.covariance)), estimate
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
-        model = self.model
-        fix = first_fix(reports, model.sigma_w) if model.own is None else own_fix(ANYWHERE, model, reports, self.lost_m)
+        fix = self._fix(reports)
         if fix is None:
             return Followed(None, 0.0, alone=True), None
-        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, new=True), Estimate(*fix)
+        return Followed(self.tracker.init(fix, self.model), 0.0, alone=True, known=fix, new=True), Estimate(*fix)
+
+    def _fix(self, reports: Reports) -> Gaussian | None:
+        """A belief from the readings of one step alone: as their kind finds it, or by the general search."""
+        kinds = tuple(self.model.kinds.values())
+        if len(kinds) == 1 and kinds[0].fix is not None:
+            fix = kinds[0].fix(reports.values, reports.positions, ANYWHERE)
+            return None if fix is None else extended(fix, self.model.unknowns)
+        return searched(ANYWHERE, self.model, reports, self.lost_m)
 
 
-def first_fix(reports: Reports, sigma_w: float) -> Gaussian | None:
-    """The belief from the bearings of one step alone, or None if their geometry does not give one."""
-    if len(reports) < 2:
-        return None
-    prior = Gaussian(np.append(centroid(reports), [0.0, 0.0]), ANYWHERE)
-    return certain_fix(prior, reports.only(agreeing(prior, reports, sigma_w).believed), sigma_w)
+def doubts(model: Model, estimate: Estimate, reports: Reports) -> float:
+    """Log likelihood ratio of readings from anywhere to readings of the estimate; 0 without reports.
 
-
-def doubts(estimate: Estimate, reports: Reports, sigma_w: float) -> float:
-    """Log likelihood ratio of uniformly distributed bearings to bearings of the estimate; 0 without reports."""
-    H = doa.jacobian(estimate.mean, reports.positions)
-    variance = np.einsum("ki,ij,kj->k", H, estimate.covariance, H) + sigma_w**2
-    misses = wrap(reports.bearings - doa.measure(estimate.mean, reports.positions))
-    density = np.exp(-0.5 * np.square(misses) / variance) / np.sqrt(2.0 * np.pi * variance)
-    return -float(np.log((1.0 - CLUTTER) * 2.0 * np.pi * density + CLUTTER).sum())
+    Kinds of sensing that do not know where else their readings may come from say nothing.
+    """
+    ratios = np.exp(log_ratios(model, Gaussian(estimate.mean, estimate.covariance), reports))
+    return -float(np.log((1.0 - CLUTTER) * ratios + CLUTTER).sum())

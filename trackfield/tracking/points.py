@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
+from trackfield.filters.measurement import STATE
 from trackfield.filters.types import Estimate, Reports
 from trackfield.role import TrackPoint
 
@@ -23,5 +24,5 @@ def track_point(
     if estimate.particles is not None:
         thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
         particles = thin.astype("<f4").tobytes()
-    mean, covariance = estimate.mean.tolist(), estimate.covariance.ravel().tolist()
+    mean, covariance = estimate.mean[:STATE].tolist(), estimate.covariance[:STATE, :STATE].ravel().tolist()
     return TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)

@@ -14,6 +14,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkabl
 import numpy as np
 
 from trackfield.filters import rts
+from trackfield.filters.belief import Belief
 from trackfield.filters.gaussian import Motion
 from trackfield.filters.types import Estimate, Gaussian, Reports
 from trackfield.tracking.following import Followed, Following
@@ -76,7 +77,11 @@ class Smoothing(Generic[S]):
         """As ``Following.begin``."""
         return Lagged(self.following.begin(prior))
 
-    def resume(self, belief: Gaussian) -> Lagged[S]:
+    def belief(self, state: Lagged[S]) -> Belief | None:
+        """As ``Following.belief``."""
+        return self.following.belief(state.followed)
+
+    def resume(self, belief: Belief) -> Lagged[S]:
         """As ``Following.resume``: steps before the pause are no longer smoothed."""
         return Lagged(self.following.resume(belief))
 

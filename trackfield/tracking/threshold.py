@@ -1,4 +1,4 @@
-"""The sensors' threshold, set by the centre: as few sensors report as the track's accuracy allows.
+"""The sensors' threshold, set by whoever tracks: as few sensors report as the track's accuracy allows.
 
 After each step the track's standard deviation is compared with a target value. If it is larger, the threshold is
 lowered by ``STEP_DB``, so that more sensors report in the coming step; if it is below ``EASY`` times the target
@@ -8,11 +8,15 @@ value, the threshold is raised. In between it stays, so that it does not oscilla
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import dist, hypot, sqrt
 from typing import Final
 
-from trackfield.role import TrackPoint
+from trackfield.role import NS, Send, TrackPoint
+from trackfield.tracking.bank import Bank
+from trackfield.wire.messages import Threshold
 
+LAST_STEP: Final = 65535
+"""The highest step that a message can hold."""
 STEP_DB: Final = 0.5
 EASY: Final = 0.8
 
@@ -41,6 +45,32 @@ class Controller:
     def bounded(self, level_db: float) -> float:
         """The allowed threshold nearest to this one."""
         return min(max(level_db, self.low_db), self.high_db)
+
+
+class Commander:
+    """Sets the threshold of the sensors of ``bank`` after each step, as its ``controller`` says.
+
+    Its state is the threshold in dB.
+    """
+
+    def __init__(self, controller: Controller, bank: Bank) -> None:
+        self.controller, self.bank = controller, bank
+
+    def begin(self, stored_db: float | None = None) -> float:
+        """The threshold at the start of a life; ``stored_db`` is that of the life before it."""
+        return self.controller.start_db if stored_db is None else self.controller.bounded(stored_db)
+
+    def command(self, level_db: float, point: TrackPoint) -> tuple[float, tuple[Send, ...]]:
+        """The threshold for the step after ``point``, and the message to the sensors that will soon hear the target."""
+        if not point.mean:
+            return level_db, ()
+        bank, level = self.bank, self.controller.adjusted(level_db, position_sd(point))
+        place, reach = expected_place(point, bank.step_ns / NS), self.controller.reach_m
+        near = frozenset(id for id, position in bank.positions.items() if dist(position, place) <= reach)
+        step = bank.step_at(point.at_ns) + 1
+        if not near or step > LAST_STEP:
+            return level, ()
+        return level, (Send(Threshold(step, level), near),)
 
 
 def position_sd(point: TrackPoint) -> float:

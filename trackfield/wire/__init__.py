@@ -6,12 +6,13 @@ from trackfield.wire import keys
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
-from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold
-from trackfield.wire.registry import Scaled, kind
+from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.registry import Blob, Scaled, kind
 
 __all__ = [
     "MAX_BYTES",
     "VERSION",
+    "Blob",
     "Doa",
     "Envelope",
     "Measurement",
@@ -19,6 +20,7 @@ __all__ = [
     "SyncReply",
     "SyncRequest",
     "Threshold",
+    "Track",
     "WireError",
     "decode",
     "encode",

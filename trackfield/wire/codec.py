@@ -1,4 +1,4 @@
-"""Messages to bytes and back: a MessagePack array of integers, ``[version, kind, field, ...]``."""
+"""Messages to bytes and back: a MessagePack array of integers and bytes, ``[version, kind, field, ...]``."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import Any, Final
 import msgpack
 
 from trackfield.wire.error import WireError
-from trackfield.wire.registry import kind_by_number, kind_of
+from trackfield.wire.registry import MAX_BYTES, check_size, kind_by_number, kind_of
 
 __all__ = ["MAX_BYTES", "VERSION", "WireError", "decode", "encode", "kind_name"]
 
 VERSION: Final = 1
-MAX_BYTES: Final = 256
-"""A longer payload is refused unread."""
 
 
 def encode(message: object) -> bytes:
@@ -30,7 +28,7 @@ def encode(message: object) -> bytes:
 def decode(data: bytes) -> Any:
     """The message in a payload; raises ``WireError`` for anything else, whatever the bytes are.
 
-    An integer may have a longer form than needed: small devices often use fixed widths.
+    A number or the length of bytes may have a longer form than needed: small devices often use fixed widths.
     """
     if not isinstance(data, bytes):
         raise WireError("type", f"payload: {type(data).__name__}")
@@ -47,7 +45,9 @@ def decode(data: bytes) -> Any:
         raise WireError("type", f"version: {type(version).__name__}")
     if version != VERSION:
         raise WireError("version", str(version))
-    return kind_by_number(number).unpack(values)
+    kind = kind_by_number(number)
+    check_size(kind.name, len(data))
+    return kind.unpack(values)
 
 
 def kind_name(message: object) -> str:

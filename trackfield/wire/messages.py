@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from trackfield.wire.registry import Scaled, kind
+from trackfield.wire.registry import Blob, Scaled, kind
 
-_MICROSECONDS: Final = Scaled(-(10**15), 10**15, unit="us")
-"""A clock: some thirty years either way."""
+MOST_US: Final = 10**15
+"""The latest time that a message can hold, in microseconds: some thirty years; as much before 0."""
+_MICROSECONDS: Final = Scaled(-MOST_US, MOST_US, unit="us")
 
 
 @kind(1, "doa")
@@ -27,7 +28,7 @@ class Doa:
 @kind(2, "sync-request")
 @dataclass(frozen=True, slots=True)
 class SyncRequest:
-    """A node asks for the time; ``sent_us`` is its own clock at sending (t0 of the exchange)."""
+    """A process asks for the time; ``sent_us`` is its own clock at sending (t0 of the exchange)."""
 
     exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
     sent_us: Annotated[int, _MICROSECONDS]
@@ -36,7 +37,7 @@ class SyncRequest:
 @kind(3, "sync-reply")
 @dataclass(frozen=True, slots=True)
 class SyncReply:
-    """The answer: the request's ``exchange`` and ``sent_us``, and the reference clock at arrival (t1), reply (t2)."""
+    """The answer: the request's ``exchange`` and ``sent_us``, and the reference's time at arrival (t1), reply (t2)."""
 
     exchange: Annotated[int, Scaled(0, 65535, unit="number of the exchange")]
     sent_us: Annotated[int, _MICROSECONDS]
@@ -60,3 +61,24 @@ class Measurement:
 
     step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     values: tuple[Annotated[int, Scaled(-(10**15), 10**15, unit="resolution")], ...]
+
+
+@kind(6, "track")
+@dataclass(frozen=True, slots=True)
+class Track:
+    """What a tracker knew at an instant, handed on by the process that tracks.
+
+    ``at_us`` is the instant by the reference clock, ``age_ms`` how long after it the message left: of two about one
+    instant, that of the greater age counts. ``tracker`` is a number in the run's list of trackers. ``belief`` has
+    ``dimension`` unknowns, the first four x, y, vx, vy; ``form`` says how it is written: 1 a Gaussian, 2 modes,
+    3 particles (docs/wire.md). ``sensors`` are those whose reports of this instant were used: their numbers in the
+    field's list, two little-endian bytes each.
+    """
+
+    at_us: Annotated[int, _MICROSECONDS]
+    age_ms: Annotated[int, Scaled(0, 2**32 - 1, unit="ms")]
+    tracker: Annotated[int, Scaled(0, 255, unit="number of the tracker")]
+    form: Annotated[int, Scaled(1, 3, unit="form of the belief")]
+    dimension: Annotated[int, Scaled(4, 16, unit="numbers of a state")]
+    belief: Annotated[bytes, Blob(1024, "belief")]
+    sensors: Annotated[bytes, Blob(2048, "numbers of sensors")]

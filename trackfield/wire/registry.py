@@ -1,12 +1,14 @@
 """Message kinds: what a field of a message may hold and how it becomes an integer, declared once per field.
 
-A kind is a frozen dataclass of ``Annotated[int, Scaled(...)]`` and ``Annotated[float, Scaled(...)]`` fields,
-registered under a number and a name by ``@kind``. Codec and table in docs/wire.md are both made from that. The last
-field may be a ``tuple`` of such numbers, at least one: ``tuple[Annotated[int, Scaled(...)], ...]``.
+A kind is a frozen dataclass of ``Annotated[int, Scaled(...)]``, ``Annotated[float, Scaled(...)]`` and
+``Annotated[bytes, Blob(...)]`` fields, registered under a number and a name by ``@kind``. Codec and table in
+docs/wire.md are both made from that. The last field may be a ``tuple`` of numbers, at least one:
+``tuple[Annotated[int, Scaled(...)], ...]``.
 """
 
 from __future__ import annotations
 
+import builtins
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +18,11 @@ from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_id
 
 MAX_FIELDS: Final = 27
-"""A message of this many fields, each at MessagePack's longest integer (9 bytes), stays within 256 bytes."""
+"""A message of this many fields, each at MessagePack's longest integer (9 bytes), stays within ``PLAIN_BYTES``."""
+PLAIN_BYTES: Final = 256
+"""The longest payload of a kind that has numbers only. One with bytes may be longer by as much as they are."""
+MAX_BYTES: Final = 4096
+"""The longest payload of any kind, also of one that a process does not know; a longer one is refused unread."""
 
 OWN_KINDS: Final = 128
 """Kind numbers from here to 255 are for kinds registered outside of Trackfield."""
@@ -39,7 +45,34 @@ class Scaled:
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class Blob:
+    """Bytes that travel as they are, at most so many; ``unit`` says what they are."""
+
+    most: int
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bytes:
+    """A field of a kind that holds bytes."""
+
+    name: str
+    blob: Blob
+    many: bool = False
+
+    def pack(self, value: object) -> bytes:
+        """``value`` if the field can hold it; raises ``WireError`` (``type``, ``range``)."""
+        if type(value) is not bytes:
+            raise WireError("type", f"{self.name}: {type(value).__name__}")
+        if len(value) > self.blob.most:
+            raise WireError("range", f"{self.name}: {len(value)} bytes, at most {self.blob.most}")
+        return value
+
+    unpack = pack
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
     """A field of a kind, with its bounds in steps of the resolution; ``many`` numbers, or one."""
 
     name: str
@@ -51,13 +84,14 @@ class Field:
     many: bool = False
 
     @classmethod
-    def of(cls, name: str, hint: object) -> Field:
-        """The field declared by a type hint; raises ``TypeError`` for one that cannot be encoded."""
+    def of(cls, name: str, hint: object) -> Number:
+        """The field of numbers that a type hint declares; raises ``TypeError`` for one that cannot be encoded."""
         many = get_origin(hint) is tuple and get_args(hint)[1:] == (...,)
         one = get_args(hint)[0] if many else hint
         number, *extras = get_args(one) if get_origin(one) is Annotated else (one,)
         if number not in (int, float) or len(extras) != 1 or not isinstance(extras[0], Scaled):
-            raise TypeError(f"{name}: expected Annotated[int, Scaled(...)] or Annotated[float, Scaled(...)]")
+            expected = "Annotated[int, Scaled(...)], Annotated[float, Scaled(...)] or Annotated[bytes, Blob(...)]"
+            raise TypeError(f"{name}: expected {expected}")
         scaled = extras[0]
         per_unit = round(1 / scaled.resolution)
         if abs(per_unit * scaled.resolution - 1) > 1e-9 or (number is int and per_unit != 1):
@@ -92,6 +126,19 @@ class Field:
         return number
 
 
+Field = Number | Bytes
+
+
+def field_of(name: str, hint: object) -> Field:
+    """The field that a type hint declares; raises ``TypeError`` for one that cannot be encoded."""
+    match get_args(hint) if get_origin(hint) is Annotated else ():
+        case (builtins.bytes, Blob() as blob):
+            if not 1 <= blob.most <= MAX_BYTES - PLAIN_BYTES:
+                raise TypeError(f"{name}: at most {blob.most} bytes; expected 1 to {MAX_BYTES - PLAIN_BYTES}")
+            return Bytes(name, blob)
+    return Number.of(name, hint)
+
+
 @dataclass(frozen=True, slots=True)
 class Kind:
     """A registered message kind; ``fields`` in the order in which they travel."""
@@ -101,17 +148,22 @@ class Kind:
     cls: type
     fields: tuple[Field, ...]
 
-    def pack(self, message: object) -> list[int]:
-        """The integers of a message, in order; raises ``WireError`` (``type``, ``range``, ``fields``)."""
-        numbers: list[int] = []
+    @property
+    def most_bytes(self) -> int:
+        """The longest payload."""
+        return PLAIN_BYTES + sum(field.blob.most for field in self.fields if isinstance(field, Bytes))
+
+    def pack(self, message: object) -> list[int | bytes]:
+        """The values of a message, in order; raises ``WireError`` (``type``, ``range``, ``fields``)."""
+        packed: list[int | bytes] = []
         for field in self.fields:
             value = getattr(message, field.name)
-            numbers += map(field.pack, value) if field.many else (field.pack(value),)
-        self._check(len(numbers))
-        return numbers
+            packed += map(field.pack, value) if field.many else (field.pack(value),)
+        self._check(len(packed))
+        return packed
 
     def unpack(self, numbers: Sequence[object]) -> Any:
-        """The message of these integers; raises ``WireError`` (``type``, ``range``, ``fields``)."""
+        """The message of these values; raises ``WireError`` (``type``, ``range``, ``fields``)."""
         self._check(len(numbers))
         if not self.fields or not self.fields[-1].many:
             return self.cls(*(field.unpack(n) for field, n in zip(self.fields, numbers, strict=True)))
@@ -121,7 +173,12 @@ class Kind:
 
     def longest(self) -> Any:
         """A message that is about as long as any of this kind; of a tuple one number."""
-        return self.unpack([max((field.first, field.last), key=abs) for field in self.fields])
+        return self.unpack(
+            [
+                bytes(field.blob.most) if isinstance(field, Bytes) else max((field.first, field.last), key=abs)
+                for field in self.fields
+            ]
+        )
 
     def _check(self, count: int) -> None:
         least = len(self.fields)
@@ -133,6 +190,7 @@ class Kind:
 
 
 _by_number: dict[int, Kind] = {}
+_by_name: dict[str, Kind] = {}
 _by_class: dict[type, Kind] = {}
 
 
@@ -152,12 +210,15 @@ def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
                 raise ValueError(f"kind {number} {name!r} collides with {other.number} {other.name!r}")
         hints = get_type_hints(cls, include_extras=True)
         members: tuple[dataclasses.Field[Any], ...] = dataclasses.fields(cls)  # type: ignore[arg-type]
-        fields = tuple(Field.of(member.name, hints[member.name]) for member in members)
+        fields = tuple(field_of(member.name, hints[member.name]) for member in members)
         if any(field.many for field in fields[:-1]):
             raise TypeError(f"{name}: only the last field may be a tuple")
         if len(fields) > MAX_FIELDS:
             raise TypeError(f"{name}: {len(fields)} fields, at most {MAX_FIELDS} fit a message")
-        _by_number[number] = _by_class[cls] = Kind(number, name, cls, fields)
+        made = Kind(number, name, cls, fields)
+        if made.most_bytes > MAX_BYTES:
+            raise TypeError(f"{name}: up to {made.most_bytes} bytes, at most {MAX_BYTES} fit a message")
+        _by_number[number] = _by_name[name] = _by_class[cls] = made
         return cls
 
     return register
@@ -169,6 +230,11 @@ def kind_of(message: object) -> Kind:
         return _by_class[type(message)]
     except KeyError:
         raise WireError("kind", f"{type(message).__name__} is not a message") from None
+
+
+def kind_of_class(cls: type) -> Kind:
+    """The kind of messages of this class; raises ``KeyError`` for any other class."""
+    return _by_class[cls]
 
 
 def kind_by_number(number: object) -> Kind:
@@ -184,6 +250,14 @@ def kind_by_number(number: object) -> Kind:
 def kinds() -> list[Kind]:
     """All kinds that were registered, by number."""
     return [_by_number[number] for number in sorted(_by_number)]
+
+
+def check_size(name: str, size: int) -> None:
+    """Raise ``WireError`` (``size``) for a payload that is too long for the kind of this name."""
+    kind = _by_name.get(name)
+    most = MAX_BYTES if kind is None else kind.most_bytes
+    if size > most:
+        raise WireError("size", f"{size} bytes of {name}, at most {most}")
 
 
 def product_kinds() -> list[Kind]:

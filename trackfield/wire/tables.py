@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from trackfield.wire.registry import Field, product_kinds
+from trackfield.wire.registry import Bytes, Field, product_kinds
 
 
 def kinds_table() -> str:
@@ -36,6 +36,8 @@ def vectors_tables(vectors: Mapping[str, Any]) -> str:
 
 
 def _cells(field: Field) -> list[object]:
+    if isinstance(field, Bytes):
+        return [field.name, f"0 .. {field.blob.most} bytes", "", field.blob.unit, "the bytes"]
     scaled = field.scaled
     wraps = f", then {field.first} again" if scaled.cyclic else ""
     integers = f"{field.first} .. {field.last}{wraps}"

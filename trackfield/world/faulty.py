@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from functools import partial
+from typing import Any
 
-from trackfield.draw import uniform
-from trackfield.sensing.readings import Ears, Heard, Reading
-
-STUCK_DB: Final = 3.0
-"""How far above its threshold the reading of a sensor is that got stuck while it heard nothing."""
-BABBLE_DB: Final = 10.0
-"""How far at most the readings of a babbling sensor are above its threshold."""
+from trackfield.sensing.readings import Ears, Reading
+from trackfield.world.placed import Placed
 
 
 @dataclass(frozen=True, slots=True)
 class SensorFault:
-    """A fault in [``from_ns``, ``until_ns``) (None: to the end of the run); see ``Faulty``."""
+    """A fault in [``from_ns``, ``until_ns``) (None: to the end of the run); see ``Faulty``.
+
+    ``bias`` is added to the numbers of a reading, in the units of its kind.
+    """
 
     kind: str
     from_ns: int
     until_ns: int | None = None
-    bias_deg: float = 0.0
-    bias_db: float = 0.0
+    bias: Sequence[float] = ()
 
     def lasts(self, t_ns: int) -> bool:
         """Whether it is present at this time."""
@@ -34,75 +32,58 @@ class SensorFault:
         return self.until_ns is not None and self.until_ns <= t_ns
 
 
-class Placed(Ears, Protocol):
-    """A sensor at a node, in one of its lives, with the keys of its draws."""
-
-    @property
-    def id(self) -> str:
-        """The id of its node."""
-        ...
-
-    @property
-    def seed(self) -> int:
-        """The seed of the run."""
-        ...
-
-    @property
-    def incarnation(self) -> int:
-        """Which life of its node it is."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Faulty:
     """``sensor`` with ``faults``; of several at a time the first counts, but all biases add up.
 
-    - ``stuck``: repeats the reading at its start; if nothing was heard then, one from a random direction,
-      somewhat above ``threshold_db``;
-    - ``babble``: at every instant a reading from a random direction, above the threshold by up to 10 dB;
-    - ``deaf``: hears nothing;
-    - ``bias``: readings are off by ``bias_deg`` and ``bias_db``.
+    - ``stuck``: repeats the reading at its start; if nothing was sensed then, one that its kind invents, or that of a
+      target at a random place in range;
+    - ``babble``: such a reading at every instant, each time another;
+    - ``deaf``: senses nothing;
+    - ``bias``: readings are off.
 
     A sensor that is stuck or babbles is awake all the time, target or not.
     """
 
     sensor: Placed
     faults: tuple[SensorFault, ...]
-    threshold_db: float
 
-    def sample(self, t_ns: int) -> Heard | Reading | None:
-        """The reading at this true time; None if nothing is heard."""
+    def sample(self, t_ns: int) -> Reading | None:
+        """The reading at this true time; None if nothing is sensed."""
         lasting = [fault for fault in self.faults if fault.lasts(t_ns)]
         for fault in lasting:
             match fault.kind:
                 case "stuck":
-                    return self.sensor.sample(fault.from_ns) or self._invented("stuck", fault.from_ns, STUCK_DB)
+                    return self.sensor.sample(fault.from_ns) or self._invented("stuck", fault.from_ns)
                 case "babble":
-                    return self._invented("babble", t_ns, BABBLE_DB * self._draw("babble", "level", t_ns))
+                    return self._invented("babble", t_ns)
                 case "deaf":
                     return None
-        heard = self.sensor.sample(t_ns)
-        if not isinstance(heard, Heard) or not lasting:
-            return heard
-        level_db = heard.level_db + sum(fault.bias_db for fault in lasting)
-        return Heard.at(level_db, heard.bearing_deg + sum(fault.bias_deg for fault in lasting))
+        reading = self.sensor.sample(t_ns)
+        if reading is None or not lasting:
+            return reading
+        off = map(sum, zip(*(fault.bias for fault in lasting), strict=True))
+        return self.sensor.read([value + by for value, by in zip(reading.values, off, strict=True)], t_ns)
 
     def next_window(self, t_ns: int) -> int | None:
-        """See ``AcousticSensor.next_window``."""
+        """See ``Placed.next_window``."""
         awake = [one.from_ns for one in self.faults if one.kind in ("stuck", "babble") and not one.over(t_ns)]
         window = self.sensor.next_window(t_ns)
         return min(awake if window is None else (*awake, window), default=None)
 
-    def _invented(self, kind: str, t_ns: int, above_db: float) -> Heard | Reading | None:
-        return Heard.at(self.threshold_db + above_db, 360.0 * self._draw(kind, "bearing", t_ns))
+    def _invented(self, fault: str, t_ns: int) -> Reading | None:
+        sensor = self.sensor
+        if sensor.kind.invented is None:
+            return sensor.elsewhere(fault, t_ns)
+        draw = partial(_drawn, sensor, fault, t_ns)
+        values = sensor.kind.invented(fault, sensor.threshold, draw)
+        return None if values is None else sensor.read(values, t_ns)
 
-    def _draw(self, kind: str, what: str, t_ns: int) -> float:
-        return uniform(self.sensor.seed, self.sensor.id, self.sensor.incarnation, kind, what, t_ns)
+
+def _drawn(sensor: Placed, fault: str, t_ns: int, what: str) -> float:
+    return sensor.uniform(fault, what, t_ns)
 
 
-def with_faults(sensor: Placed, faults: Sequence[Mapping[str, Any]], threshold_db: float) -> Ears:
-    """The sensor with these faults (the plain forms of ``SensorFault``); the sensor itself if there are none.
-
-    ``threshold_db`` is the level from which its node reports.
-    """
-    return Faulty(sensor, tuple(SensorFault(**fault) for fault in faults), threshold_db) if faults else sensor
+def with_faults(sensor: Placed, faults: Sequence[Mapping[str, Any]]) -> Ears:
+    """The sensor with these faults (the plain forms of ``SensorFault``); the sensor itself if there are none."""
+    return Faulty(sensor, tuple(SensorFault(**fault) for fault in faults)) if faults else sensor

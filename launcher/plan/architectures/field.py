@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final
 
 from launcher.plan.architectures.arranged import Process
-from launcher.plan.hardware import duty_of
+from launcher.plan.hardware import adaptive, duty_of
 from launcher.plan.tracking import if_used
 from launcher.records import BATTERY, TRACKS
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
-from trackfield.scenario.sensors import Acoustic
+from trackfield.sensing.complete import Kind
+from trackfield.wire.registry import kind_of_class
 
 NODE: Final = "node"
 CENTRE: Final = "fusion"
@@ -56,26 +57,26 @@ class Field:
         They ask that process for the time, unless ``asks`` names another.
         """
         scenario, site = self.scenario, self.site
-        config: dict[str, Any] = {
-            "step_ns": site.step_ns,
-            **_threshold_db(scenario),
-            "centre": reports_to,
-            **if_used(origin_ns=site.origin_ns, adaptive=duty_of(scenario, site.origin_ns, site.end_ns)),
-        }
-        node = Process(
-            "",
-            NODE,
-            0.0,
-            0.0,
-            config=config,
-            sends={_report_kind(scenario): (reports_to,)},
-            senses=True,
-            asks=reports_to if asks is None else asks,
-            tags=(BATTERY,),
-            battery_j=scenario.energy.battery_j,
-        )
-        wanted = None if ids is None else frozenset(ids)
-        return [replace(node, id=id, x=x, y=y) for id, x, y in self.sensors if wanted is None or id in wanted]
+        duty = duty_of(scenario, site.origin_ns, site.end_ns)
+        config = {"step_ns": site.step_ns, "centre": reports_to, **if_used(origin_ns=site.origin_ns, adaptive=duty)}
+        kinds = site.sensing
+        wanted = kinds.keys() if ids is None else frozenset(ids)
+        return [
+            Process(
+                id,
+                NODE,
+                x,
+                y,
+                config={**config, **_threshold_db(kinds[id])},
+                sends={kind_of_class(kinds[id].message).name: (reports_to,)},
+                senses=True,
+                asks=reports_to if asks is None else asks,
+                tags=(BATTERY,),
+                battery_j=scenario.energy.battery_j,
+            )
+            for id, x, y in self.sensors
+            if id in wanted
+        ]
 
     def fusion_centre(
         self,
@@ -89,7 +90,7 @@ class Field:
     ) -> Process:
         """A fusion centre that tracks with the reports of these sensors; ``asks`` and ``route`` as in ``Process``."""
         fusion, energy = self.scenario.fusion, self.scenario.energy
-        threshold = _threshold(self.scenario)
+        threshold = _threshold(self.site)
         config: dict[str, Any] = {
             "deadline_ns": round(fusion.deadline_s * NS),
             **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=threshold),
@@ -109,27 +110,21 @@ class Field:
         )
 
 
-def _report_kind(scenario: Scenario) -> str:
-    """The kind of message in which the scenario's sensors report."""
-    return "doa" if isinstance(scenario.sensor, Acoustic) else "measurement"
+def _threshold_db(kind: Kind) -> Mapping[str, float]:
+    """The level above which a sensor reports, if its kind has thresholds."""
+    return {} if kind.thresholds is None else {"threshold_db": kind.threshold}
 
 
-def _threshold_db(scenario: Scenario) -> Mapping[str, float]:
-    """The level above which sensors report, if they measure levels."""
-    return {"threshold_db": scenario.sensor.threshold_db} if isinstance(scenario.sensor, Acoustic) else {}
-
-
-def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
+def _threshold(site: Site) -> Mapping[str, float] | None:
     """The bounds and the start of the threshold that the centre sets, and its reach; None: it sets none."""
-    sensor = scenario.sensor
-    if not isinstance(sensor, Acoustic) or not sensor.adaptive:
+    kind = adaptive(site.scenario)
+    if kind is None or kind.thresholds is None:
         return None
-    low, high = sensor.thresholds_db
-    awake_m, _ = sensor.reach_m()
+    low, high = kind.thresholds
     return {
         "low_db": low,
         "high_db": high,
-        "start_db": sensor.threshold_db,
-        "target_sd_m": scenario.fusion.target_sd_m,
-        "reach_m": awake_m,
+        "start_db": kind.threshold,
+        "target_sd_m": site.scenario.fusion.target_sd_m,
+        "reach_m": kind.range_m,
     }

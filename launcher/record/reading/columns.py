@@ -18,6 +18,8 @@ MOST_NS: Final = 1 << 61
 """The latest instant of a run, and how long before its start a time can be, ns (73 years)."""
 MOST_S: Final = MOST_NS / 1e9
 _MOST_INT: Final = (1 << 31) - 1
+_MOST_VALUE: Final = 1e27
+"""Of a number that a sensor reported: 10^15 steps of the coarsest resolution."""
 _LOSSES: Final = ("partition", "radio", "in_flight", "dead", "frozen", "asleep", "overflow", "host_lost")
 
 
@@ -68,6 +70,8 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         **dict.fromkeys(("lag", "term"), _COUNT),
         **dict.fromkeys(("at_ns", "told_ns"), _TIME),
         "incarnation": _COUNT,
+        "origin": _TEXT,
+        **dict.fromkeys(("unknowns", "unknown_sds"), Column(pa.list_(pa.float64()))),
     },
     MESSAGES_TABLE: {
         **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),
@@ -76,7 +80,7 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         "outcome": Column(pa.string(), known=frozenset((*ARRIVED, *_LOSSES))),
         **dict.fromkeys(("bytes", "copy", "incarnation"), _COUNT),
         "text": _TEXT,
-        "bearing_deg": _float(360, nulls=True),
+        "values": Column(pa.list_(pa.float64()), least=-_MOST_VALUE, most=_MOST_VALUE, finite=True),
         "step": _STEP,
         "local_ns": _TIME_IF_ANY,
         "payload": Column(pa.binary()),

@@ -158,6 +158,7 @@ def check_belongs(
     ids, sensors = {place.id for place in places}, {place.id for place in places if SENSES in place.tags}
     for name, column, values, known in (
         (TRACKS_TABLE, "source", points["source"], ids),
+        (TRACKS_TABLE, "origin", points["origin"], ids | {""}),
         (TRACKS_TABLE, "sensors", pc.list_flatten(points["sensors"]), sensors),
         (MESSAGES_TABLE, "dst", messages["dst"], ids),
     ):

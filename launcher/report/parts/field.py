@@ -215,7 +215,8 @@ def dead_sensors(run: Run) -> set[str]:
 
 def _hearing(axes: Axes, run: Run, way: Array, box: Array) -> None:
     """The hearing radius, around a sensor that reported near the middle of a path, if it fits into the picture."""
-    radius, places = run.scenario.sensor.reach_m()[1], _at(run, run.frames.senders())
+    radius = max(kind.report_m for kind in run.site.sensing.values())
+    places = _at(run, run.frames.senders())
     if not len(places) or radius > float(np.ptp(box, axis=0).max()):
         return
     middle = way[len(way) // 2]

@@ -15,7 +15,6 @@ from launcher.report.folder import Run
 from launcher.report.style import Figures
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, names, summary
-from trackfield.scenario.sensors import Acoustic
 from trackfield.world.path import Path as Way
 
 FIGURES: Final[Figures] = {}
@@ -96,13 +95,16 @@ def _sensors(run: Run) -> str:
 
 
 def _sensing(run: Run) -> str:
-    sensor = run.scenario.sensor
-    reach_m = sensor.reach_m()[1]
-    far = f"within {reach_m:,.0f} m" if reach_m < 1e6 else "any distance"
-    if not isinstance(sensor, Acoustic):
-        return f"{sensor.kind}, {far}"
-    adaptive = ", adaptive threshold" if sensor.adaptive else ""
-    return f"bearing (sd {sensor.doa_sd_deg:g}°) and level, {'up to ' * sensor.adaptive}{far}{adaptive}"
+    """What the sensors measure, kind by kind."""
+    return "; ".join(_kind(run, name) for name in run.site.sections)
+
+
+def _kind(run: Run, name: str) -> str:
+    kind, count = run.site.sections[name].sensing, len(run.site.kinds[name])
+    far = f"within {kind.report_m:,.0f} m" if kind.report_m < 1e6 else "any distance"
+    adaptive = ", adaptive threshold" if kind.adaptive else ""
+    many = f"{count:,} of them " if len(run.site.sections) > 1 else ""
+    return f"{many}{kind.summary}, {'up to ' * kind.adaptive}{far}{adaptive}"
 
 
 def _target(path: Way) -> str:

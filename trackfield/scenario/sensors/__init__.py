@@ -9,14 +9,15 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from trackfield.scenario.section import OTHER, open_union
-from trackfield.scenario.sensors.acoustic import ACOUSTIC, Acoustic
+from trackfield.scenario.sensors.doa import DoaSensor
 from trackfield.scenario.sensors.own import OwnSensor
 from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.sensing.kinds import DEFAULT
 
-__all__ = ["SENSORS", "Acoustic", "OwnSensor", "Sensor", "SensorSection"]
+__all__ = ["SENSORS", "DoaSensor", "OwnSensor", "Sensor", "SensorSection"]
 
 SENSORS: Final[Mapping[str, type[SensorSection]]] = {
-    ACOUSTIC: Acoustic,
+    DEFAULT: DoaSensor,
     OTHER: OwnSensor,
 }
 
@@ -24,4 +25,4 @@ SENSORS: Final[Mapping[str, type[SensorSection]]] = {
 if TYPE_CHECKING:
     Sensor = SensorSection
 else:
-    Sensor = open_union(SENSORS, ACOUSTIC)
+    Sensor = open_union(SENSORS, DEFAULT)

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from trackfield.scenario.places import Place
-from trackfield.scenario.section import Section
-from trackfield.sensing.readings import Window
-from trackfield.world.path import Path
+from trackfield.scenario.quantities import MOST_NODES, SomeShare
+from trackfield.scenario.section import Section, Word
+from trackfield.sensing.complete import Kind
+from trackfield.sensing.kinds import make_sensor
+
+Ids = Annotated[tuple[Word, ...], Field(min_length=1, max_length=MOST_NODES)]
 
 
 class SensorSection(Section):
-    """The sensors of a field, all of a kind; ``reach_key`` is the key that says how far they hear."""
+    """The sensors of a field, or some of them, all of a kind; ``reach_key`` is the key that says how far they reach."""
 
-    reach_key: ClassVar[str]
+    reach_key: ClassVar[str] = "range_m"
 
     kind: str
+    nodes: Ids | None = Field(default=None, description="which sensors are of this kind, by id; in [[sensors]] only")
+    share: SomeShare | None = Field(
+        default=None,
+        description="share of all sensors, drawn by seed and number; instead of nodes, in [[sensors]] only",
+    )
     position_error_m: float = Field(
         default=0.0,
         ge=0,
@@ -26,13 +34,22 @@ class SensorSection(Section):
         description="standard deviation, east and north, of the error in the centre's knowledge of a sensor's place",
     )
 
-    def reach_m(self) -> tuple[float, float]:
-        """How near (m) a target has to be for a sensor to be awake, and for it to report, if its threshold is lowest.
-
-        Raises ``ScenarioError`` for a user's own sensor that does not exist or whose options do not fit.
-        """
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """The arguments of its class."""
         raise NotImplementedError
 
-    def plain(self, place: Place, paths: Sequence[Path], windows: Sequence[Window], seed: int) -> dict[str, Any]:
-        """The plain form of the sensor at a ``place``, with the targets' ``paths`` and when it can hear any of them."""
-        raise NotImplementedError
+    @property
+    def plain(self) -> dict[str, Any]:
+        """The arguments of ``make_sensor``."""
+        return {"kind": self.kind, "options": dict(self.options)}
+
+    @property
+    def sensing(self) -> Kind:
+        """The kind of sensing with these options. Raises ``ScenarioError`` as ``make_sensor`` does."""
+        return _made(self.kind, tuple(sorted(self.options.items())))
+
+
+@lru_cache(maxsize=64)
+def _made(kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
+    return make_sensor(kind, dict(options))

@@ -1,7 +1,7 @@
-"""A position from the readings of one instant, of any sensor: the best of many descents, if it is unique.
+"""A position from the readings of one instant, of any kind of sensing: the best of many descents, if it is unique.
 
 Gauss-Newton as in ``fix.py``, from a grid of places within the sensors' range at once. Readings such as ranges may fit
-several places equally well; then there is no fix.
+several places equally well; then there is no fix. The unknowns of the sensing are found along with the position.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackfield.filters.gaussian import extent, symmetric
-from trackfield.filters.measurement import innovations, jacobians, noise_sd
+from trackfield.filters.measurement import extended, innovations, jacobians, noise_sd
 from trackfield.filters.types import Array, Gaussian, Model, Reports
 
 _GRID = np.stack(np.meshgrid(*2 * (np.linspace(-0.8, 0.8, 5),)), axis=-1).reshape(-1, 2)
@@ -21,28 +21,33 @@ _AS_LIKELY = 13.8
 """A place whose cost exceeds the best by more than this (twice the log of 1000) is ruled out."""
 
 
-def own_fix(anywhere: Array, model: Model, reports: Reports, lost_m: float) -> Gaussian | None:
-    """The belief over (x, y, vx, vy) from readings alone; ``anywhere`` (4, 4) is the covariance without information.
+def searched(anywhere: Array, model: Model, reports: Reports, lost_m: float) -> Gaussian | None:
+    """The belief over (4 + u,) from readings alone; ``anywhere`` (4, 4) is the covariance without information.
 
     None if they fit several places, or leave the position's sd above ``lost_m``.
     """
-    if len(reports) == 0 or model.own is None:
+    if len(reports) == 0:
         return None
-    sd, scale = noise_sd(model, reports), np.sqrt(np.diag(anywhere))
-    centre = np.append(reports.positions.mean(axis=0), [0.0, 0.0])
+    where = np.append(reports.positions.mean(axis=0), [0.0, 0.0])
+    centre, spread = extended(Gaussian(where, anywhere), model.unknowns)
+    scale = np.sqrt(np.diag(spread))
 
     def cost(x: Array) -> Array:
+        sd = noise_sd(model, reports, x)
         misses = innovations(model, x, reports) / sd
         total: Array = np.square((x - centre) / scale).sum(axis=-1) + np.square(misses).sum(axis=-1)
+        total += 2.0 * np.broadcast_to(np.log(sd), misses.shape).sum(axis=-1)
         return total
 
     def normal(x: Array) -> tuple[Array, Array]:
         """J^T J and J^T misses less the pull of the prior, in units of its sd."""
-        J = jacobians(model, x, reports) * scale / sd[:, None]
+        sd = noise_sd(model, reports, x)
+        J = jacobians(model, x, reports) * scale / sd[..., None]
         pull = np.einsum("...ki,...k->...i", J, innovations(model, x, reports) / sd) - (x - centre) / scale
-        return np.eye(4) + np.swapaxes(J, -1, -2) @ J, pull
+        return np.eye(len(scale)) + np.swapaxes(J, -1, -2) @ J, pull
 
-    x = centre + np.pad(_GRID * model.own.range_m, ((0, 0), (0, 2)))
+    range_m = max(kind.range_m for kind in model.kinds.values())
+    x = centre + np.pad(_GRID * range_m, ((0, 0), (0, len(scale) - 2)))
     for _ in range(_STEPS):
         matrix, pull = normal(x)
         tried = np.concatenate((x[None], x + _SHORTER * scale * np.linalg.solve(matrix, pull[..., None])[..., 0]))

@@ -1,0 +1,143 @@
+"""A kind of sensing with everything that others ask of it: what a class leaves out is filled in here, once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any, Final
+
+from trackfield.models.unknowns import Unknown
+from trackfield.sensing.readings import Measured, Reading
+from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
+from trackfield.wire.messages import Measurement
+
+if TYPE_CHECKING:
+    from trackfield.filters.types import Array, Gaussian
+
+MOST_STEPS: Final = 10**15
+"""The largest number of a report (docs/wire.md)."""
+LAST_STEP: Final = 65535
+"""The highest step that a report can hold."""
+FIELD: Final = 4
+"""The arguments of ``simulate`` for a kind that gets the whole scene."""
+NEAREST: Final = 3
+"""The same for a kind that gets the nearest target alone."""
+
+
+class Kind:
+    """The kind ``name`` as ``own`` has it, with defaults for what it lacks; the members of ``sensing.Full``.
+
+    ``variance``, ``log_clutter``, ``fix`` and ``invented`` are None where there is none. Of the ``n`` numbers of a
+    reading ``h`` predicts the first ``m``.
+    """
+
+    simulate: Callable[[Scene, int, Point, tuple[float, ...]], Numbers | None]
+    h: Callable[[Array, Array], Array]
+    jacobian: Callable[[Array, Array], Array]
+    variance: Callable[[Array, Array], Array] | None
+    residual: Callable[[Array], Array]
+    log_clutter: Callable[[Array, Array], Array] | None
+    fix: Callable[[Array, Array, Array], Gaussian | None] | None
+    invented: Callable[[str, float, Uniform], Numbers | None] | None
+    loudness: Callable[[Array], Array]
+    level: Callable[[Numbers], float]
+    z: Callable[[Array], Array]
+    reading: Callable[[Numbers], Reading]
+    values: Callable[[Any], Numbers]
+    words: Callable[[Any], str]
+    longest: Callable[[], Any]
+
+    def __init__(self, name: str, own: Any) -> None:
+        self.name, self.own = name, own
+        has: Callable[[str, Any], Any] = partial(getattr, own)
+        self.range_m = float(own.range_m)
+        self.sd, self.resolution = tuple(own.sd), tuple(own.resolution)
+        self.m, self.n = len(self.sd), len(self.resolution)
+        self.unknowns: tuple[Unknown, ...] = tuple(has("unknowns", ()))
+        self.units: tuple[str, ...] = tuple(has("units", ("",) * self.n))
+        self.thresholds: tuple[float, float] | None = has("thresholds", None)
+        self.report_m = float(has("report_m", self.range_m))
+        self.fix_sensors = int(has("fix_sensors", 2 if self.m == 1 else 1))
+        self.speed_m_s = float(has("speed_m_s", inf))
+        self.layer: str = has("layer", "")
+        self.summary: str = has("summary", name)
+        self.bearings: bool = has("bearings", False)
+        self.message: type = has("message", Measurement)
+        self.draws: tuple[str, ...] | None = has("draws", None)
+        self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
+        self.h, self.jacobian = own.h, own.jacobian
+        for name_, default in (
+            ("variance", None), ("residual", _same), ("log_clutter", None), ("fix", None), ("invented", None),
+            ("loudness", _equal), ("level", _unlimited), ("z", _same), ("reading", self._measured),
+            ("values", self._in_units), ("words", self._in_words), ("longest", self._longest),
+        ):  # fmt: skip
+            setattr(self, name_, has(name_, default))
+
+    @property
+    def threshold(self) -> float:
+        """The level from which a node reports until it is told another; minus infinity if it reports all."""
+        return -inf if self.thresholds is None else sum(self.thresholds) / 2
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether whoever tracks sets the threshold."""
+        return self.thresholds is not None and self.thresholds[0] != self.thresholds[1]
+
+    def takes(self, message: Any) -> bool:
+        """Whether a message is a report of this kind."""
+        if isinstance(message, Measurement):
+            return self.message is Measurement and len(message.values) == self.n
+        return isinstance(message, self.message)
+
+    # --- defaults ---
+
+    def _of_nearest(self, scene: Scene, t_ns: int, place: Point, normals: tuple[float, ...]) -> Numbers | None:
+        """For a class whose ``simulate`` takes the nearest target: that, if it is within range."""
+        x, y = place
+        near = [((state[0] - x) ** 2 + (state[1] - y) ** 2, state) for state in scene.at(t_ns)]
+        if not near:
+            return None
+        square, nearest = min(near, key=lambda one: one[0])
+        if square > self.range_m**2:
+            return None
+        values: Numbers | None = self.own.simulate(nearest, place, normals)
+        return values
+
+    def _measured(self, values: Numbers) -> Measured:
+        """In steps of the resolution. Raises ``ValueError`` for numbers that cannot be reported."""
+        if len(values) == self.n and all(map(isfinite, values)):
+            steps = tuple(round(value / step) for value, step in zip(values, self.resolution, strict=True))
+            if max(map(abs, steps)) <= MOST_STEPS:
+                return Measured(steps, tuple(values), self.level(values))
+        raise ValueError(f"{self.n} numbers of at most {MOST_STEPS:.0e} steps of their resolution")
+
+    def _in_units(self, message: Measurement) -> Numbers:
+        return tuple(number * step for number, step in zip(message.values, self.resolution, strict=True))
+
+    def _in_words(self, message: Any) -> str:
+        numbers = zip(self.values(message), self.units, strict=True)
+        return f"{self.name} {', '.join(f'{value:.6g} {unit}'.strip() for value, unit in numbers)}"
+
+    def _longest(self) -> Measurement:
+        return Measurement(LAST_STEP, (2**15 - 1,) * self.n)
+
+
+def arguments(method: Any) -> int:
+    """How many arguments a method takes by position, besides its object."""
+    function = getattr(method, "__func__", method)
+    code = getattr(function, "__code__", None)
+    return NEAREST if code is None else int(code.co_argcount) - (function is not method)
+
+
+def _same(values: Any) -> Any:
+    return values
+
+
+def _equal(z: Array) -> Array:
+    """All sensors are equally loud."""
+    return z[..., 0] * 0.0
+
+
+def _unlimited(values: Numbers) -> float:
+    return inf

@@ -1,0 +1,109 @@
+"""A sensor at a node: its readings as a pure function of the time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import cos, isinf, sin, sqrt, tau
+from typing import Any, Final, Self
+
+from trackfield.draw import normal, uniform
+from trackfield.errors import RunFailed
+from trackfield.sensing.complete import Kind
+from trackfield.sensing.kinds import known_sensor
+from trackfield.sensing.readings import Reading, Window, window_at
+from trackfield.sensing.sensing import Numbers
+from trackfield.sensing.sensing import Scene as AnyScene
+from trackfield.world.path import Path
+from trackfield.world.scene import Scene, Still
+
+_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """The sensor of node ``id`` at ``position`` (x, y in metres), and the targets that it may sense.
+
+    ``windows`` hold all times at which any target may be within reach here, in order and disjoint; the paths of the
+    ``scene`` are only used within them. Its noise is drawn for every instant. ``threshold`` is the level from which its
+    node reports.
+    """
+
+    id: str
+    position: tuple[float, float]
+    scene: Scene
+    windows: tuple[Window, ...]
+    kind: Kind
+    options: Mapping[str, Any]
+    threshold: float
+    seed: int
+    incarnation: int = 0
+
+    def sample(self, t_ns: int) -> Reading | None:
+        """The reading at this true time; None if nothing is sensed."""
+        return self._reading(self.scene, "reading", t_ns)
+
+    def next_window(self, t_ns: int) -> int | None:
+        """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
+        return window_at(self.windows, t_ns)
+
+    def elsewhere(self, purpose: str, t_ns: int) -> Reading | None:
+        """The reading of a target at rest at a random place in range, drawn for each purpose and instant."""
+        r = self.kind.range_m * sqrt(self.uniform(purpose, "distance", t_ns))
+        angle = tau * self.uniform(purpose, "bearing", t_ns)
+        x, y = self.position
+        return self._reading(Still((x + r * sin(angle), y + r * cos(angle), 0.0, 0.0)), purpose, t_ns)
+
+    def read(self, values: Numbers, t_ns: int) -> Reading:
+        """The reading of these numbers. Raises ``RunFailed`` if they cannot be reported."""
+        try:
+            return self.kind.reading(values)
+        except ValueError as error:
+            what = f"the sensor of {self.id}, at {t_ns / _NS:g} s: simulate returned {values!r}"
+            raise RunFailed(f"{what}; expected None, or {error}") from None
+
+    def uniform(self, purpose: str, what: str, t_ns: int) -> float:
+        """A draw from [0, 1) that is its own."""
+        return uniform(self.seed, self.id, self.incarnation, purpose, what, t_ns)
+
+    def _reading(self, scene: AnyScene, purpose: str, t_ns: int) -> Reading | None:
+        values = self.kind.simulate(scene, t_ns, self.position, self._normals(purpose, t_ns))
+        return None if values is None else self.read(values, t_ns)
+
+    def _normals(self, purpose: str, t_ns: int) -> tuple[float, ...]:
+        key = (self.seed, self.id, self.incarnation)
+        if self.kind.draws:
+            return tuple(normal(*key, name, t_ns) for name in self.kind.draws)
+        return tuple(normal(*key, purpose, i, t_ns) for i in range(self.kind.n))
+
+    def to_plain(self) -> dict[str, Any]:
+        """The sensor in plain form: lists, numbers and text, and the parts of the paths that it needs."""
+        late_s = 0.0 if isinf(self.kind.speed_m_s) else 2.0 * self.kind.range_m / self.kind.speed_m_s
+        intervals = [(a / _NS - late_s, b / _NS) for a, b in self.windows]
+        return {
+            "kind": self.kind.name,
+            "options": dict(self.options),
+            "id": self.id,
+            "position": list(self.position),
+            "paths": [path.cut(intervals).to_plain() for path in self.scene.paths],
+            "windows": [list(window) for window in self.windows],
+            "threshold": self.threshold,
+            "seed": self.seed,
+            "incarnation": self.incarnation,
+        }
+
+    @classmethod
+    def from_plain(cls, plain: Mapping[str, Any]) -> Self:
+        """The inverse of ``to_plain``."""
+        x, y = plain["position"]
+        return cls(
+            plain["id"],
+            (x, y),
+            Scene(tuple(map(Path.from_plain, plain["paths"]))),
+            tuple((a, b) for a, b in plain["windows"]),
+            known_sensor(plain["kind"], plain["options"]),
+            plain["options"],
+            plain["threshold"],
+            plain["seed"],
+            plain["incarnation"],
+        )
