@@ -38,7 +38,8 @@ def assembled(built: Built) -> Assembled:
     banks = {p.id: _bank(built, p, tracking) for p in built.processes if p.fuses}
     processes = _Assembly(built, tracking, banks).processes()  # which loads the kinds of message of users' own roles
     sent = {kind for process in built.processes if process.senses for kind in process.sends}
-    flows = [Flow(longest(kind, built.site), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
+    end_ns = built.site.end_ns
+    flows = [Flow(longest(kind, tracking, end_ns), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
     return Assembled(_acquainted(processes, flows), tracking, banks, tuple(flows))
 
 

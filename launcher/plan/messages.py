@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Final
 
 from trackfield.errors import ScenarioError
-from trackfield.scenario import Site
+from trackfield.filters.measurement import STATE
 from trackfield.scenario.nearest import suggestion
+from trackfield.sensing.kinds import make_sensor
 from trackfield.wire.codec import encode
-from trackfield.wire.messages import SyncReply, SyncRequest, Threshold
-from trackfield.wire.registry import kind_of, kinds
+from trackfield.wire.messages import SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.registry import kind_of_class, kinds
+
+SENSORS: Final = 4
+"""How many sensors report in a step, as a rule."""
 
 
-def longest(kind: str, site: Site) -> Any:
-    """A message of this kind in a run on this site. Raises ``ScenarioError`` for an unknown kind."""
-    now_us = site.end_ns // 1000
+def longest(kind: str, tracking: Mapping[str, Any], end_ns: int) -> Any:
+    """A message of this kind in a run that ends then, by sensors as in ``tracking``, the arguments of a ``Bank``.
+
+    Raises ``ScenarioError`` for an unknown kind.
+    """
+    now_us = end_ns // 1000
+    sensing = [make_sensor(**arguments) for arguments in tracking["sensing"].values()]
+    reports = [one.longest() for one in sensing if kind_of_class(one.message).name == kind]
+    if reports:
+        return max(reports, key=lambda message: len(encode(message)))
     match kind:
         case "sync-request":
             return SyncRequest(65535, now_us)
@@ -22,9 +34,9 @@ def longest(kind: str, site: Site) -> Any:
             return SyncReply(65535, now_us, now_us, now_us)
         case "threshold":
             return Threshold(65535, 70.0)
-    reports = [section.sensing.longest() for section in site.sections.values()]
-    if mine := [report for report in reports if kind_of(report).name == kind]:
-        return max(mine, key=lambda report: len(encode(report)))
+        case "track":  # of a Gaussian, and the sensors of an ordinary step
+            n = STATE + sum(len(one.unknowns) for one in sensing)
+            return Track(now_us, 1000, 255, 1, n, bytes(4 * (n + n * (n + 1) // 2)), bytes(2 * SENSORS))
     known = {one.name: one for one in kinds()}
     if kind not in known:
         what = f"there is no message {kind!r}{suggestion(kind, known)}"

@@ -70,6 +70,10 @@ class Bytes:
 
     unpack = pack
 
+    def longest(self) -> bytes:
+        """A value that is as long as any."""
+        return bytes(self.blob.most)
+
 
 @dataclass(frozen=True, slots=True)
 class Number:
@@ -119,6 +123,10 @@ class Number:
             raise WireError("type", f"{self.name}: {type(number).__name__}")
         self._within(number)
         return number if self.integral else number / self.per_unit
+
+    def longest(self) -> int:
+        """A number that is about as long as any."""
+        return max((self.first, self.last), key=abs)
 
     def _within(self, number: int) -> int:
         if not self.first <= number <= self.last:
@@ -173,12 +181,7 @@ class Kind:
 
     def longest(self) -> Any:
         """A message that is about as long as any of this kind; of a tuple one number."""
-        return self.unpack(
-            [
-                bytes(field.blob.most) if isinstance(field, Bytes) else max((field.first, field.last), key=abs)
-                for field in self.fields
-            ]
-        )
+        return self.unpack([field.longest() for field in self.fields])
 
     def _check(self, count: int) -> None:
         least = len(self.fields)
@@ -247,17 +250,17 @@ def kind_by_number(number: object) -> Kind:
         raise WireError("kind", str(number)) from None
 
 
-def kinds() -> list[Kind]:
-    """All kinds that were registered, by number."""
-    return [_by_number[number] for number in sorted(_by_number)]
-
-
 def check_size(name: str, size: int) -> None:
     """Raise ``WireError`` (``size``) for a payload that is too long for the kind of this name."""
     kind = _by_name.get(name)
     most = MAX_BYTES if kind is None else kind.most_bytes
     if size > most:
         raise WireError("size", f"{size} bytes of {name}, at most {most}")
+
+
+def kinds() -> list[Kind]:
+    """All kinds that were registered, by number."""
+    return [_by_number[number] for number in sorted(_by_number)]
 
 
 def product_kinds() -> list[Kind]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from launcher.plan.architectures.arranged import Process
@@ -12,7 +12,6 @@ from launcher.plan.tracking import if_used
 from launcher.records import BATTERY, TRACKS
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
-from trackfield.sensing.complete import Kind
 from trackfield.wire.registry import kind_of_class
 
 NODE: Final = "node"
@@ -56,27 +55,35 @@ class Field:
 
         They ask that process for the time, unless ``asks`` names another.
         """
-        scenario, site = self.scenario, self.site
-        duty = duty_of(scenario, site.origin_ns, site.end_ns)
-        config = {"step_ns": site.step_ns, "centre": reports_to, **if_used(origin_ns=site.origin_ns, adaptive=duty)}
-        kinds = site.sensing
-        wanted = kinds.keys() if ids is None else frozenset(ids)
+        wanted = None if ids is None else frozenset(ids)
+        nodes = {name: self._node(name, reports_to, asks) for name in self.site.sections}
         return [
-            Process(
-                id,
-                NODE,
-                x,
-                y,
-                config={**config, **_threshold_db(kinds[id])},
-                sends={kind_of_class(kinds[id].message).name: (reports_to,)},
-                senses=True,
-                asks=reports_to if asks is None else asks,
-                tags=(BATTERY,),
-                battery_j=scenario.energy.battery_j,
-            )
-            for id, x, y in self.sensors
-            if id in wanted
+            replace(nodes[self.site.kind_of(index)], id=id, x=x, y=y)
+            for index, (id, x, y) in enumerate(self.sensors)
+            if wanted is None or id in wanted
         ]
+
+    def _node(self, kind: str, reports_to: str, asks: str | None) -> Process:
+        """A node whose sensor is of this kind; values that are the same for all nodes are shared."""
+        scenario, site, sensing = self.scenario, self.site, self.site.sections[kind].sensing
+        config: dict[str, Any] = {
+            "step_ns": site.step_ns,
+            **({} if sensing.thresholds is None else {"threshold_db": sensing.threshold}),
+            "centre": reports_to,
+            **if_used(origin_ns=site.origin_ns, adaptive=duty_of(scenario, site.origin_ns, site.end_ns)),
+        }
+        return Process(
+            "",
+            NODE,
+            0.0,
+            0.0,
+            config=config,
+            sends={kind_of_class(sensing.message).name: (reports_to,)},
+            senses=True,
+            asks=reports_to if asks is None else asks,
+            tags=(BATTERY,),
+            battery_j=scenario.energy.battery_j,
+        )
 
     def fusion_centre(
         self,
@@ -90,7 +97,7 @@ class Field:
     ) -> Process:
         """A fusion centre that tracks with the reports of these sensors; ``asks`` and ``route`` as in ``Process``."""
         fusion, energy = self.scenario.fusion, self.scenario.energy
-        threshold = _threshold(self.site)
+        threshold = _threshold(self.scenario)
         config: dict[str, Any] = {
             "deadline_ns": round(fusion.deadline_s * NS),
             **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=threshold),
@@ -110,14 +117,9 @@ class Field:
         )
 
 
-def _threshold_db(kind: Kind) -> Mapping[str, float]:
-    """The level above which a sensor reports, if its kind has thresholds."""
-    return {} if kind.thresholds is None else {"threshold_db": kind.threshold}
-
-
-def _threshold(site: Site) -> Mapping[str, float] | None:
+def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
     """The bounds and the start of the threshold that the centre sets, and its reach; None: it sets none."""
-    kind = adaptive(site.scenario)
+    kind = adaptive(scenario)
     if kind is None or kind.thresholds is None:
         return None
     low, high = kind.thresholds
@@ -125,6 +127,6 @@ def _threshold(site: Site) -> Mapping[str, float] | None:
         "low_db": low,
         "high_db": high,
         "start_db": kind.threshold,
-        "target_sd_m": site.scenario.fusion.target_sd_m,
+        "target_sd_m": scenario.fusion.target_sd_m,
         "reach_m": kind.range_m,
     }
