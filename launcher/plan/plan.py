@@ -45,7 +45,6 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     check_bursts(site, end_ns)
     places = own_places(scenario)
     whole = assembled(field)
-    check_references(references_of(whole.processes))
     processes = tuple(life for process in whole.processes for life in _lives(process, faults))
     return Plan(
         spec,
