@@ -133,10 +133,11 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """The links that carry messages like this one: (from, to)."""
+    """The links that carry messages like this one: (from, to), at least one; ``reports`` if sensors report by them."""
 
     message: Any
     pairs: tuple[tuple[str, str], ...]
+    reports: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +171,11 @@ class Plan:
     warnings: tuple[str, ...] = ()
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def reports(self) -> tuple[Flow, ...]:
+        """The links by which sensors report, by kind of message; empty if they send nothing."""
+        return tuple(flow for flow in self.flows if flow.reports)
 
     @property
     def reach_m(self) -> float:
