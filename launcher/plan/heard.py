@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.records import Plan
+from launcher.records import SENSES, Plan
 from trackfield.role import NS
 from trackfield.world.path import Path
 
@@ -39,6 +39,8 @@ class Heard:
     @classmethod
     def of(cls, plan: Plan, positions: Array, reaches: Array) -> Heard:
         """Those of a plan, by sensors at ``positions`` (n, 2) that report as far as their ``reaches`` (n,)."""
+        if plan.passes:
+            return cls._of_passes(plan, positions)
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
         from scipy.spatial import cKDTree
 
@@ -52,6 +54,23 @@ class Heard:
         first = np.ones(len(t_ns), bool)
         first[1:] = (t_ns[1:] != t_ns[:-1]) | (sensor[1:] != sensor[:-1])
         return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
+
+    @classmethod
+    def _of_passes(cls, plan: Plan, positions: Array) -> Heard:
+        """Those of sensors that report by themselves."""
+        number = {place.id: i for i, place in enumerate(plan.info.tagged(SENSES))}
+        told = sorted((plan.origin_ns + k * plan.step_ns, number[id]) for id, ks in plan.passes.items() for k in ks)
+        times = tuple(sorted({t for t, _ in told}))
+        paths = list(plan.paths.values())
+        target = np.array([_nearest(paths, t / NS, positions[i]) for t, i in told], np.intp)
+        t_ns, sensor = np.array([t for t, _ in told], np.int64), np.array([i for _, i in told], np.intp)
+        return cls(t_ns, target, sensor, times, 1, len(times))
+
+
+def _nearest(paths: list[Path], t_s: float, position: Array) -> int:
+    """The number of the target that is nearest to a position."""
+    states = [path.at(t_s) for path in paths]
+    return int(np.argmin([np.inf if state is None else np.hypot(*(state[:2] - position)) for state in states]))
 
 
 def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:

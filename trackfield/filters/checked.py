@@ -104,9 +104,10 @@ def _check_belief(belief: object, what: str) -> None:
     if not isinstance(belief, Gaussian | Modes | Particles):
         raise RunFailed(f"{what} is a {type(belief).__name__}; expected Gaussian, Modes, Particles or None")
     many = () if isinstance(belief, Gaussian) else np.shape(belief[0])[:1] or (1,)
-    shapes = {"mean": (4,), "means": (*many, 4), "points": (*many, 4), "weights": many}
+    n = max(*_SHAPES["mean"], *np.shape(belief[-1])[-1:])  # more than 4 with unknowns of the sensing
+    shapes = {"mean": (n,), "means": (*many, n), "points": (*many, n), "weights": many}
     for part, array in zip(belief._fields, belief, strict=True):
-        _check(array, shapes.get(part, (*many, 4, 4)), f"{what}: {part}")
+        _check(array, shapes.get(part, (*many, n, n)), f"{what}: {part}")
     if many and ((belief[0] < 0.0).any() or abs(belief[0].sum() - 1.0) > _SHARES):
         raise RunFailed(f"{what}: weights are negative or sum to {belief[0].sum():.6g}; expected 1")
 
