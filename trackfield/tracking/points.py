@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, Literal
+
+import numpy as np
 
 from trackfield.filters.measurement import STATE
 from trackfield.filters.types import Estimate, Reports
@@ -15,7 +18,10 @@ MAX_PARTICLES: Final = 200
 def track_point(
     tracker: str, target: str, at_ns: int, reports: Reports, estimate: Estimate | None, lag: int = 0
 ) -> TrackPoint:
-    """The point of the step of these ``reports``, at ``at_ns``; without an estimate its status is ``waiting``."""
+    """The point of the step of these ``reports``, at ``at_ns``; without an estimate its status is ``waiting``.
+
+    What an estimate has after x, y, vx, vy are the unknowns of the sensing.
+    """
     step, sensors = reports.step, reports.sensors
     if estimate is None:
         return TrackPoint(tracker, target, at_ns, "waiting", sensors=sensors, lag=lag, step=step)
@@ -25,4 +31,8 @@ def track_point(
         thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
         particles = thin.astype("<f4").tobytes()
     mean, covariance = estimate.mean[:STATE].tolist(), estimate.covariance[:STATE, :STATE].ravel().tolist()
-    return TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)
+    point = TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)
+    if len(estimate.mean) == STATE:
+        return point
+    sds = np.sqrt(estimate.covariance.diagonal()[STATE:])
+    return replace(point, unknowns=tuple(estimate.mean[STATE:].tolist()), unknown_sds=tuple(sds.tolist()))
