@@ -173,7 +173,7 @@ def test_figures_of_some_of_the_steps_are_about_right(
 ) -> None:
     """Of a run of very many reports, not all steps are looked at."""
     (exact,) = validated(trackfield, "zhai-spcpf", *arguments)
-    monkeypatch.setattr("launcher.plan.foresight.MOST_REPORTS", 80)
+    monkeypatch.setattr("launcher.plan.heard.MOST_REPORTS", 80)
     (about,) = validated(trackfield, "zhai-spcpf", *arguments)
     counts = re.compile(r"(about )?(\d+) of (\d+) (?:steps|reports)")
     assert {said for said, *_ in counts.findall(exact)} == {""}

@@ -261,7 +261,10 @@ def read_run(folder: Path) -> Run:
 
 def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:
     """Of which instants a track is expected in a run of this site that has these metrics, whoever told of them."""
-    return Course.of(site.paths, _last_step(site, metrics), site.step_ns, site.origin_ns)
+    last = _last_step(site, metrics)
+    passes = {site.step_after(t_ns) for times in site.passes.values() for t_ns in times}
+    steps = sorted(step for step in passes if step <= last) if site.passes else range(1, last + 1)
+    return Course.of(site.paths, steps, site.step_ns, site.origin_ns)
 
 
 def _last_step(site: Site, metrics: Mapping[str, Any]) -> int:

@@ -45,8 +45,8 @@ def register_tracker(name: str, maker: Maker) -> None:
 def make_tracker(name: str, options: Mapping[str, Any] | None = None, n: int = STATE) -> Tracker[Any]:
     """The tracker of this name with these ``options``; an option ``tracker`` makes it a variant of that tracker.
 
-    Users' own trackers are returned as ``Checked``, for states of ``n`` numbers. Raises ``ScenarioError`` with the nearest name for an unknown
-    tracker, and for unknown or unsuitable options.
+    Users' own trackers are returned as ``Checked``, for states of ``n`` numbers. Raises ``ScenarioError`` with the
+    nearest name for an unknown tracker, and for unknown or unsuitable options.
     """
     fields = dict(options or {})
     kind = fields.pop("tracker", name)

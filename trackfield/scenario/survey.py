@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import ceil, isinf
 from typing import Final
 
@@ -65,6 +65,20 @@ class Site:
     def kind_of(self, index: int) -> str:
         """The name of the kind of the sensor of this index."""
         return next(name for name, members in self.kinds.items() if index in members)
+
+    @cached_property
+    def passes(self) -> dict[str, tuple[int, ...]]:
+        """When (ns) each sensor, by its id, reports by itself; empty if there are sensors that are read at steps.
+
+        Then a track is expected at the steps that these reports are for, not at each.
+        """
+        if any(section.sensing.rhythm == "steps" for section in self.sections.values()):
+            return {}
+        return {id: tuple(self.sensor(index).events()) for index, (id, *_) in enumerate(self.sensors)}
+
+    def step_after(self, t_ns: int) -> int:
+        """The first step that is not before this time."""
+        return -(-(t_ns - self.origin_ns) // self.step_ns)
 
     @property
     def sensing(self) -> dict[str, Kind]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
@@ -18,10 +17,7 @@ MAX_PARTICLES: Final = 200
 def track_point(
     tracker: str, target: str, at_ns: int, reports: Reports, estimate: Estimate | None, lag: int = 0
 ) -> TrackPoint:
-    """The point of the step of these ``reports``, at ``at_ns``; without an estimate its status is ``waiting``.
-
-    What an estimate has after x, y, vx, vy are the unknowns of the sensing.
-    """
+    """The point of the step of these ``reports``, at ``at_ns``; without an estimate its status is ``waiting``."""
     step, sensors = reports.step, reports.sensors
     if estimate is None:
         return TrackPoint(tracker, target, at_ns, "waiting", sensors=sensors, lag=lag, step=step)
@@ -31,8 +27,18 @@ def track_point(
         thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
         particles = thin.astype("<f4").tobytes()
     mean, covariance = estimate.mean[:STATE].tolist(), estimate.covariance[:STATE, :STATE].ravel().tolist()
-    point = TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)
-    if len(estimate.mean) == STATE:
-        return point
-    sds = np.sqrt(estimate.covariance.diagonal()[STATE:])
-    return replace(point, unknowns=tuple(estimate.mean[STATE:].tolist()), unknown_sds=tuple(sds.tolist()))
+    sds = np.sqrt(np.maximum(estimate.covariance.diagonal()[STATE:], 0.0))
+    return TrackPoint(
+        tracker,
+        target,
+        at_ns,
+        status,
+        tuple(mean),
+        tuple(covariance),
+        sensors,
+        particles,
+        lag,
+        step,
+        unknowns=tuple(estimate.mean[STATE:].tolist()),
+        unknown_sds=tuple(sds.tolist()),
+    )

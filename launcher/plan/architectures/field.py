@@ -70,7 +70,11 @@ class Field:
             "step_ns": site.step_ns,
             **({} if sensing.thresholds is None else {"threshold_db": sensing.threshold}),
             "centre": reports_to,
-            **if_used(origin_ns=site.origin_ns, adaptive=duty_of(scenario, site.origin_ns, site.end_ns)),
+            **if_used(
+                origin_ns=site.origin_ns,
+                adaptive=duty_of(scenario, site.origin_ns, site.end_ns),
+                by_itself=sensing.rhythm == "events",
+            ),
         }
         return Process(
             "",
