@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from launcher.plan.flaws import found_by, worked_out
-from launcher.plan.foresight import foresee
+from launcher.plan.forecast.foresight import foresee
+from launcher.plan.forecast.reception import receptions
+from launcher.plan.forecast.warnings import warnings
 from launcher.plan.plan import make_plan
-from launcher.plan.reception import receptions
-from launcher.plan.warnings import warnings
 from launcher.records import Plan
 from trackfield.errors import ScenarioError, combined
 from trackfield.filters.trackers import TRACKERS

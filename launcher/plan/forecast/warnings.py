@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.foresight import Coverage, Duty, Foresight
+from launcher.plan.forecast.foresight import Coverage, Duty, Foresight
 from launcher.records import Plan
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS

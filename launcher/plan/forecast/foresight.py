@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.heard import Array, Heard, Indices
-from launcher.plan.reception import Shares, hops, receptions, varies
+from launcher.plan.forecast.heard import Array, Heard, Indices
+from launcher.plan.forecast.reception import Shares, hops, receptions, varies
 from launcher.records import SENSES, Plan
 from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
