@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Iterator
 from importlib import import_module
@@ -16,6 +17,7 @@ import trackfield as tf
 from launcher.plan.architectures import ARCHITECTURES
 from launcher.plan.prepare import planned
 from launcher.study.compare import differences
+from tests.rrd import entities
 from tests.running import SPEEDS, kept_up
 from tests.test_extending_docs import EXAMPLES
 from trackfield.drivers.core import Core
@@ -64,7 +66,7 @@ def test_both_drivers_agree_with_radio_clocks_batteries_and_a_killed_centre(tmp_
             break
     assert list(differences(virtual.path, real.path, 0.0)) == []
     frames = virtual.metrics.frames
-    assert frames.lost["radio"] > 20
+    assert frames.lost.radio > 20
     assert frames.by_kind["track"].sent > 40
     assert 0.0 < virtual.metrics.clock_error_ms.rms < 20.0
 
@@ -99,11 +101,14 @@ def test_with_the_frames_of_tracks_deleted_the_base_has_no_track(
 ) -> None:
     offer = Core.offer
 
-    def without_tracks(core: Core, *arrivals: Arrival) -> Any:
-        return offer(core, *(one for one in arrivals if one.frame.kind != "track"))
+    def without_tracks(core: Core, arrival: Arrival) -> None:
+        if arrival.frame.kind != "track":
+            offer(core, arrival)
 
     monkeypatch.setattr(Core, "offer", without_tracks)
-    run = tf.run(scenario(**{"target.steps": 10}), out=tmp_path / "run")
+    with pytest.raises(tf.RunFailed, match="40 frames were lost by the machine itself"):  # the ledger misses them
+        tf.run(scenario(**{"target.steps": 10}), out=tmp_path / "run")
+    run = tf.open(tmp_path / "run")
     assert origins(run) == {}
     assert run.metrics.trackers["fix-imm-ukf"].views["in-network"].steps == 10
 
@@ -135,8 +140,8 @@ def test_report_and_timeline_show_all_who_track(tmp_path: Path) -> None:
     run = tf.run(scenario(**HARD), out=tmp_path / "run")
     page = run.report().read_text()
     assert "sensor nodes, west, east used" in page
-    assert "<td>west</td>" in page
-    timeline = (run.path / "run.rrd").read_bytes()
+    assert re.search(r"kill\W.*west\W.*planned", re.sub(r"<[^>]+>|\s+", " ", page))
+    timeline = entities(run.path / "run.rrd")
     for source in ("base", "west", "east"):
-        assert f"/field/fix\\-imm\\-ukf/{source}/track".encode() in timeline or source.encode() in timeline
+        assert f"/field/ekf/{source}/track" in timeline
     assert planned(scenario(**HARD)).info.headline == ("base",)
