@@ -297,7 +297,7 @@ class Moving(Knowing):
     ("tracker", "believes", "foresees"), [(Plain(), False, False), (Knowing(), True, False), (Moving(), True, True)]
 )
 def test_a_users_tracker_needs_neither_method_and_may_have_both(tracker: Any, believes: bool, foresees: bool) -> None:
-    one = checked("mine", tracker)
+    one = checked("mine", tracker, 4)
     assert (isinstance(one, Believes), isinstance(one, Foresees)) == (believes, foresees)
     following = Following(one, MODEL)
     state, estimate = step(following, following.resume(WIDE), silence(1))
@@ -316,7 +316,7 @@ GOOD = (
 
 @pytest.mark.parametrize("given_belief", GOOD)
 def test_what_a_users_tracker_knows_is_handed_on(given_belief: Belief) -> None:
-    following = Following(checked("mine", Knowing(given_belief)), MODEL)
+    following = Following(checked("mine", Knowing(given_belief), 4), MODEL)
     assert following.belief(following.begin(WIDE)) is given_belief
 
 
@@ -340,7 +340,7 @@ def broken(belief: Any, part: int, array: Any) -> Any:
     ],
 )
 def test_what_is_no_belief_ends_the_run_with_the_trackers_name(given_belief: Any, says: str) -> None:
-    following = Following(checked("mine", Knowing(given_belief)), MODEL)
+    following = Following(checked("mine", Knowing(given_belief), 4), MODEL)
     with pytest.raises(RunFailed, match=f"tracker 'mine': its belief:? ?{says}"):
         following.belief(following.begin(WIDE))
 

@@ -197,9 +197,9 @@ class Estimate:
     """A tracker's answer for one step."""
 
     mean: Array
-    """(4,), or (4 + u,) of a tracker that estimates the unknowns of the sensing, too"""
+    """(4 + u,): x, y, vx, vy and the unknowns of the sensing."""
     covariance: Array
-    """(4, 4), or (4 + u, 4 + u)"""
+    """(4 + u, 4 + u)"""
     particles: Array | None = None
     """(n, 2) positions, of trackers that have particles."""
 
@@ -216,7 +216,7 @@ class Tracker(Protocol[S]):
     """
 
     def init(self, prior: Gaussian, model: Model) -> S:
-        """The state of belief ``prior`` over (x, y, vx, vy)."""
+        """The state of belief ``prior`` over (x, y, vx, vy) and the unknowns of the sensing."""
         ...
 
     def step(self, state: S, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[S, Estimate]:

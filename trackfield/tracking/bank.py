@@ -76,7 +76,7 @@ class Bank:
         self.kind_of = {id: name for name, ids in (kinds or {}).items() for id in ids}
         self.messages = frozenset(kind_of_class(one.message).name for one in self.sensing.values())
         model, options = Model(self.sensing, sigma_v), options or {}
-        made = {name: make_tracker(name, options.get(name)) for name in trackers}
+        made = {name: make_tracker(name, options.get(name), model.dimension) for name in trackers}
         self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
         self.prior = (
             None
@@ -115,7 +115,8 @@ class Bank:
         for name, tracker in self.trackers.items():
             belief, estimate, n = beliefs.get(name), None, tracker.following.model.dimension
             if belief is not None and dimension(belief) not in (STATE, n):
-                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {n}")
+                expected = STATE if n == STATE else f"{STATE} or {n}"
+                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {expected}")
                 belief = None
             track = tracker.begin(None) if belief is None else tracker.resume(belief)
             for step in range(since + 1, until + 1):
