@@ -8,9 +8,9 @@ from statistics import fmean, stdev
 
 import msgpack
 import pytest
+from trackfield.world.acoustic import AcousticSensor
 
 from trackfield.sensing.readings import Heard
-from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.path import Path
 from trackfield.world.targets import s1
 

@@ -9,9 +9,9 @@ from statistics import fmean
 from typing import Any
 
 import pytest
+from trackfield.world.acoustic import AcousticSensor
 
 from trackfield.sensing.readings import Ears, Heard
-from trackfield.world.acoustic import AcousticSensor
 from trackfield.world.faulty import with_faults
 from trackfield.world.path import Path
 

@@ -24,7 +24,7 @@ from trackfield.scenario.sections.energy import Energy
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sections.run import Run
 from trackfield.scenario.sections.score import Score
-from trackfield.scenario.sensors import DoaSensor, Sensor, SensorSection
+from trackfield.scenario.sensors import OF_GROUPS, DoaSensor, Sensor, SensorSection
 
 MOST_TARGETS: Final = 1000
 MOST_FAULTS: Final = 10_000
@@ -67,7 +67,7 @@ class Contents(Section):
             return sensors
         if sensors and alone.model_fields_set:
             raise wrong("is given together with [[sensors]]", "one of the two", "sensor")
-        for name in ("nodes", "share"):
+        for name in OF_GROUPS:
             if getattr(alone, name) is not None:
                 raise wrong(
                     "is for one of several kinds", "sections [[sensors]], or none: all are alike", f"sensor.{name}"
