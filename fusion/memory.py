@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
+from trackfield.protocols.timesync import Timekeeping
 from trackfield.role import Received, Started, Timer, Transitions
 from trackfield.tracking.steps import Progress
 
@@ -30,8 +31,13 @@ TRANSITIONS: Final[Transitions] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Memory:
-    """The centre's state: how far its trackers are, and the sensors' threshold in dB, if the centre sets it."""
+    """The centre's state: how far its trackers are, and the sensors' threshold in dB, if the centre sets it.
+
+    ``early`` is what waits for the end of its first round of asking for the time: its start, and reports.
+    """
 
     phase: Phase
     progress: Progress
     threshold_db: float | None = None
+    time: Timekeeping = field(default_factory=Timekeeping)
+    early: tuple[Started | Received, ...] = ()

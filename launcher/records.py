@@ -133,10 +133,11 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """The links that carry messages like this one: (from, to)."""
+    """The links that carry messages like this one: (from, to), at least one; ``reports`` if sensors report by them."""
 
     message: Any
     pairs: tuple[tuple[str, str], ...]
+    reports: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +148,8 @@ class Plan:
     targets by id, in emulated time. ``tracking`` are the arguments of a ``trackfield.tracking.bank.Bank`` for all
     sensors, ``banks`` in what those of each process that fuses reports differ. ``views`` say which tracks are scored
     together, the headline first; ``flows`` are the links in use by kind of message. ``reaches`` are how far away (m)
-    each sensor reports a target; ``restart`` says that processes which die unplanned are started again; ``lost`` is
+    each sensor reports a target, ``passes`` for which steps it does so by itself (empty if sensors are read at steps).
+    ``restart`` says that processes which die unplanned are started again; ``lost`` is
     when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
     ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
     classes are, by ``kind:name``.
@@ -161,6 +163,7 @@ class Plan:
     views: tuple[View, ...] = ()
     flows: tuple[Flow, ...] = ()
     reaches: Mapping[str, float] = field(default_factory=dict)
+    passes: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     restart: bool = False
     lost: Lost = field(default_factory=Lost)
     deadline_s: float = 0.0
@@ -168,6 +171,11 @@ class Plan:
     warnings: tuple[str, ...] = ()
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def reports(self) -> tuple[Flow, ...]:
+        """The links by which sensors report, by kind of message; empty if they send nothing."""
+        return tuple(flow for flow in self.flows if flow.reports)
 
     @property
     def reach_m(self) -> float:

@@ -17,10 +17,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from launcher.plan.foresight import Foresight
+from launcher.plan.forecast.foresight import Foresight
+from launcher.plan.forecast.reception import Shares
+from launcher.plan.forecast.warnings import summary
 from launcher.plan.prepare import remarks
-from launcher.plan.reception import Shares
-from launcher.plan.warnings import summary
 from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
 from launcher.record.words import alarms, joules, span
 from launcher.records import ARRIVED, SENSES, Plan

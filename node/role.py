@@ -91,6 +91,8 @@ class Node:
     Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the fields of its
     ``Rounds``, of which the ``reference`` is the centre if left out; None: its clock is right. ``adaptive`` holds those
     of its ``Duty`` except ``step_ns``, for a node whose threshold the centre sets; None: its threshold is fixed.
+    A sensor that reports ``by_itself`` is not read at steps: its node sleeps until it does, and reports for the step
+    that comes next.
     """
 
     def __init__(
@@ -102,8 +104,10 @@ class Node:
         threshold_db: float = -inf,
         sync: Mapping[str, Any] | None = None,
         adaptive: Mapping[str, int] | None = None,
+        by_itself: bool = False,
     ) -> None:
         self.step_ns, self.origin_ns, self.threshold_db, self.centre = step_ns, origin_ns, threshold_db, centre
+        self.by_itself = by_itself
         self.sync = None if sync is None else TimeSync(Rounds(**{"reference": centre, **sync}))
         self.duty = None if adaptive is None else Duty(step_ns, **adaptive)
         replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if self.duty else set[str]()
@@ -133,6 +137,8 @@ class Node:
                 return self._start(replace(memory, phase=Phase.ASLEEP), event)
             case Sampled(now, "wake-up", at):
                 return memory, self._wake_at(memory, now, at)
+            case Sampled(now, "sound", heard) if self.by_itself:
+                return self._told(memory, now, heard)
             case Sampled(now, "sound", heard):
                 return self._hear(replace(memory, done=insert(memory.done, self._step(memory, now))), now, heard)
             case Timer():
@@ -144,7 +150,7 @@ class Node:
     def _ring(self, memory: Memory, timer: Timer) -> Step:
         match timer:
             case Timer(now, "step"):
-                return memory, self._listen(memory, now)
+                return memory, (Sample("sound"),) if self.by_itself else self._listen(memory, now)
             case Timer(now, "command") if self.duty:
                 return self._attend(memory, now)
             case Timer(now, "sync") if self.sync:
@@ -190,6 +196,15 @@ class Node:
         after, attend = self._attend(replace(memory, phase=Phase.REPORTING), now)
         return after, (Send(heard.report(self._step(memory, now)), self.centre), *again, *attend)
 
+    def _told(self, memory: Memory, now: int, heard: Reading | None) -> Step:
+        """A sensor reports by itself: at most once for a step."""
+        step = -(-self._into(memory, now) // self.step_ns)
+        known = not 1 <= step <= LAST_STEP or first_absent(memory.done, step) != step
+        if heard is None or known or heard.level < memory.threshold_db:
+            return memory, (Sample("wake-up"),)
+        report = heard.report(step, step * self.step_ns - self._into(memory, now))
+        return replace(memory, done=insert(memory.done, step)), (Send(report, self.centre), Sample("wake-up"))
+
     def _listen_from(self, memory: Memory, earliest_ns: int) -> tuple[Effect, ...]:
         """Listen at the first step from then on that is not done; step 0 is the start itself, without a reading."""
         step = first_absent(memory.done, max(-(-self._into(memory, earliest_ns) // self.step_ns), 1))
@@ -199,7 +214,10 @@ class Node:
 
     def _wake_at(self, memory: Memory, now: int, at: int | None) -> tuple[Effect, ...]:
         """The timers of a sleeping node, which can hear something from local time ``at`` on."""
-        step = () if at is None else self._listen_from(memory, max(at, now))
+        if at is None:
+            step: tuple[Effect, ...] = ()
+        else:
+            step = (SetTimer("step", at),) if self.by_itself else self._listen_from(memory, max(at, now))
         if self.sync is None or memory.time.in_round:
             return step
         if at is None:

@@ -43,7 +43,7 @@ tf.run(scenario, driver=driver, speed=float(speed) if driver == "processes" else
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A directory that holds the examples."""
-    assert EXAMPLES.keys() == PROMISED.keys() == {"kalman.py", "sonar.py"}
+    assert EXAMPLES.keys() == PROMISED.keys() == {"kalman.py", "sonar.py", "strength.py"}
     for name, code in EXAMPLES.items():
         (tmp_path / name).write_text(code)
     return tmp_path
@@ -109,7 +109,7 @@ def test_installed_they_are_there_by_name(folder: Path) -> None:
     elsewhere.mkdir()
     listed = python(elsewhere, "-m", "launcher.cli", "list", PYTHONPATH=str(folder)).stdout
     assert re.search(r"^trackers .*, kalman$", listed, re.MULTILINE)
-    assert re.search(r"^sensors +acoustic, sonar$", listed, re.MULTILINE)
+    assert re.search(r"^sensors +doa, sonar$", listed, re.MULTILINE)
     described = python(elsewhere, "-m", "launcher.cli", "list", "trackers", PYTHONPATH=str(folder)).stdout
     assert re.search(r"^kalman  .* \(kalman:Kalman\)$", described, re.MULTILINE)
     (command,) = re.findall(r"^trackfield (run zhai-spcpf .* sensor.kind=sonar .*)$", DOCS, re.MULTILINE)

@@ -103,7 +103,7 @@ def test_the_waits_of_a_run_of_which_some_steps_are_looked_at(
 ) -> None:
     settings = ("link.radio=lora868", "link.sf=12", "fusion.max_age_s=5")
     exact, _ = validated(trackfield, *settings)
-    monkeypatch.setattr("launcher.plan.foresight.MOST_REPORTS", 121)
+    monkeypatch.setattr("launcher.plan.forecast.heard.MOST_REPORTS", 121)
     about, text = validated(trackfield, *settings)
     assert "in about 60 of 60 steps" in text
     assert about.in_time == pytest.approx(exact.in_time, rel=0.3)

@@ -16,8 +16,8 @@ from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 
 import trackfield as tf
 from fusion.role import Fusion
+from launcher.plan.forecast.reception import receptions
 from launcher.plan.prepare import planned
-from launcher.plan.reception import receptions
 from launcher.records import Plan
 from launcher.study.replay import replay
 from node.role import Node

@@ -8,9 +8,9 @@ from typing import Any
 import msgpack
 import pytest
 
+from launcher.plan.forecast.reception import receptions
 from launcher.plan.hardware import duty_of, slowest_ns
 from launcher.plan.prepare import load, planned
-from launcher.plan.reception import receptions
 from launcher.records import Plan
 from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.errors import ScenarioError

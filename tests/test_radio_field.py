@@ -7,7 +7,7 @@ from typing import Any
 import msgpack
 import pytest
 
-from launcher.plan.reception import receptions
+from launcher.plan.forecast.reception import receptions
 from launcher.record.ledger import Ledger
 from tests.simulated import simulated, spcpf
 from tests.toys import party

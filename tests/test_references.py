@@ -7,20 +7,20 @@ from dataclasses import replace
 
 import pytest
 
-from launcher.plan.architectures import ARCHITECTURES, Arranged
+from launcher.plan.architectures import ARCHITECTURES, Arranged, Field
 from launcher.plan.architectures.centralised import Centralised
 from launcher.plan.prepare import load, planned
-from launcher.plan.references import check_references, references_of
-from trackfield.drivers.spec import ProcessSpec
+from launcher.plan.references import check_references
 from trackfield.errors import ScenarioError
 
 OFF = ["link.model=ideal", "clock.offset_ms=50"]
 
 
 def test_all_sensors_ask_the_centre() -> None:
-    centre, *others = references_of(planned(load("spcpf", settings=OFF)).processes).items()
-    assert centre == ("fusion", None)
-    assert {reference for _, reference in others} == {"fusion"}
+    centre, *others = planned(load("spcpf", settings=OFF)).processes
+    assert (centre.id, centre.config.get("sync"), centre.clock) == ("fusion", None, {})
+    assert {process.config["sync"]["reference"] for process in others} == {"fusion"}
+    assert all(process.clock for process in others)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_all_sensors_ask_the_centre() -> None:
     ],
 )
 def test_trees_of_any_depth_are_right(references: Mapping[str, str | None]) -> None:
-    check_references(references)
+    check_references(references, "architecture")
 
 
 @pytest.mark.parametrize(
@@ -48,32 +48,21 @@ def test_trees_of_any_depth_are_right(references: Mapping[str, str | None]) -> N
 )
 def test_circles_and_strangers_are_refused(references: Mapping[str, str | None], what: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        check_references(references)
+        check_references(references, "architecture")
     assert what in str(caught.value)
-
-
-def test_a_role_of_ones_own_may_mean_something_else_by_sync() -> None:
-    configs = ({"sync": True}, {"sync": {"every": 5}}, {"sync": None}, {})
-    processes = [ProcessSpec(f"p{i}", "own", "a:b", config) for i, config in enumerate(configs)]
-    assert set(references_of(processes).values()) == {None}
 
 
 class Circle(Centralised):
     """A sensor asks another one, and that one the first."""
 
-    def arrange(self, end_ns: int) -> Arranged:
-        arranged = super().arrange(end_ns)
+    def arrange(self, field: Field) -> Arranged:
+        arranged = super().arrange(field)
         asks = {"n000": "n001", "n001": "n000"}
-        processes = tuple(
-            replace(p, config={**p.config, "sync": {**p.config["sync"], "reference": asks[p.id]}})
-            if p.id in asks
-            else p
-            for p in arranged.processes
-        )
-        return replace(arranged, processes=processes)
+        return replace(arranged, processes=[replace(p, asks=asks.get(p.id, p.asks)) for p in arranged.processes])
 
 
-def test_a_plan_with_a_circle_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(ARCHITECTURES, "centralised", Circle)
-    with pytest.raises(ScenarioError, match="n000 asks n001 asks n000 for the time"):
-        planned(load("spcpf", settings=OFF))
+def test_a_plan_with_a_circle_is_refused_even_if_clocks_are_right(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(ARCHITECTURES.own, "centralised", Circle)
+    for settings in (OFF, OFF[:1]):
+        with pytest.raises(ScenarioError, match="n000 asks n001 asks n000 for the time"):
+            planned(load("spcpf", settings=settings))

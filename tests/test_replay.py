@@ -28,6 +28,7 @@ __all__ = ["trackfield"]
 
 LATE = ("link.model=gilbert_elliott", "link.delay_ms=100", "link.jitter_ms=400", "fusion.max_age_s=2.5")
 DEAD = "faults=[{kind='restart', nodes=['fusion'], at_s=12.4, until_s=17.7}]"
+PARTICLES = ("fusion.trackers=['bootstrap']", "fusion.options.bootstrap={n=500, keeps='particles'}")
 CLOCKS = ("clock.offset_ms=40", "clock.drift_ppm=60", "clock.resync_s=10", "clock.sync=true")
 STRICKEN = (
     "faults=[{kind='freeze', nodes=['fusion'], at_s=6, until_s=9},"
@@ -63,6 +64,7 @@ def virtual(settings: Sequence[str], name: str = "run", *, steps: int = 30, trac
         (LATE, "frames.late"),
         ((*LATE, DEAD), "frames.lost.dead"),
         ((DEAD, "fusion.smooth_lag=3"), "frames.lost.dead"),
+        ((DEAD, *PARTICLES), "frames.lost.dead"),
         ((*LATE, "fusion.prior=none", "fusion.smooth_lag=3"), "frames.late"),
         (CLOCKS, "clock_error_ms.rms"),
         ((*LATE, STRICKEN), "frames.lost.frozen"),

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from launcher.plan.forecast.reception import receptions
 from launcher.plan.prepare import planned
-from launcher.plan.reception import receptions
 from trackfield.scenario import Scenario, names, summary, survey
 from trackfield.scenario.document import BEGIN, END, tables, updated
 from trackfield.scenario.keys import sections_of_file, top_level

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from launcher.plan.foresight import at_least, foresee
+from launcher.plan.forecast.foresight import at_least, foresee
 from launcher.plan.prepare import load, planned
 from launcher.record.ledger import Ledger
 from tests.command_line import Call, Said, trackfield
@@ -173,7 +173,7 @@ def test_figures_of_some_of_the_steps_are_about_right(
 ) -> None:
     """Of a run of very many reports, not all steps are looked at."""
     (exact,) = validated(trackfield, "zhai-spcpf", *arguments)
-    monkeypatch.setattr("launcher.plan.foresight.MOST_REPORTS", 80)
+    monkeypatch.setattr("launcher.plan.forecast.heard.MOST_REPORTS", 80)
     (about,) = validated(trackfield, "zhai-spcpf", *arguments)
     counts = re.compile(r"(about )?(\d+) of (\d+) (?:steps|reports)")
     assert {said for said, *_ in counts.findall(exact)} == {""}

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
     from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+    from trackfield.models.unknowns import Unknown
     from trackfield.scenario import Scenario
     from trackfield.sensing.kinds import register_sensor
 
@@ -34,6 +35,7 @@ _HOMES: Final = {
     "ScenarioError": "trackfield.errors",
     "Study": "launcher.study.studies",
     "TrackfieldError": "trackfield.errors",
+    "Unknown": "trackfield.models.unknowns",
     "compare": "launcher.api",
     "open": "launcher.api",
     "register_architecture": "launcher.plan.architectures",
@@ -59,6 +61,7 @@ __all__ = [
     "ScenarioError",
     "Study",
     "TrackfieldError",
+    "Unknown",
     "compare",
     "open",
     "register_architecture",

@@ -100,10 +100,15 @@ class Request(Changed):
         )
 
     def check_machine(self, plan: Plan) -> None:
-        """Raise ``RunFailed`` if this machine cannot do such a run."""
+        """Raise ``RunFailed`` if this machine cannot do such a run, ``ScenarioError`` for classes that no other process
+        can import.
+        """
         from launcher.options import check_viewer
 
         if not self.virtual:
+            from launcher.plan.extensions import check_importable
+
+            check_importable(plan)
             from launcher.processes.limits import check_machine  # loads Zenoh
 
             check_machine(plan, router=not self.connect, external=self.external)

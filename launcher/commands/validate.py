@@ -18,8 +18,8 @@ def validate(request: Request) -> None:
 
     What this machine lacks for the run is a warning.
     """
-    from launcher.plan.foresight import foresee
-    from launcher.plan.warnings import summary
+    from launcher.plan.forecast.foresight import foresee
+    from launcher.plan.forecast.warnings import summary
     from launcher.show import announce, assess, warn
 
     try:

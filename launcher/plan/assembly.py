@@ -37,8 +37,9 @@ def assembled(built: Built) -> Assembled:
     tracking = tracking_of(built.site, built.first)
     banks = {p.id: _bank(built, p, tracking) for p in built.processes if p.fuses}
     processes = _Assembly(built, tracking, banks).processes()  # which loads the kinds of message of users' own roles
+    sent = {kind for process in built.processes if process.senses for kind in process.sends}
     end_ns = built.site.end_ns
-    flows = [Flow(longest(kind, tracking, end_ns), tuple(links)) for kind, links in _pairs(built).items()]
+    flows = [Flow(longest(kind, tracking, end_ns), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
     return Assembled(_acquainted(processes, flows), tracking, banks, tuple(flows))
 
 
@@ -98,7 +99,7 @@ class _Assembly:
 
 
 def _pairs(built: Built) -> dict[str, dict[Pair, None]]:
-    """Who sends to whom, by kind of message: what sensors report, what sets clocks, all else."""
+    """Who sends to whom, by kind of message: first what sensors send, then what sets clocks, then all else."""
     pairs: dict[str, dict[Pair, None]] = defaultdict(dict)
     senders = sorted(built.processes, key=lambda process: not process.senses)
     asking = [process for process in senders if process.asks and sync_of(built.site.scenario, process.id, process.asks)]

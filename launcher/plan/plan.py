@@ -9,7 +9,6 @@ from launcher.plan.architectures import Built, built
 from launcher.plan.assembly import assembled
 from launcher.plan.extensions import own_places
 from launcher.plan.faults import Faults, resolve
-from launcher.plan.references import check_references, references_of
 from launcher.plan.tracking import track_names
 from launcher.records import FieldInfo, Plan, Truth
 from trackfield.drivers.spec import ProcessSpec, RunSpec
@@ -34,8 +33,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
     Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file cannot be
-    used, the architecture does not work, a fault names an unknown process, or processes ask each other for the time in
-    a circle.
+    used, the architecture does not work, or a fault names an unknown process.
     """
     site = survey(scenario)
     field = built(site)
@@ -47,7 +45,6 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     check_bursts(site, end_ns)
     places = own_places(scenario)
     whole = assembled(field)
-    check_references(references_of(whole.processes))
     processes = tuple(life for process in whole.processes for life in _lives(process, faults))
     return Plan(
         spec,
@@ -58,6 +55,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         field.views,
         whole.flows,
         {id: kind.report_m for id, kind in site.sensing.items()},
+        {id: tuple(map(site.step_after, times)) for id, times in site.passes.items()},
         scenario.restart == "on-death",
         lost_of(scenario),
         scenario.fusion.deadline_s,

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from launcher.plan.flaws import found_by, worked_out
-from launcher.plan.foresight import foresee
+from launcher.plan.forecast.foresight import foresee
+from launcher.plan.forecast.reception import receptions
+from launcher.plan.forecast.warnings import warnings
 from launcher.plan.plan import make_plan
-from launcher.plan.reception import receptions
-from launcher.plan.warnings import warnings
 from launcher.records import Plan
 from trackfield.errors import ScenarioError, combined
 from trackfield.filters.trackers import TRACKERS
@@ -160,9 +160,16 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
     if len(plan.info.places) > MAX_LINKS:
         return plan
-    reports = next(iter(receptions(plan).values()))
-    links = tuple((*link, share) for link, share in reports.items())
-    return replace(plan, info=replace(plan.info, receptions=links))
+    return replace(plan, info=replace(plan.info, receptions=tuple(_links(plan))))
+
+
+def _links(plan: Plan) -> Iterator[tuple[str, str, float]]:
+    """The links that the timeline shows, with what they deliver: of reports, and of other messages on other links."""
+    known: set[frozenset[str]] = set()
+    for shares in receptions(plan).values():
+        new = {pair: share for pair, share in shares.items() if frozenset(pair) not in known}
+        known.update(map(frozenset, new))
+        yield from ((*pair, share) for pair, share in new.items())
 
 
 def warned(plan: Plan) -> Plan:

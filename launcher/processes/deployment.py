@@ -37,7 +37,9 @@ from trackfield.wire.error import WireError
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
+NODE: Final = "node.role:Node"
 REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
+"""What children that are such nodes would all do for the first time."""
 
 
 class Deployment(Logged):
@@ -93,8 +95,9 @@ class Deployment(Logged):
         return Registry(self.plan, self.seal, self.alarms)
 
     def _make_children(self) -> Children:
-        light = {life.factory.partition(":")[0] for life in self.plan.processes if not life.sink}
-        return Children(len(self.plan.processes) + 2, [*sorted(light), REHEARSAL])
+        light = {life.factory for life in self.plan.processes if not life.sink}
+        preload = sorted({factory.partition(":")[0] for factory in light})
+        return Children(len(self.plan.processes) + 2, [*preload, *([REHEARSAL] if NODE in light else [])])
 
     @property
     def stops(self) -> list[Stop]:

@@ -128,6 +128,9 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
     sensors, truth = _sensors(plan), _truth(plan)
     if not sensors or not truth:
         return heard
+    if plan.passes:
+        told = {t: {id for id, steps in plan.passes.items() if plan.step_of(t) in steps} for t in truth}
+        return {t: ids | set(heard.get(t, ())) for t, ids in told.items()}
     ids, times = list(sensors), list(truth)
     near = cKDTree(list(sensors.values())).query_ball_point([truth[t][:2] for t in times], plan.reach_m)
     return {

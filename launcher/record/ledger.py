@@ -23,7 +23,7 @@ from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import known_kind
 from trackfield.wire.codec import WireError, decode
 from trackfield.wire.keys import id_of
-from trackfield.wire.messages import SyncReply, SyncRequest, Threshold
+from trackfield.wire.messages import SyncReply, SyncRequest, Threshold, Track
 
 FRAMES: Final = "frames"
 """Interference: frames in the name of a process that did not send them."""
@@ -311,9 +311,14 @@ def describe(payload: bytes, kind: Kind | None = None) -> Said:
         return Said(kind.words(message), tuple(kind.values(message)), message.step)
     match message:
         case Threshold(_, level_db):
-            return Said(f"report from {level_db:.2f} dB on")
+            text = f"report from {level_db:.2f} dB on"
         case SyncRequest(exchange, sent_us):
-            return Said(f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)")
+            text = f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)"
         case SyncReply(exchange, left_us=left_us):
-            return Said(f"it is {left_us / 1e6:.6f} s (exchange {exchange})")
-    return Said(repr(message), step=getattr(message, "step", None))
+            text = f"it is {left_us / 1e6:.6f} s (exchange {exchange})"
+        case Track(at_us, age_ms, tracker, sensors=sensors):
+            of = f"tracker {tracker}, {len(sensors) // 2} reports, {age_ms / 1000:.3f} s old"
+            text = f"the track at {at_us / 1e6:.3f} s ({of})"
+        case _:
+            return Said(repr(message), step=getattr(message, "step", None))
+    return Said(text)

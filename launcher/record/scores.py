@@ -78,13 +78,18 @@ def _beside(rows: Sequence[TrackRow], bounds: Bounds) -> dict[str, float | None]
 
 
 def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int) -> dict[str, Any]:
-    """In how many of the expected steps there was a track, and one that was near enough; and the verdict."""
+    """In how many of the expected steps there was a track, and one that was near enough; and the verdict.
+
+    Where sensors report by themselves, the passes of targets are expected.
+    """
     tracks = defaultdict[int, list[TrackRow]](list)
     for row in rows:
         if row.has_track:
             tracks[round((row.t_ns - plan.origin_ns) / plan.step_ns)].append(row)
     last = last_due(end_ns - plan.origin_ns, plan.step_ns, plan.deadline_s) - lag
-    there = {k: recorded for k in range(1, last + 1) if (recorded := _recorded(plan, k)) is not None}
+    passes = {k for steps in plan.passes.values() for k in steps if k <= last}
+    steps = sorted(passes) if plan.passes else range(1, last + 1)
+    there = {k: recorded for k in steps if (recorded := _recorded(plan, k)) is not None}
     judged = [k for k, recorded in there.items() if recorded and not _only_guessed(tracks.get(k, ()))]
     errors = np.array([_worst(tracks.get(k, ())) for k in judged]).reshape(-1, 1)
     share = float((errors <= plan.lost.beyond_m).mean()) if judged else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final
@@ -40,9 +40,9 @@ class Course:
     paths: Mapping[str, Path] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, paths: Mapping[str, Path], steps: int, step_ns: int, origin_ns: int) -> Course:
-        """The course of a run of so many steps; the first to be tracked is 1."""
-        times = (origin_ns + step * step_ns for step in range(1, steps + 1))
+    def of(cls, paths: Mapping[str, Path], steps: Iterable[int], step_ns: int, origin_ns: int) -> Course:
+        """The course of a run in which these steps are expected."""
+        times = (origin_ns + step * step_ns for step in steps)
         whole = cls(tuple(times), origin_ns, paths)
         return replace(whole, at_ns=tuple(t for t in whole.at_ns if whole._present(t / NS)))
 

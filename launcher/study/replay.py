@@ -1,14 +1,16 @@
 """The reports of a finished run, fused again: by other trackers, or without those that came late.
 
 Each process that tracked repeats the steps for which it published points, with the reports that its tracks used; a
-later life continues from the estimates of the life before it. Points are published at the times of the run. No messages
-are sent.
+later life continues from the estimates of the life before it. A process that published points of others, which it had
+by radio, publishes those that the same origins now have for the same instants. Points are published at the times of the
+run. No messages are sent.
 """
 
 from __future__ import annotations
 
 import shutil
 import time
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,12 +29,13 @@ from launcher.record.reading.files import (
     read_table,
     refuse,
 )
-from launcher.records import TRACKS, MessageRow, Plan
+from launcher.records import SENSES, TRACKS, MessageRow, Plan
 from launcher.run import Outcome, close_folder
 from trackfield.drivers.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
-from trackfield.role import NS, Publish, State
+from trackfield.role import NS, Publish, State, TrackPoint
 from trackfield.tracking.bank import Bank
+from trackfield.tracking.forwarding import Numbering, received
 from trackfield.tracking.stored import pack, unpack
 from trackfield.wire.codec import WireError, decode
 
@@ -64,13 +67,13 @@ def replay(
     jumps = (p.jumps for p in plan.processes)
     check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
-    fusions = read_fusions(run)
+    fusions, handed = read_points(run)
     _check_usable(run, plan, fusions, rows)
     folder = prepare_folder(out, scenario.name, scenario.seed)
     with whole_or_none(folder):
         keep(scenario, folder)
         write_manifest(folder, plan, command, None)
-        anew = _fuse(plan, fusions, rows, metrics, folder, drop_late=drop_late)
+        anew = _fuse(plan, (fusions, handed), rows, metrics, folder, drop_late=drop_late)
         shutil.copyfile(run / MESSAGES_TABLE, folder / MESSAGES_TABLE)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
@@ -138,15 +141,36 @@ class Fusion:
         return life_name(self.source, self.incarnation)
 
 
-def read_fusions(run: Path) -> list[Fusion]:
-    """The fusions of a run, process by process and in the order of time."""
-    columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag")
-    first: dict[tuple[str, int], dict[str, Any]] = {}
+@dataclass(frozen=True)
+class Handed:
+    """A process first published at ``told_ns`` what ``tracker`` of the process ``origin`` knew of an instant."""
+
+    source: str
+    incarnation: int
+    at_ns: int
+    told_ns: int
+    tracker: str
+    origin: str
+
+    @property
+    def life(self) -> str:
+        """The name of its life."""
+        return life_name(self.source, self.incarnation)
+
+
+def read_points(run: Path) -> tuple[list[Fusion], list[Handed]]:
+    """The fusions of a run, process by process and in the order of time, and the points that had come by radio."""
+    columns = ("source", "incarnation", "step", "told_ns", "sensors", "lag", "at_ns", "tracker", "origin")
+    first, handed = dict[tuple[str, int], dict[str, Any]](), list[Handed]()
     for row in read_table(run, TRACKS_TABLE, columns).to_pylist():
-        if not row.pop("lag") and row["step"] is not None:
-            before = first.setdefault((row["source"], row["step"]), row)
+        lag, step, sensors = (row.pop(name) for name in ("lag", "step", "sensors"))
+        if row["origin"]:
+            handed.append(Handed(**row))
+        elif not lag and step is not None:
+            kept = {name: row[name] for name in ("source", "incarnation", "told_ns")}
+            before = first.setdefault((row["source"], step), {**kept, "step": step, "sensors": tuple(sensors)})
             before["told_ns"] = min(before["told_ns"], row["told_ns"])
-    return [Fusion(**{**row, "sensors": tuple(row["sensors"])}) for _, row in sorted(first.items())]
+    return [Fusion(**one) for _, one in sorted(first.items())], handed
 
 
 class _Source:
@@ -212,9 +236,59 @@ def fused(
             yield one, t_ns, effect
 
 
+def handed_on(
+    plan: Plan, handed: Iterable[Handed], points: Iterable[TrackPoint], order: Sequence[str]
+) -> Iterator[tuple[Handed, int, Publish]]:
+    """(what was handed on, time in ns, effect) of all processes that published ``points`` of others.
+
+    Each tracker's point of an instant is that of the process which its source had it from in the run, whose trackers
+    are in ``order``. A tracker that the run did not have goes by the first that the source published of that instant.
+    """
+    numbering = Numbering(
+        plan.tracking["trackers"],
+        [place.id for place in plan.info.tagged(SENSES)],
+        plan.step_ns,
+        plan.origin_ns,
+        plan.tracking.get("target", "target"),
+    )
+    known = {(point.source, point.tracker, point.at_ns): point for point in points if not point.lag}
+    for one, tracker in _choices(handed, numbering.trackers, order):
+        before = known.get((one.origin, tracker, one.at_ns))
+        point = received(before, numbering) if before else None
+        if point:
+            known[one.source, tracker, one.at_ns] = point = replace(point, source=one.source)
+            yield one, one.told_ns, Publish(point)
+
+
+def _choices(handed: Iterable[Handed], trackers: Sequence[str], order: Sequence[str]) -> list[tuple[Handed, str]]:
+    """Which point of the run each of these trackers goes by, in the order of time."""
+    rank = {name: place for place, name in enumerate(order)}
+    published = defaultdict[tuple[str, int], dict[str, Handed]](dict)
+    for one in sorted(handed, key=lambda one: (one.told_ns, rank.get(one.tracker, len(rank)))):
+        published[one.source, one.at_ns][one.tracker] = one
+    choices = []
+    for by_tracker in published.values():
+        new = dict.fromkeys(set(trackers) - rank.keys(), next(iter(by_tracker.values())))
+        choices += [(found, name) for name in trackers if (found := {**by_tracker, **new}.get(name))]
+    return sorted(choices, key=lambda choice: choice[0].told_ns)
+
+
+def repeated(
+    plan: Plan,
+    points: tuple[Iterable[Fusion], Iterable[Handed]],
+    rows: Iterable[MessageRow],
+    order: Sequence[str],
+) -> list[tuple[Fusion | Handed, int, State | Publish]]:
+    """What all processes publish that published these ``points`` in the run (``read_points``), as in ``handed_on``."""
+    fusions, handed = points
+    told: list[tuple[Fusion | Handed, int, State | Publish]] = [*fused(plan, fusions, rows)]
+    made = [effect.estimate for _, _, effect in told if isinstance(effect, Publish)]
+    return [*told, *handed_on(plan, handed, made, order)]
+
+
 def _fuse(
     plan: Plan,
-    fusions: Sequence[Fusion],
+    points: tuple[Sequence[Fusion], Sequence[Handed]],
     rows: Sequence[MessageRow],
     before: Metrics,
     folder: Path,
@@ -225,7 +299,8 @@ def _fuse(
     ledger = Ledger(plan.run, plan.processes)
     ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
-    told = fused(plan, fusions, [row for row in rows if not (drop_late and row.outcome == LATE)])
+    used = [row for row in rows if not (drop_late and row.outcome == LATE)]
+    told = repeated(plan, points, used, list(before["trackers"]))
     for number, (one, t_ns, effect) in enumerate(told):
         if one.life not in ledger.diaries:  # an unplanned life
             ledger.life(replace(first[one.source], incarnation=one.incarnation, start_ns=t_ns, kill_ns=None))

@@ -1,4 +1,7 @@
-"""A role that is started by hand or in a container, and gets all its parameters from the launcher."""
+"""A role that is started by hand or in a container, and gets all its parameters from the launcher.
+
+``python -m trackfield.drivers.standalone ROLE MODULE:CLASS`` does that for a role of a user's own architecture.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +23,14 @@ from trackfield.drivers.intake import Refusals, printable
 from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
+from trackfield.drivers.spec import role_factory
 from trackfield.errors import ScenarioError
 from trackfield.plugins import give
 from trackfield.streams import steady
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_name
 
+_PLACE: Final = re.compile(r"[\w.]+:[\w.]+")
 _OWN: Final = re.compile(r"(sensor|tracker):[^=:]+=[\w.]+:[\w.]+")
 RETRY_S: Final = 1.0
 """How often a waiting process looks for a run with a free place."""
@@ -39,8 +44,28 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
     ``installed``: users' own classes are also looked for among installed packages, which takes memory. Exit 2 for bad
     arguments, 1 if it cannot join.
     """
+    parser = _parser(f"python -m {role}", (description or "").partition("``: ")[2].capitalize())
+    _live(role, factory, _checked(parser), installed=installed)
+
+
+def own() -> None:
+    """As ``main``, for the role and the class that the command line names."""
+    parser = _parser(
+        "python -m trackfield.drivers.standalone", "A process with a role of a user's own that joins a run."
+    )
+    parser.add_argument("role", metavar="ROLE", help="the name of the role in the architecture")
+    parser.add_argument("factory", type=_place, metavar="MODULE:CLASS", help="what makes it, like mine.roles:Base")
+    arguments = _checked(parser)
+    try:
+        role_factory(arguments.factory)
+    except Exception as error:  # noqa: BLE001  a user's module: its import may raise anything
+        parser.error(f"{arguments.factory} cannot be loaded ({type(error).__name__}: {error})")
+    _live(arguments.role, arguments.factory, arguments, installed=True)
+
+
+def _live(role: str, factory: str, arguments: argparse.Namespace, *, installed: bool) -> NoReturn:
+    """Wait for a place if that is wanted, and live there."""
     steady()
-    arguments = _arguments(role, description)
     give(dict(arguments.own), installed=installed)
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s")
     os.environ["ZENOH_RUNTIME"] = NODE_RUNTIME
@@ -118,10 +143,15 @@ def _own(text: str) -> tuple[str, str]:
     return which, place
 
 
-def _arguments(role: str, description: str | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog=f"python -m {role}", description=(description or "").partition("``: ")[2].capitalize()
-    )
+def _place(text: str) -> str:
+    """``module:attribute``. Raises ``argparse.ArgumentTypeError``."""
+    if not _PLACE.fullmatch(text):
+        raise argparse.ArgumentTypeError(f"is {text!r}; expected something like mine.roles:Base")
+    return text
+
+
+def _parser(program: str, description: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog=program, description=description)
     parser.add_argument("--connect", required=True, metavar="ENDPOINT", help="the run's router, like tcp/10.0.0.1:7447")
     parser.add_argument("--run", metavar="ID", help="the run's id, if the router has several at a time")
     parser.add_argument("--id", help="which of the run's processes this is, like n060; if not given, any that is free")
@@ -134,6 +164,11 @@ def _arguments(role: str, description: str | None) -> argparse.Namespace:
         help="where a sensor or tracker of your own is, like sensor:sonar=mine.sonar:Sonar",
     )
     parser.add_argument("--wait", action="store_true", help="wait for a router, a run and a free place")
+    return parser
+
+
+def _checked(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """The arguments; exit 2 if they are wrong."""
     arguments = parser.parse_args()
     if not is_endpoint(arguments.connect):
         parser.error(f"--connect is {arguments.connect!r}; expected something like tcp/10.0.0.1:7447")
@@ -143,3 +178,7 @@ def _arguments(role: str, description: str | None) -> argparse.Namespace:
     except WireError as error:
         parser.error(str(error))
     return arguments
+
+
+if __name__ == "__main__":
+    own()

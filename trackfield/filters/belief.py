@@ -12,9 +12,11 @@ origin is rounded by half a millimetre at most.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from trackfield.filters import gaussian
 from trackfield.filters.types import Array, Gaussian, Model
@@ -54,7 +56,10 @@ class Believes(Protocol):
     """
 
     def belief(self, state: Any) -> Belief | None:
-        """What it knows in this state, over the state of its model (x, y, vx, vy); None: what its estimate says."""
+        """What it knows in this state, over (x, y, vx, vy) and any unknowns of the sensing.
+
+        None: what its estimate says.
+        """
         ...
 
     def resume(self, belief: Belief, model: Model) -> Any:
@@ -155,19 +160,26 @@ def repaired(covariance: Array) -> Array:
 
 def _triangle(covariances: Array) -> Array:
     """(..., n (n + 1) / 2) of (..., n, n)."""
-    rows, columns = np.triu_indices(covariances.shape[-1])
+    rows, columns = _indices(covariances.shape[-1])
     upper: Array = covariances[..., rows, columns]
     return upper
 
 
 def _covariances(triangles: Array, n: int) -> Array:
     """The inverse of ``_triangle``, repaired."""
-    rows, columns = np.triu_indices(n)
+    rows, columns = _indices(n)
     covariances = np.empty((len(triangles), n, n))
     covariances[:, rows, columns] = covariances[:, columns, rows] = triangles
     if (covariances[:, np.arange(n), np.arange(n)] < 0.0).any():
         raise ValueError("a belief with a negative variance")
     return repaired(covariances)
+
+
+@lru_cache(maxsize=MAX_DIMENSION)
+def _indices(n: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+    """The rows and columns of a triangle's numbers, made once and then shared."""
+    rows, columns = np.triu_indices(n)
+    return rows, columns
 
 
 def _shares(weights: Array) -> Array:

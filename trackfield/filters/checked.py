@@ -14,20 +14,20 @@ from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, 
 
 S = TypeVar("S")
 
-_SHAPES: Final = {"mean": (4,), "covariance": (4, 4)}
 _SHARES: Final = 1e-6
 """How far from 1 the sum of weights may be."""
 
 
 @dataclass(frozen=True)
 class Checked(Generic[S]):
-    """``tracker``, with checks that its estimates are finite and of the right shapes, and errors that name it.
+    """``tracker``, with checks that its estimates are finite and of ``n`` numbers, and errors that name it.
 
     ``step`` raises ``RunFailed`` if they are not, and passes the tracker's own errors on with a note.
     """
 
     name: str
     tracker: Tracker[S]
+    n: int
 
     def init(self, prior: Gaussian, model: Model) -> S:
         """See ``Tracker``."""
@@ -43,8 +43,8 @@ class Checked(Generic[S]):
             raise
         if not isinstance(estimate, Estimate):
             raise RunFailed(f"{where}: step returned {type(estimate).__name__}; expected a state and an Estimate")
-        for what, shape in _SHAPES.items():
-            _check(getattr(estimate, what), shape, f"{where}: {what}")
+        _check(estimate.mean, (self.n,), f"{where}: mean")
+        _check(estimate.covariance, (self.n, self.n), f"{where}: covariance")
         if estimate.particles is not None:
             _check(estimate.particles, (len(estimate.particles), 2), f"{where}: particles")
         return after, estimate
@@ -58,7 +58,7 @@ class CheckedForesees(Checked[S]):
         foresees: Any = self.tracker
         F, Q = foresees.motion(before, after, dt)
         for what, matrix in (("F", F), ("Q", Q)):
-            _check(matrix, (4, 4), f"tracker '{self.name}': {what} of its motion")
+            _check(matrix, (self.n, self.n), f"tracker '{self.name}': {what} of its motion")
         return Motion(F, Q)
 
 
@@ -70,7 +70,7 @@ class CheckedBelieves(Checked[S]):
         believes: Any = self.tracker
         one = believes.belief(state)
         if one is not None:
-            _check_belief(one, f"tracker '{self.name}': its belief")
+            _check_belief(one, self.n, f"tracker '{self.name}': its belief")
         return one  # type: ignore[no-any-return]
 
     def resume(self, belief: Belief, model: Model) -> S:
@@ -87,8 +87,8 @@ class CheckedForeseesBelieves(CheckedForesees[S], CheckedBelieves[S]):
     """The same for a tracker with all of these methods."""
 
 
-def checked(name: str, tracker: Tracker[S]) -> Checked[S]:
-    """The tracker with its estimates checked, under this name in messages.
+def checked(name: str, tracker: Tracker[S], n: int) -> Checked[S]:
+    """The tracker with its estimates of ``n`` numbers checked, under this name in messages.
 
     Raises ``ScenarioError`` for a tracker that has one of ``belief`` and ``resume`` without the other.
     """
@@ -97,16 +97,16 @@ def checked(name: str, tracker: Tracker[S]) -> Checked[S]:
         has, lacks = ("belief", "resume") if believes else ("resume", "belief")
         raise ScenarioError(f"has a method {has} and no {lacks}", key=f"tracker '{name}'", expected="both or neither")
     kinds = {(False, False): Checked, (True, False): CheckedForesees, (False, True): CheckedBelieves}
-    return kinds.get((foresees, believes), CheckedForeseesBelieves)(name, tracker)
+    return kinds.get((foresees, believes), CheckedForeseesBelieves)(name, tracker, n)
 
 
-def _check_belief(belief: object, what: str) -> None:
+def _check_belief(belief: object, n: int, what: str) -> None:
     if not isinstance(belief, Gaussian | Modes | Particles):
         raise RunFailed(f"{what} is a {type(belief).__name__}; expected Gaussian, Modes, Particles or None")
     many = () if isinstance(belief, Gaussian) else np.shape(belief[0])[:1] or (1,)
-    shapes = {"mean": (4,), "means": (*many, 4), "points": (*many, 4), "weights": many}
+    shapes = {"mean": (n,), "means": (*many, n), "points": (*many, n), "weights": many}
     for part, array in zip(belief._fields, belief, strict=True):
-        _check(array, shapes.get(part, (*many, 4, 4)), f"{what}: {part}")
+        _check(array, shapes.get(part, (*many, n, n)), f"{what}: {part}")
     if many and ((belief[0] < 0.0).any() or abs(belief[0].sum() - 1.0) > _SHARES):
         raise RunFailed(f"{what}: weights are negative or sum to {belief[0].sum():.6g}; expected 1")
 

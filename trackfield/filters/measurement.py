@@ -7,7 +7,7 @@ leading batch axes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,16 +21,57 @@ STATE = 4
 
 
 class _Part(NamedTuple):
-    """The reports of one kind: its model, its readings (k, n), the sensors (k, 2), and its columns of a state."""
+    """The reports of one kind: its model, its readings (k, n), the sensors (k, 2), and its columns of a state.
+
+    ``early_s`` (k,) is how long before the instant of the state each reading was made; None: at that instant. Then the
+    target was where its velocity brought it from.
+    """
 
     kind: Sensing
     values: Array
     positions: Array
     columns: list[int] | None
+    early_s: Array | None
 
-    def of(self, states: Array) -> Array:
-        """The states (..., 4 + u) that its functions take."""
-        return states if self.columns is None else states[..., self.columns]
+    def h(self, states: Array) -> Array:
+        """Noiseless readings (..., k, m)."""
+        return self._at(self.kind.h, states, -2)
+
+    def variance(self, states: Array) -> Array:
+        """Variances (..., k, m) of a kind whose noise depends on the state."""
+        assert self.kind.variance is not None
+        return self._at(self.kind.variance, states, -2)
+
+    def jacobian(self, states: Array) -> Array:
+        """dh/dx (..., k, m, 4 + u), u of all kinds."""
+        own = self._at(self.kind.jacobian, states, -3)
+        if self.early_s is not None:
+            own = own.copy()
+            own[..., 2:STATE] -= self.early_s[:, None, None] * own[..., :2]
+        if self.columns is None:
+            return own
+        slopes = np.zeros((*own.shape[:-1], states.shape[-1]))
+        slopes[..., self.columns] = own
+        return slopes
+
+    def misses(self, states: Array) -> Array:
+        """Readings less noiseless ones (..., k, m)."""
+        return np.asarray(self.kind.residual(self.values[:, : self.kind.m] - self.h(states)), float)
+
+    def _at(self, function: Callable[[Array, Array], Array], states: Array, axis: int) -> Array:
+        """A function of states and positions, of the states at the instants of the readings."""
+        x = states if self.columns is None else states[..., self.columns]
+        if self.early_s is None:
+            return np.asarray(function(x, self.positions), float)
+        each = [function(_before(x, s), at[None]) for s, at in zip(self.early_s.tolist(), self.positions, strict=True)]
+        return np.concatenate(each, axis=axis) if each else np.asarray(function(x, self.positions), float)
+
+
+def _before(x: Array, seconds: float) -> Array:
+    """The states (..., 4 + u) so long before, at their velocity."""
+    earlier = x.copy()
+    earlier[..., :2] -= x[..., 2:STATE] * seconds
+    return earlier
 
 
 def measured(model: Model, reports: Reports) -> Array:
@@ -50,7 +91,7 @@ def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Arr
         elif states is None:
             raise ValueError("the noise of this kind of sensing depends on the state; expected states")
         else:
-            found.append(np.sqrt(_flat(np.asarray(part.kind.variance(part.of(states), part.positions), float))))
+            found.append(np.sqrt(_flat(part.variance(states))))
     if len(found) > 1:
         batch = np.broadcast_shapes(*(one.shape[:-1] for one in found))
         found = [np.broadcast_to(one, (*batch, one.shape[-1])) for one in found]
@@ -64,12 +105,13 @@ def varies(model: Model) -> bool:
 
 def expected(model: Model, states: Array, reports: Reports) -> Array:
     """h(x) (..., K m): the noiseless readings of ``states`` (..., 4 + u)."""
-    return _joined([_flat(np.asarray(p.kind.h(p.of(states), p.positions), float)) for p in _parts(model, reports)])
+    return _joined([_flat(part.h(states)) for part in _parts(model, reports)])
 
 
 def jacobians(model: Model, states: Array, reports: Reports) -> Array:
     """dh/dx (..., K m, 4 + u) at ``states`` (..., 4 + u)."""
-    return _joined([_slopes(part, states) for part in _parts(model, reports)], axis=-2)
+    parts = [part.jacobian(states) for part in _parts(model, reports)]
+    return _joined([one.reshape(*one.shape[:-3], -1, one.shape[-1]) for one in parts], axis=-2)
 
 
 def residual(model: Model, reports: Reports, difference: Array) -> Array:
@@ -93,13 +135,12 @@ def log_likelihood(model: Model, states: Array, reports: Reports) -> Array:
     """log p(z | x) (...,) of all readings for ``states`` (..., 4 + u), up to a constant."""
     log_weights = np.zeros(states.shape[:-1])
     for part in _parts(model, reports):
-        kind, at = part.kind, part.positions
-        miss = kind.residual(part.values[:, : kind.m] - np.asarray(kind.h(part.of(states), at), float))
+        kind, miss = part.kind, part.misses(states)
         if kind.variance is None:
             for j, sd in enumerate(kind.sd):
                 log_weights += np.vecdot(miss[..., j], miss[..., j]) * (-0.5 / sd**2)
         else:
-            variance = np.asarray(kind.variance(part.of(states), at), float)
+            variance = part.variance(states)
             log_weights -= 0.5 * (np.square(miss) / variance + np.log(variance)).sum(axis=(-2, -1))
     return log_weights
 
@@ -112,14 +153,14 @@ def log_ratios(model: Model, belief: Gaussian, reports: Reports) -> Array:
     found = []
     for part in _parts(model, reports):
         kind, at = part.kind, part.positions
-        if kind.log_clutter is None or not len(part.values):
+        if kind.log_clutter is None or not len(at):
             continue
-        H = _slopes(part, belief.mean).reshape(len(at), kind.m, -1)
-        R = np.square(np.broadcast_to(np.asarray(kind.sd, float), (len(at), kind.m)))
-        if kind.variance is not None:
-            R = np.asarray(kind.variance(part.of(belief.mean), at), float)
+        H, miss = part.jacobian(belief.mean), part.misses(belief.mean)
+        if kind.variance is None:
+            R = np.square(np.broadcast_to(np.asarray(kind.sd, float), (len(at), kind.m)))
+        else:
+            R = part.variance(belief.mean)
         S = np.einsum("kmi,ij,knj->kmn", H, belief.covariance, H) + R[..., None] * np.eye(kind.m)
-        miss = kind.residual(part.values[:, : kind.m] - np.asarray(kind.h(part.of(belief.mean), at), float))
         square = np.einsum("km,km->k", miss, np.linalg.solve(S, miss[..., None])[..., 0])
         density = -0.5 * (square + np.linalg.slogdet(2.0 * np.pi * S)[1])
         found.append(density - kind.log_clutter(part.values, at))
@@ -180,12 +221,13 @@ def _beside(a: Array, b: Array) -> Array:
 def _parts(model: Model, reports: Reports) -> Iterator[_Part]:
     """The reports kind by kind."""
     if len(reports.readings) == 1 and len(model.kinds) == 1:
-        ((name, values),) = reports.readings
-        yield _Part(model.kinds[name], values, reports.positions, None)
+        ((name, values, early_s),) = reports.readings
+        yield _Part(model.kinds[name], values, reports.positions, None, early_s)
         return
     columns, first = _columns(model), 0
-    for name, values in reports.readings:
-        yield _Part(model.kinds[name], values, reports.positions[first : first + len(values)], columns[name])
+    for name, values, early_s in reports.readings:
+        positions = reports.positions[first : first + len(values)]
+        yield _Part(model.kinds[name], values, positions, columns[name], early_s)
         first += len(values)
 
 
@@ -196,17 +238,6 @@ def _columns(model: Model) -> dict[str, list[int]]:
         columns[name] = [*range(STATE), *range(first, first + len(kind.unknowns))]
         first += len(kind.unknowns)
     return columns
-
-
-def _slopes(part: _Part, states: Array) -> Array:
-    """dh/dx (..., k m, 4 + u) of a part's readings."""
-    own = np.asarray(part.kind.jacobian(part.of(states), part.positions), float)
-    own = own.reshape(*own.shape[:-3], -1, own.shape[-1])
-    if part.columns is None:
-        return own
-    slopes = np.zeros((*own.shape[:-1], states.shape[-1]))
-    slopes[..., part.columns] = own
-    return slopes
 
 
 def _flat(values: Array) -> Array:

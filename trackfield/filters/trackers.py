@@ -9,6 +9,7 @@ from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.checked import checked
 from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.fix_imm_ukf import FixImmUkf
+from trackfield.filters.measurement import STATE
 from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
@@ -41,11 +42,11 @@ def register_tracker(name: str, maker: Maker) -> None:
     TRACKERS.register(name, maker)
 
 
-def make_tracker(name: str, options: Mapping[str, Any] | None = None) -> Tracker[Any]:
+def make_tracker(name: str, options: Mapping[str, Any] | None = None, n: int = STATE) -> Tracker[Any]:
     """The tracker of this name with these ``options``; an option ``tracker`` makes it a variant of that tracker.
 
-    Users' own trackers are returned as ``Checked``. Raises ``ScenarioError`` with the nearest name for an unknown
-    tracker, and for unknown or unsuitable options.
+    Users' own trackers are returned as ``Checked``, for states of ``n`` numbers. Raises ``ScenarioError`` with the
+    nearest name for an unknown tracker, and for unknown or unsuitable options.
     """
     fields = dict(options or {})
     kind = fields.pop("tracker", name)
@@ -53,4 +54,4 @@ def make_tracker(name: str, options: Mapping[str, Any] | None = None) -> Tracker
     if kind not in TRACKERS:
         raise TRACKERS.unknown(kind, f"{key}.tracker" if kind != name else "fusion.trackers")
     tracker: Tracker[Any] = made(TRACKERS[kind], fields, key)
-    return tracker if kind in TRACKERS.own else checked(name, tracker)
+    return tracker if kind in TRACKERS.own else checked(name, tracker, n)

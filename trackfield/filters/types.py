@@ -33,10 +33,14 @@ class Update(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """The reports of one kind of sensing: ``values`` (k, n), in the units of the kind's ``h``."""
+    """The reports of one kind of sensing: ``values`` (k, n), in the units of the kind's ``h``.
+
+    ``early_s`` (k,) is how long before the step's instant each was made; None: all at that instant.
+    """
 
     kind: str
     values: Array
+    early_s: Array | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,13 +81,17 @@ class Reports:
         """The reports at these indices, which are ascending."""
         sensors, found, first = tuple(self.sensors[i] for i in which), list[Readings](), 0
         if len(self.readings) == 1:
-            kind, values = self.readings[0]
-            return Reports(self.step, sensors, self.positions[which], (Readings(kind, values[which]),))
-        for kind, values in self.readings:
-            mine = which[(which >= first) & (which < first + len(values))] - first
-            found.append(Readings(kind, values[mine]))
-            first += len(values)
+            return Reports(self.step, sensors, self.positions[which], (_at(self.readings[0], which),))
+        for one in self.readings:
+            found.append(_at(one, which[(which >= first) & (which < first + len(one.values))] - first))
+            first += len(one.values)
         return Reports(self.step, sensors, self.positions[which], tuple(found))
+
+
+def _at(readings: Readings, which: npt.NDArray[np.intp]) -> Readings:
+    """The readings at these indices."""
+    kind, values, early_s = readings
+    return Readings(kind, values[which], None if early_s is None else early_s[which])
 
 
 def of_bearings(step: int, sensors: tuple[str, ...], positions: Array, bearings: Array, levels: Array) -> Reports:
@@ -189,9 +197,9 @@ class Estimate:
     """A tracker's answer for one step."""
 
     mean: Array
-    """(4,), or (4 + u,) of a tracker that estimates the unknowns of the sensing, too"""
+    """(4 + u,): x, y, vx, vy and the unknowns of the sensing."""
     covariance: Array
-    """(4, 4), or (4 + u, 4 + u)"""
+    """(4 + u, 4 + u)"""
     particles: Array | None = None
     """(n, 2) positions, of trackers that have particles."""
 
@@ -208,7 +216,7 @@ class Tracker(Protocol[S]):
     """
 
     def init(self, prior: Gaussian, model: Model) -> S:
-        """The state of belief ``prior`` over (x, y, vx, vy)."""
+        """The state of belief ``prior`` over (x, y, vx, vy) and the unknowns of the sensing."""
         ...
 
     def step(self, state: S, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[S, Estimate]:

@@ -40,11 +40,8 @@ def apply(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
 
     A section that changes its kind keeps the keys that the new kind has too. Setting a key that only
     one kind has selects that kind: ``link.loss`` the model ``fixed``, ``target.file`` the path ``file``.
-    Several kinds of sensors (``sensors``) take the place of the one.
     """
     changed: dict[str, Any] = deepcopy(dict(data))
-    if values.get("sensors"):
-        changed.pop("sensor", None)
     for name, section in sections_of_file().items():
         own = {key.partition(".")[2]: value for key, value in values.items() if key.startswith(f"{name}.")}
         if own and section.many:

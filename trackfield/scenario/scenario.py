@@ -91,8 +91,6 @@ class Scenario(Contents):
         for target, values in zip(self.targets, written["targets"], strict=True):
             for name in {"step_s", "steps"} - target.model_fields_set:  # the first target's values count
                 values.pop(name, None)
-        if self.sensors:  # which stand in the place of [sensor]
-            del written["sensor"]
         return {name: value for name, value in written.items() if value != []}
 
     def to_toml(self) -> str:

@@ -19,6 +19,9 @@ MOST_STEPS: Final = 10**15
 """The largest number of a report (docs/wire.md)."""
 LAST_STEP: Final = 65535
 """The highest step that a report can hold."""
+SEARCHED: Final = 200
+"""Instants of a window that are looked at for the closest one."""
+SETTLED_NS: Final = 1000
 FIELD: Final = 4
 """The arguments of ``simulate`` for a kind that gets the whole scene."""
 NEAREST: Final = 3
@@ -47,6 +50,7 @@ class Kind:
     values: Callable[[Any], Numbers]
     words: Callable[[Any], str]
     longest: Callable[[], Any]
+    event: Callable[[Scene, tuple[int, int], Point], int | None]
 
     def __init__(self, name: str, own: Any) -> None:
         self.name, self.own = name, own
@@ -64,13 +68,14 @@ class Kind:
         self.summary: str = has("summary", name)
         self.bearings: bool = has("bearings", False)
         self.message: type = has("message", Measurement)
+        self.rhythm: str = has("rhythm", "steps")
         self.draws: tuple[str, ...] | None = has("draws", None)
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
         for name_, default in (
             ("variance", None), ("residual", _same), ("log_clutter", None), ("fix", None), ("invented", None),
             ("loudness", _equal), ("level", _unlimited), ("z", _same), ("reading", self._measured),
-            ("values", self._in_units), ("words", self._in_words), ("longest", self._longest),
+            ("values", self._in_units), ("words", self._in_words), ("longest", self._longest), ("event", self._closest),
         ):  # fmt: skip
             setattr(self, name_, has(name_, default))
 
@@ -84,10 +89,19 @@ class Kind:
         """Whether whoever tracks sets the threshold."""
         return self.thresholds is not None and self.thresholds[0] != self.thresholds[1]
 
+    @property
+    def timed(self) -> bool:
+        """Whether reports say when they were made, as sensors report by themselves."""
+        return self.rhythm == "events" and self.message is Measurement
+
+    def early_s(self, message: Any) -> float:
+        """How long before the instant of its step a reading was made."""
+        return float(message.values[-1]) * 1e-6 if self.timed else 0.0
+
     def takes(self, message: Any) -> bool:
         """Whether a message is a report of this kind."""
         if isinstance(message, Measurement):
-            return self.message is Measurement and len(message.values) == self.n
+            return self.message is Measurement and len(message.values) == self.n + self.timed
         return isinstance(message, self.message)
 
     # --- defaults ---
@@ -109,18 +123,37 @@ class Kind:
         if len(values) == self.n and all(map(isfinite, values)):
             steps = tuple(round(value / step) for value, step in zip(values, self.resolution, strict=True))
             if max(map(abs, steps)) <= MOST_STEPS:
-                return Measured(steps, tuple(values), self.level(values))
+                return Measured(steps, tuple(values), self.level(values), self.timed)
         raise ValueError(f"{self.n} numbers of at most {MOST_STEPS:.0e} steps of their resolution")
 
     def _in_units(self, message: Measurement) -> Numbers:
-        return tuple(number * step for number, step in zip(message.values, self.resolution, strict=True))
+        return tuple(number * step for number, step in zip(message.values, self.resolution, strict=False))
 
     def _in_words(self, message: Any) -> str:
         numbers = zip(self.values(message), self.units, strict=True)
         return f"{self.name} {', '.join(f'{value:.6g} {unit}'.strip() for value, unit in numbers)}"
 
     def _longest(self) -> Measurement:
-        return Measurement(LAST_STEP, (2**15 - 1,) * self.n)
+        return Measurement(LAST_STEP, (2**15 - 1,) * self.n + (2**20,) * self.timed)
+
+    def _closest(self, scene: Scene, window: tuple[int, int], place: Point) -> int | None:
+        """When a target is closest to the sensor within a window, to a microsecond, if it comes within range."""
+
+        def square_m2(t_ns: int) -> float:
+            near = [(state[0] - place[0]) ** 2 + (state[1] - place[1]) ** 2 for state in scene.at(t_ns)]
+            return min(near, default=inf)
+
+        begin, end = window
+        step = max((end - begin) // SEARCHED, 1)
+        at = min(range(begin, end + 1, step), key=square_m2)
+        low, high = max(at - step, begin), min(at + step, end)
+        while high - low > SETTLED_NS:
+            third = (high - low) // 3
+            low, high = (
+                (low, high - third) if square_m2(low + third) <= square_m2(high - third) else (low + third, high)
+            )
+        passed = begin + SETTLED_NS < low < end - SETTLED_NS  # a target that appears or vanishes nearby does not pass
+        return low if passed and square_m2(low) <= self.range_m**2 else None
 
 
 def arguments(method: Any) -> int:

@@ -132,8 +132,9 @@ _RULES: Final = (
     ("report_m", _metres, _FAR),
     ("unknowns", _unknowns, f"a tuple of Unknown(name, sd, walk_sd, mean), at most {MOST_UNKNOWNS}, sd above 0"),
     ("units", _texts, "a tuple of texts"),
+    ("rhythm", ("steps", "events").__contains__, "steps or events"),
     ("layer", LAYERS.__contains__, f"one of {', '.join(LAYERS)}"),
     ("thresholds", _ordered, "None, or the lowest and the highest level"),
     ("speed_m_s", _speed, "metres per second, above 0"),
 )
-_OPTIONAL: Final = frozenset({"fix_sensors", "report_m", "unknowns", "units", "layer", "thresholds", "speed_m_s"})
+_OPTIONAL: Final = frozenset(name for name, _, _ in _RULES) - {"range_m", "sd", "resolution"}

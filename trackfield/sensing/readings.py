@@ -30,8 +30,8 @@ class Reading(Protocol):
         """What is compared with the threshold of its node; infinite for kinds that have none."""
         ...
 
-    def report(self, step: int) -> Any:
-        """The message that reports it."""
+    def report(self, step: int, early_ns: int = 0) -> Any:
+        """The message that reports it for a step, whose instant is ``early_ns`` later."""
         ...
 
 
@@ -58,22 +58,26 @@ class Heard:
         """The level (dB)."""
         return self.level_db
 
-    def report(self, step: int) -> Doa:
+    def report(self, step: int, early_ns: int = 0) -> Doa:
         """The message that reports it."""
         return Doa(step, self.bearing_deg, self.level_db)
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A reading in whole ``steps`` of its kind's resolutions; ``values`` are in the kind's units."""
+    """A reading in whole ``steps`` of its kind's resolutions; ``values`` are in the kind's units.
+
+    If it is ``timed``, its report says how long before the step it was made: one more number, in microseconds.
+    """
 
     steps: tuple[int, ...]
     values: tuple[float, ...]
     level: float = inf
+    timed: bool = False
 
-    def report(self, step: int) -> Measurement:
-        """The message that reports it."""
-        return Measurement(step, self.steps)
+    def report(self, step: int, early_ns: int = 0) -> Measurement:
+        """The message that reports it for a step, whose instant is ``early_ns`` later."""
+        return Measurement(step, (*self.steps, early_ns // 1000) if self.timed else self.steps)
 
 
 class Ears(Protocol):

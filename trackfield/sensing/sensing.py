@@ -8,7 +8,7 @@ numpy for it; trackers, bounds and pictures call the rest. Trackfield's own kind
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
 from trackfield.models.unknowns import Unknown
 from trackfield.sensing.readings import Reading
@@ -96,6 +96,8 @@ class Full(Sensing, Protocol):
     """How many sensors determine a position."""
     speed_m_s: float
     """How fast what it senses travels, if ``simulate`` uses ``Scene.retarded``; infinite: at once."""
+    rhythm: Literal["steps", "events"]
+    """Whether it is read at each step, or reports by itself, once for each pass of a target (``event``)."""
     summary: str
     """What it measures, in a few words for reports."""
     layer: str
@@ -123,6 +125,10 @@ class Full(Sensing, Protocol):
 
     def level(self, values: Numbers) -> float:
         """What of a reading is compared with the threshold."""
+        ...
+
+    def event(self, scene: Scene, window: tuple[int, int], place: Point) -> int | None:
+        """When (true ns) in a window, in which a target may be within range, a sensor reports by itself; or None."""
         ...
 
     def reading(self, values: Numbers) -> Reading:

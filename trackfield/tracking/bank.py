@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trackfield.filters.belief import Belief, dimension
+from trackfield.filters.measurement import STATE
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
@@ -75,7 +76,7 @@ class Bank:
         self.kind_of = {id: name for name, ids in (kinds or {}).items() for id in ids}
         self.messages = frozenset(kind_of_class(one.message).name for one in self.sensing.values())
         model, options = Model(self.sensing, sigma_v), options or {}
-        made = {name: make_tracker(name, options.get(name)) for name in trackers}
+        made = {name: make_tracker(name, options.get(name), model.dimension) for name in trackers}
         self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
         self.prior = (
             None
@@ -113,8 +114,9 @@ class Bank:
         tracks, points, unusable = [], list[TrackPoint](), list[str]()
         for name, tracker in self.trackers.items():
             belief, estimate, n = beliefs.get(name), None, tracker.following.model.dimension
-            if belief is not None and dimension(belief) != n:
-                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {n}")
+            if belief is not None and dimension(belief) not in (STATE, n):
+                expected = STATE if n == STATE else f"{STATE} or {n}"
+                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {expected}")
                 belief = None
             track = tracker.begin(None) if belief is None else tracker.resume(belief)
             for step in range(since + 1, until + 1):
@@ -154,6 +156,7 @@ class Bank:
             mine = sorted(id for id in heard if not self.kind_of or self.kind_of[id] == name)
             values = np.array([kind.values(heard[id]) for id in mine], float).reshape(-1, kind.n)
             ids += mine
-            readings.append(Readings(name, kind.z(values)))
+            early_s = np.array([kind.early_s(heard[id]) for id in mine]) if kind.timed else None
+            readings.append(Readings(name, kind.z(values), early_s))
         positions = np.array([self.positions[id] for id in ids], float).reshape(-1, 2)
         return Reports(step, tuple(ids), positions, tuple(readings))

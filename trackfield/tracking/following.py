@@ -17,7 +17,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from trackfield.filters.belief import Belief, Believes, moments
+from trackfield.filters.belief import Belief, Believes, dimension, moments
 from trackfield.filters.gate import CLUTTER
 from trackfield.filters.gaussian import extent
 from trackfield.filters.measurement import extended, log_ratios
@@ -70,13 +70,14 @@ class Following(Generic[S]):
         return state.known if own is None else own
 
     def resume(self, belief: Belief) -> Followed[S]:
-        """The state after a pause that began with ``belief``, over the state of ``model``.
+        """The state after a pause that began with ``belief``, over the state of ``model`` or (x, y, vx, vy) alone.
 
         It may be restarted, as without a prior.
         """
-        known = moments(belief)
+        known = extended(moments(belief), self.model.unknowns)
         if isinstance(self.tracker, Believes):
-            track = self.tracker.resume(belief, self.model)
+            whole = dimension(belief) == self.model.dimension
+            track = self.tracker.resume(belief if whole else known, self.model)
         else:
             track = self.tracker.init(known, self.model)
         return Followed(track, 0.0, alone=True, known=known)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
+import numpy as np
+
 from trackfield.filters.measurement import STATE
 from trackfield.filters.types import Estimate, Reports
 from trackfield.role import TrackPoint
@@ -25,4 +27,18 @@ def track_point(
         thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
         particles = thin.astype("<f4").tobytes()
     mean, covariance = estimate.mean[:STATE].tolist(), estimate.covariance[:STATE, :STATE].ravel().tolist()
-    return TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)
+    sds = np.sqrt(np.maximum(estimate.covariance.diagonal()[STATE:], 0.0))
+    return TrackPoint(
+        tracker,
+        target,
+        at_ns,
+        status,
+        tuple(mean),
+        tuple(covariance),
+        sensors,
+        particles,
+        lag,
+        step,
+        unknowns=tuple(estimate.mean[STATE:].tolist()),
+        unknown_sds=tuple(sds.tolist()),
+    )

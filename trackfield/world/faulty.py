@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from trackfield.sensing.readings import Ears, Reading
 from trackfield.world.placed import Placed
+
+_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +68,14 @@ class Faulty:
         return self.sensor.read([value + by for value, by in zip(reading.values, off, strict=True)], t_ns)
 
     def next_window(self, t_ns: int) -> int | None:
-        """See ``Placed.next_window``."""
-        awake = [one.from_ns for one in self.faults if one.kind in ("stuck", "babble") and not one.over(t_ns)]
+        """See ``Placed.next_window``; one that reports by itself babbles once a second."""
         window = self.sensor.next_window(t_ns)
+        if self.sensor.kind.rhythm == "events":
+            babbles = (one for one in self.faults if one.kind == "babble")
+            times = [max(one.from_ns, t_ns - (t_ns - one.from_ns) % _NS + _NS) for one in babbles]
+            times = [at for at in times if any(one.kind == "babble" and one.lasts(at) for one in self.faults)]
+            return min(times if window is None else (*times, window), default=None)
+        awake = [one.from_ns for one in self.faults if one.kind in ("stuck", "babble") and not one.over(t_ns)]
         return min(awake if window is None else (*awake, window), default=None)
 
     def _invented(self, fault: str, t_ns: int) -> Reading | None:

@@ -44,8 +44,20 @@ class Placed:
         return self._reading(self.scene, "reading", t_ns)
 
     def next_window(self, t_ns: int) -> int | None:
-        """The start (ns) of the window that this time lies in, or else of the next; None after the last."""
-        return window_at(self.windows, t_ns)
+        """The start (ns) of the window that this time lies in, or else of the next; None after the last.
+
+        For a kind that reports by itself, the next instant after this one at which it does.
+        """
+        if self.kind.rhythm == "steps":
+            return window_at(self.windows, t_ns)
+        coming = (window for window in self.windows if window[1] > t_ns)
+        events = (self.kind.event(self.scene, window, self.position) for window in coming)
+        return next((at for at in events if at is not None and at > t_ns), None)
+
+    def events(self) -> list[int]:
+        """The instants (ns) at which a sensor reports by itself."""
+        found = (self.kind.event(self.scene, window, self.position) for window in self.windows)
+        return [at for at in found if at is not None]
 
     def elsewhere(self, purpose: str, t_ns: int) -> Reading | None:
         """The reading of a target at rest at a random place in range, drawn for each purpose and instant."""

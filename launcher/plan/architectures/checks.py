@@ -10,6 +10,7 @@ from numbers import Real
 from typing import Any, Final
 
 from launcher.plan.architectures.arranged import Arranged, Process
+from launcher.plan.references import check_references
 from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS
 from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
@@ -51,7 +52,7 @@ class _Check:
             self._process(process)
         if not any(process.senses for process in processes):
             raise self._error("arrange", "no process has a sensor", "processes that sense (field.sensor_nodes)")
-        self._no_circle()
+        check_references({process.id: process.asks or None for process in processes}, self._key)
         self._views(given.views)
         return given
 
@@ -115,21 +116,6 @@ class _Check:
         if not all(good) or any(b[0] <= a[0] for a, b in pairwise(legs)):
             expected = "legs (t ns, x m, y m) in increasing time"
             raise self._error(f"{process.id}.route", f"is {quoted(process.route)}", expected)
-
-    def _no_circle(self) -> None:
-        """Raise ``ScenarioError`` if following who asks whom for the time never ends."""
-        right: set[str] = set()
-        for start in self._processes:
-            way: dict[str, None] = {}
-            id = start
-            while id and id not in right:
-                if id in way:
-                    circle = [*way][[*way].index(id) :]
-                    asked = ", who asks ".join([*circle, id])
-                    raise self._error("asks", f"{asked}: none of them knows the time", "a process that asks nobody")
-                way[id] = None
-                id = self._processes[id].asks
-            right.update(way)
 
     def _views(self, views: Mapping[Any, Any]) -> None:
         if not views:

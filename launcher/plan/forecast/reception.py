@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from launcher.records import Flow, Plan
+from launcher.records import SENSES, Flow, Plan
 from trackfield.drivers.spec import places_of
 from trackfield.link.models import make_link
 from trackfield.wire.codec import encode
@@ -25,6 +25,15 @@ def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> d
     processes, and other links are left out; None: all links, over the run.
     """
     return {kind_of(flow.message).name: _shares(plan, flow, when) for flow in plan.flows}
+
+
+def hops(plan: Plan) -> dict[str, Shares]:
+    """The same of the links between processes without sensors, over the run, by kind of message."""
+    sensors = {place.id for place in plan.info.tagged(SENSES)}
+    between = ((flow, tuple(pair for pair in flow.pairs if sensors.isdisjoint(pair))) for flow in plan.flows)
+    return {
+        kind_of(flow.message).name: _shares(plan, Flow(flow.message, pairs), None) for flow, pairs in between if pairs
+    }
 
 
 def varies(plan: Plan) -> bool:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.foresight import Coverage, Duty, Foresight
+from launcher.plan.forecast.foresight import Coverage, Duty, Foresight
 from launcher.records import Plan
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
@@ -27,7 +27,7 @@ HOUR_S: Final = 3600.0
 def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     """What is likely to go wrong, a sentence each; nodes that will have nothing to report are left out."""
     geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
-    radio = [*_lost(seen), *_late(plan, seen)]
+    radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
     return (*geometry, *radio, *weak, *_queueing(plan, seen), *_crowded(plan, seen), *_over_duty(plan, seen))
 
@@ -114,6 +114,18 @@ def _lost(seen: Foresight) -> Iterator[str]:
             f"{_at_most(seen)}{_about(seen)}{seen.arriving * total:.0f} of {total:.0f} reports may be expected to "
             f"arrive{_consequence(seen)}"
         )
+
+
+def _poor_hops(seen: Foresight) -> Iterator[str]:
+    """Links between processes without sensors that carry less than half."""
+    for kind, shares in seen.hops.items():
+        poor = [link for link, share in shares.items() if share < POOR]
+        if poor:
+            worst = min(poor, key=lambda link: shares[link])
+            yield (
+                f"less than {POOR:.0%} of {kind} arrive on {len(poor)} of the {len(shares)} links between processes "
+                f"without sensors (worst: {' to '.join(worst)}, {shares[worst]:.0%})"
+            )
 
 
 def _poor(seen: Foresight) -> list[tuple[list[str], dict[tuple[str, str], float]]]:

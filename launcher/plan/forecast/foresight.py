@@ -5,14 +5,16 @@ All of it is computed from the true paths and places; planned faults are left ou
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from math import dist
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.reception import Shares, receptions, varies
+from launcher.plan.forecast.heard import Array, Heard, Indices
+from launcher.plan.forecast.reception import Shares, hops, receptions, varies
 from launcher.records import SENSES, Plan
 from trackfield.drivers.spec import places_of
 from trackfield.link.models import Link, make_link
@@ -24,14 +26,6 @@ from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
 from trackfield.world.path import Path
 
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-
-MOST_REPORTS: Final = 200_000
-"""Of a run with more reports, only every n-th step is looked at."""
 MOST_FRAMES: Final = 1000
 """Frames sent on trial, at most, to learn the delay and air time of a report."""
 MOST_SENSORS: Final = 64
@@ -89,10 +83,11 @@ class Foresight:
     threshold everything is what comes at the lowest one: no more than that can be expected, and nothing waits.
 
     ``receptions`` are by kind of message, reports first, on the links of those sensors alone, at the times at which
-    they report. ``arriving`` is the share of all reports that may be expected to arrive, ``of_use`` the share of those
-    that are not too late, ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes
-    for the radio. ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of
-    each step that has any. ``duty`` is who sends longest in any hour; None where no rule limits that.
+    they report; ``hops`` are the same on links between processes without sensors, over the run. ``arriving`` is the
+    share of all reports that may be expected to arrive, ``of_use`` the share of those that are not too late,
+    ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes for the radio.
+    ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has
+    any. ``duty`` is who sends longest in any hour; None where no rule limits that.
     """
 
     needs: int
@@ -102,6 +97,7 @@ class Foresight:
     coverage: tuple[Coverage, ...]
     reports: Mapping[str, float]
     receptions: Mapping[str, Shares]
+    hops: Mapping[str, Shares]
     arriving: float
     of_use: float
     delay_s: Array
@@ -119,45 +115,77 @@ def best(shares: Shares) -> dict[str, float]:
     return found
 
 
+@dataclass(frozen=True)
+class Way:
+    """How a sensor reports: to whom (of several the nearest), in messages of which kind and of how many bytes."""
+
+    to: str
+    kind: str
+    size: int
+
+
 def foresee(plan: Plan) -> Foresight:
     """What to expect of this plan."""
-    sensors = plan.info.tagged(SENSES)
+    ways = _ways(plan)
+    sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways]
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
-    heard = _Heard.of(plan, positions)
+    heard = Heard.of(plan, positions, np.array([plan.reaches[id] for id in ids]))
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
-    rows = len(heard.sensor)
+    rows = len(heard.sensor) if ways else 0
     some = np.unique(np.linspace(0, rows - 1, min(rows, MOST_FRAMES)).round().astype(int))
-    trial = _trial(plan, ids, heard, some)
+    trial = _trial(plan, ids, heard, some, ways)
     wait_s = _waits(plan, heard, trial)
     sent = np.isfinite(wait_s)
     leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
     by_sender = np.split(leaves_ns[np.argsort(heard.sensor, kind="stable")], np.cumsum(counts)[:-1])
     when = {ids[i]: times.tolist() for i, times in zip(senders.tolist(), by_sender, strict=False)}
     used = receptions(plan, when)
-    chance = _chances(plan, ids, heard, leaves_ns, next(iter(used.values()), {})) * sent
+    chance = _chances(plan, ids, heard, leaves_ns, _shares(plan, used), ways) * sent
     use_s = max(plan.deadline_s, plan.max_age_s)
     share = chance * trial.in_time(use_s - wait_s)
     delay_s = trial.delay_s + wait_s[some]
     needs = _needs(plan, len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
+    receivers = [ways[id].to if ways else "" for id in ids]
     return Foresight(
         needs=needs,
         steps=heard.steps,
         every=heard.every,
         adaptive=_adaptive(plan),
-        coverage=tuple(_coverage(plan, id, path, heard, positions, share, needs) for id, path in plan.paths.items()),
+        coverage=tuple(
+            _coverage(plan, id, path, heard, positions, share, needs, receivers) for id, path in plan.paths.items()
+        ),
         reports=reports,
         receptions=used,
+        hops=hops(plan),
         arriving=float(chance.mean()) if len(chance) else 0.0,
         of_use=float(share.sum() / chance.sum()) if chance.any() else 1.0,
         delay_s=delay_s[np.isfinite(delay_s)],
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
-        duty=_duty(plan, ids, heard, trial),
+        duty=_duty(plan, ids, heard, trial, ways),
     )
+
+
+def _ways(plan: Plan) -> dict[str, Way]:
+    """How each sensor reports, by its id."""
+    at = {place.id: (place.x, place.y) for place in plan.info.places}
+    found: dict[str, Way] = {}
+    for flow in plan.reports:
+        kind, size = kind_of(flow.message).name, len(encode(flow.message))
+        for src, dst in flow.pairs:
+            if src not in found or dist(at[src], at[dst]) < dist(at[src], at[found[src].to]):
+                found[src] = Way(dst, kind, size)
+    return found
+
+
+def _shares(plan: Plan, used: Mapping[str, Shares]) -> Shares:
+    """The receptions of all links by which sensors report."""
+    names = (kind_of(flow.message).name for flow in plan.reports)
+    return {link: share for name in names for link, share in used[name].items()}
 
 
 def _adaptive(plan: Plan) -> bool:
@@ -171,63 +199,7 @@ def _needs(plan: Plan, sensors: int) -> int:
     return min(needs, sensors) if plan.tracking.get("prior") else needs
 
 
-@dataclass(frozen=True)
-class _Heard:
-    """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
-
-    A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``.
-    """
-
-    t_ns: NDArray[np.int64]
-    target: Indices
-    sensor: Indices
-    times: tuple[int, ...]
-    every: int
-    steps: int
-
-    @classmethod
-    def of(cls, plan: Plan, positions: Array) -> _Heard:
-        """Those of a plan."""
-        steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
-        from scipy.spatial import cKDTree
-
-        tree = cKDTree(positions)
-        every = -(-_pairs(plan, tree, steps) // MOST_REPORTS) or 1
-        times = tuple(steps[::every])
-        reaches = np.array([plan.reaches[place.id] for place in plan.info.tagged(SENSES)])
-        rows = [_rows(tree, path, number, times, reaches, positions) for number, path in enumerate(plan.paths.values())]
-        t_ns, target, sensor, far = (np.concatenate(column) for column in zip(*rows, strict=True))
-        order = np.lexsort((far, sensor, t_ns))
-        t_ns, target, sensor = t_ns[order], target[order], sensor[order]
-        first = np.ones(len(t_ns), bool)
-        first[1:] = (t_ns[1:] != t_ns[:-1]) | (sensor[1:] != sensor[:-1])
-        return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
-
-
-def _pairs(plan: Plan, tree: cKDTree, steps: range) -> int:
-    """About how many reports there will be."""
-    some = steps[:: max(len(steps) // 500, 1)]
-    points = [state[:2] for path in plan.paths.values() for t in some if (state := path.at(t / NS))]
-    counts = tree.query_ball_point(points, plan.reach_m, return_length=True) if points else [0]
-    return int(np.sum(counts)) * len(steps) // len(some)
-
-
-def _rows(
-    tree: cKDTree, path: Path, number: int, times: tuple[int, ...], reaches: Array, positions: Array
-) -> tuple[NDArray[np.int64], Indices, Indices, Array]:
-    """When, which target, which sensor, how far away (m), for all sensors in reach of one target."""
-    there = [(t, state[:2]) for t in times if (state := path.at(t / NS)) is not None]
-    points = np.reshape([point for _, point in there], (-1, 2))
-    near: Any = tree.query_ball_point(points, float(reaches.max())) if len(points) else []
-    counts = [len(found) for found in near]
-    sensor = np.array([i for found in near for i in found], np.intp)
-    far = np.hypot(*(np.repeat(points, counts, axis=0) - positions[sensor]).T)
-    t_ns = np.repeat(np.array([t for t, _ in there], np.int64), counts)
-    heard = far <= reaches[sensor]
-    return t_ns[heard], np.full(int(heard.sum()), number), sensor[heard], far[heard]
-
-
-def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:
+def _waits(plan: Plan, heard: Heard, trial: Trial) -> Array:
     """(n,) how long (s) each report waits until its sender's radio is free; infinite if the queue is full by then."""
     busy_s, wait_s = float(trial.busy_s.mean()) if len(trial.busy_s) else 0.0, np.zeros(len(heard.t_ns))
     if busy_s <= plan.step_ns / NS or _adaptive(plan):
@@ -242,38 +214,62 @@ def _waits(plan: Plan, heard: _Heard, trial: Trial) -> Array:
     return wait_s
 
 
-def _chances(plan: Plan, ids: list[str], heard: _Heard, leaves_ns: NDArray[np.int64], shares: Shares) -> Array:
+def _chances(
+    plan: Plan,
+    ids: list[str],
+    heard: Heard,
+    leaves_ns: NDArray[np.int64],
+    shares: Shares,
+    ways: Mapping[str, Way],
+) -> Array:
     """(n,) the probability that each report, sent then, arrives at its best receiver; links have these ``shares``."""
-    if not varies(plan):
+    if not varies(plan) or not ways:
         at_best = best(shares)
         return np.array([at_best.get(id, 0.0) for id in ids])[heard.sensor]
-    link, message = _link(plan), plan.flows[0].message
-    kind, size = kind_of(message).name, len(encode(message))
+    link = _link(plan)
     receivers: dict[str, list[str]] = {}
     for src, dst in shares:
         receivers.setdefault(src, []).append(dst)
     return np.array(
         [
-            max(link.reception(ids[i], dst, size, kind, t_ns) for dst in receivers[ids[i]])
-            for i, t_ns in zip(heard.sensor.tolist(), leaves_ns.tolist(), strict=True)
+            max(link.reception(id, dst, ways[id].size, ways[id].kind, t_ns) for dst in receivers[id])
+            for id, t_ns in zip([ids[i] for i in heard.sensor.tolist()], leaves_ns.tolist(), strict=True)
         ]
     )
 
 
-def _coverage(plan: Plan, id: str, path: Path, heard: _Heard, positions: Array, share: Array, needs: int) -> Coverage:
-    """The coverage of one target, if reports arrive in time with these probabilities (n,)."""
+def _coverage(
+    plan: Plan,
+    id: str,
+    path: Path,
+    heard: Heard,
+    positions: Array,
+    share: Array,
+    needs: int,
+    receivers: Sequence[str],
+) -> Coverage:
+    """The coverage of one target, if reports arrive in time with these probabilities (n,) at each sensor's receiver."""
     there = [(t, state[:2]) for t in heard.times if (state := path.at(t / NS)) is not None]
     times, points = np.array([t for t, _ in there], np.int64), np.reshape([point for _, point in there], (-1, 2))
     mine = heard.target == list(plan.paths).index(id)
     step, share = np.searchsorted(times, heard.t_ns[mine]), share[mine]
+    receiver = np.array(receivers)[heard.sensor[mine]]
+    each = [_fixed(step[receiver == one], share[receiver == one], len(times), needs) for one in sorted(set(receivers))]
+    fixed = each[0] if len(each) == 1 else 1.0 - np.prod([1.0 - one for one in each], axis=0)
+    margin = np.maximum(points - positions.max(axis=0), positions.min(axis=0) - points).max(axis=1)
     in_reach = np.bincount(step, minlength=len(times))
+    return Coverage(id, (times - plan.origin_ns) / NS, in_reach, fixed, margin > 0.0)
+
+
+def _fixed(step: Indices, share: Array, steps: int, needs: int) -> Array:
+    """(steps,) the probability that reports, of these steps (n,) with these chances (n,), are enough for a fix."""
+    in_reach = np.bincount(step, minlength=steps)
     order = np.lexsort((-share, step))
     rank = np.arange(len(step)) - np.repeat(np.cumsum(in_reach) - in_reach, in_reach)
     best = rank < MOST_SENSORS
-    chances = np.zeros((len(times), min(int(in_reach.max(initial=0)), MOST_SENSORS)))
+    chances = np.zeros((steps, min(int(in_reach.max(initial=0)), MOST_SENSORS)))
     chances[step[order][best], rank[best]] = share[order][best]
-    margin = np.maximum(points - positions.max(axis=0), positions.min(axis=0) - points).max(axis=1)
-    return Coverage(id, (times - plan.origin_ns) / NS, in_reach, at_least(needs, chances), margin > 0.0)
+    return at_least(needs, chances)
 
 
 def at_least(needs: int, chances: Array) -> Array:
@@ -287,15 +283,14 @@ def at_least(needs: int, chances: Array) -> Array:
     return so_many[:, needs]
 
 
-def _trial(plan: Plan, ids: list[str], heard: _Heard, some: Indices) -> Trial:
+def _trial(plan: Plan, ids: list[str], heard: Heard, some: Indices, ways: Mapping[str, Way]) -> Trial:
     """The reports of ``some`` rows, as the link would treat them."""
-    if not plan.flows or not len(some):
+    if not len(some):
         return Trial(*np.empty((4, 0)))
-    link, flow = _link(plan), plan.flows[0]
-    kind, size, hearer = kind_of(flow.message).name, len(encode(flow.message)), dict(flow.pairs)
+    link = _link(plan)
     fates = [
-        link.fate(ids[i], hearer[ids[i]], kind, t_ns, 0, size)
-        for i, t_ns in zip(heard.sensor[some].tolist(), heard.t_ns[some].tolist(), strict=True)
+        link.fate(id, ways[id].to, ways[id].kind, t_ns, 0, ways[id].size)
+        for id, t_ns in zip([ids[i] for i in heard.sensor[some].tolist()], heard.t_ns[some].tolist(), strict=True)
     ]
     lost = float("nan")
     rows = [(f.delay_ns if f.cause is None else lost, f.air_ns, f.ack_air_ns, f.busy_ns) for f in fates]
@@ -306,21 +301,20 @@ def _link(plan: Plan) -> Link:
     return make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
 
 
-def _duty(plan: Plan, ids: list[str], heard: _Heard, trial: Trial) -> Duty | None:
+def _duty(plan: Plan, ids: list[str], heard: Heard, trial: Trial, ways: Mapping[str, Way]) -> Duty | None:
     """The node whose reports, or acknowledgements of reports, are longest on air in any hour."""
     name = str(plan.run.link.get("radio"))
-    if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(heard.sensor):
+    if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(trial.air_s):
         return None
-    hearer = dict(plan.flows[0].pairs)
-    hearers = sorted(set(hearer.values()))
-    to = np.array([hearers.index(hearer[ids[i]]) for i in heard.sensor.tolist()], np.intp)
+    hearers = sorted({way.to for way in ways.values()})
+    to = np.array([hearers.index(ways[ids[i]].to) for i in heard.sensor.tolist()], np.intp)
     air_s, ack_s = float(trial.air_s.mean()), float(trial.ack_s.mean())
     on_air = [Duty(ids[i], "reports", n * air_s) for i, n in _busiest(heard, heard.sensor)]
     on_air += [Duty(hearers[i], "acknowledgements", n * ack_s) for i, n in _busiest(heard, to)]
     return max(on_air, key=lambda one: one.seconds)
 
 
-def _busiest(heard: _Heard, whose: Indices) -> list[tuple[int, int]]:
+def _busiest(heard: Heard, whose: Indices) -> list[tuple[int, int]]:
     """(owner, reports in its busiest hour) of each owner in ``whose``."""
     order, hour = np.lexsort((heard.t_ns, whose)), 3600 * NS
     owner, t_ns = whose[order].astype(np.int64), heard.t_ns[order]
