@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.sensing import arrays, silence
 from tests.zhai_field import MODEL, hear, s1, s3
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.filters import imm
@@ -52,10 +53,6 @@ def lived(following: Following[Any], reports: list[Reports], steps: int = START)
         state, _ = step(following, state, reports[k])
     assert state.track is not None
     return state
-
-
-def silence(k: int) -> Reports:
-    return Reports(k, (), np.empty((0, 2)), np.empty(0), np.empty(0))
 
 
 # --- what they hand on ---
@@ -249,7 +246,7 @@ def test_no_belief_from_outside_crashes_a_tracker(name: str, form: tuple[int, in
 
 
 def test_a_belief_of_another_dimension_is_a_reason_and_a_fresh_start() -> None:
-    bank = Bank(trackers=("ekf", "ukf"), sensors=[("a", 0.0, 0.0)], step_ns=10**9, seed=1, doa_sd_deg=3.0)
+    bank = Bank(trackers=("ekf", "ukf"), sensors=[("a", 0.0, 0.0)], step_ns=10**9, seed=1, sensing=arrays())
     wrong, right = Gaussian(np.zeros(5), np.eye(5)), Gaussian(np.zeros(4), np.eye(4))
     tracks, points, unusable = bank.resume({"ekf": wrong, "ukf": right}, 3, 5)
     assert [track.track is None for track in tracks] == [True, False]
