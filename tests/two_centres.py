@@ -47,14 +47,18 @@ def two_centres(seed: int = 1, settings: Sequence[str] = (), **second: Any) -> P
     halves = (nodes[::2], nodes[1::2])
     sensors = [node.id for node in nodes]
     forward = {"to": BASE, "sensors": sensors}
-    centres = [replace(one, config={**one.config, "forward": forward}, peers=places_of(halves[0])) for one in lives]
+    centre = lives[0]
+    place = {BASE: (centre.x + 30.0, centre.y)}
+    centres = [
+        replace(one, config={**one.config, "forward": forward}, peers=places_of(halves[0]) | place) for one in lives
+    ]
     centre = centres[0]
     other = replace(
         centre,
         id=CENTRES[1],
         config={**centre.config, "draws": [CENTRES[1]]},
         y=centre.y - 50.0,
-        peers=places_of(halves[1]),
+        peers=places_of(halves[1]) | place,
         **{"kill_ns": None, **second},
     )
     both = {
@@ -63,9 +67,7 @@ def two_centres(seed: int = 1, settings: Sequence[str] = (), **second: Any) -> P
         "step_ns": plan.step_ns,
         "origin_ns": plan.origin_ns,
     }
-    base = ProcessSpec(
-        BASE, "base", "tests.two_centres:Chooser", both, centre.x + 30.0, centre.y, peers=places_of((centre, other))
-    )
+    base = ProcessSpec(BASE, "base", "tests.two_centres:Chooser", both, *place[BASE], peers=places_of((centre, other)))
     told = [replace(node, config={**node.config, "centre": CENTRES[i % 2]}) for i, node in enumerate(nodes)]
     places = [Place(one.id, one.role, one.x, one.y, frozenset({TRACKS})) for one in (other, base)]
     info = replace(plan.info, places=(plan.info.places[0], *places, *plan.info.places[1:]))
