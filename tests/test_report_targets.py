@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import same_color
 from matplotlib.patches import Rectangle
 
-from launcher.records import TRACKS, Place, View
+from launcher.plan.architectures import Process
+from launcher.records import TRACKS, View
 from launcher.report import style, tracks
 from launcher.report.figures import FIGURES
 from launcher.report.folder import Run, read_run
@@ -107,7 +108,7 @@ def test_times_count_from_the_first_step(pair: Path, paired: Run) -> None:
 
 def test_gaps_in_the_data_are_where_they_were(paired: Run) -> None:
     paths = {id: replace(path, gaps=((SETUP_S + 2.0, SETUP_S + 4.5),)) for id, path in paired.site.paths.items()}
-    axes = drawn("error", replace(paired, site=replace(paired.site, paths=paths)))
+    axes = drawn("error", replace(paired, field=replace(paired.field, site=replace(paired.site, paths=paths))))
     assert [(gap.get_x(), gap.get_width()) for gap in boxes(axes)] == [(2.0, 2.5)] * 2
     assert labels(axes).count("truth interpolated") == 1
 
@@ -136,8 +137,9 @@ def test_a_centre_may_have_any_name(tmp_path: Path) -> None:
 
 
 def test_whoever_tracks_is_on_the_map_by_role(paired: Run) -> None:
-    masters = tuple(Place(f"m{i}", "master", 100.0 * i, 0.0, frozenset({TRACKS})) for i in (1, 2))
-    axes = drawn("field", replace(paired, places=(*paired.places, *masters)))
+    masters = tuple(Process(f"m{i}", "master", 100.0 * i, 0.0, tags={TRACKS}) for i in (1, 2))
+    field = replace(paired.field, processes=(*paired.field.processes, *masters))
+    axes = drawn("field", replace(paired, field=field))
     assert labels(axes)[-2:] == ["fusion centre", "master"]
     assert np.array(axes.lines[-1].get_xydata()).tolist() == [[100.0, 0.0], [200.0, 0.0]]
 

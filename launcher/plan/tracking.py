@@ -13,7 +13,6 @@ from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.options import tables
-from trackfield.scenario.survey import named
 from trackfield.tracking.smoothing import lagged_names
 
 
@@ -23,11 +22,12 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
     Raises ``ScenarioError`` for trackers and sensors that do not fit each other.
     """
     scenario = site.scenario
+    check_sensing(scenario)
     return {
         "trackers": list(scenario.fusion.trackers),
         "sensors": [list(place) for place in site.believed],
         "step_ns": site.step_ns,
-        "sensing": _sensing(scenario),
+        "sensing": {name: section.plain for name, section in site.sections.items()},
         "seed": scenario.seed,
         "prior": _prior(site, source),
         "sigma_v": scenario.fusion.sigma_v,
@@ -43,7 +43,7 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
 
 def check_tracking(scenario: Scenario) -> None:
     """Raise ``ScenarioError`` for unknown trackers and sensors, and for those that do not fit each other."""
-    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(_sensing, scenario)]
+    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(check_sensing, scenario)]
     together(checks)
 
 
@@ -57,12 +57,6 @@ def track_names(scenario: Scenario) -> tuple[str, ...]:
 def if_used(**more: Any) -> dict[str, Any]:
     """The settings that are on: roles have them off by default, which keeps the configuration of many nodes small."""
     return {name: value for name, value in more.items() if value}
-
-
-def _sensing(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """The arguments of ``make_sensor`` of each kind of sensing by name. Raises ``ScenarioError`` as its checks do."""
-    check_sensing(scenario)
-    return {name: section.plain for name, section in named(scenario).items()}
 
 
 def _kinds(site: Site) -> dict[str, list[str]]:

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
-from launcher.plan.architectures import built
+from launcher.plan.architectures import Built, built
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import planned_faults
 from launcher.record.journal import METRICS
@@ -114,22 +114,31 @@ class Frames:
 class Run:
     """A run folder, read; all times in s count from the first step.
 
-    ``site`` is its scenario worked out, ``places`` are those of its processes, ``faults`` the planned ones. ``points``
-    are those of all sources, with the columns of tracks.parquet that a report needs; ``tracks`` are those of the
-    headline view, and ``course`` has the instants at which one is expected.
+    ``field`` is its scenario worked out, with its processes and views; ``faults`` are the planned ones. ``points`` are
+    those of all sources, with the columns of tracks.parquet that a report needs; ``tracks`` are those of the headline
+    view, and ``course`` has the instants at which one is expected.
     """
 
     folder: Path
     metrics: dict[str, Any]
     manifest: Manifest
     toml: str
-    site: Site
-    places: tuple[Place, ...]
+    field: Built
     faults: Faults
     points: pa.Table
     course: Course
     tracks: tuple[Track, ...]
     frames: Frames
+
+    @property
+    def site(self) -> Site:
+        """The scenario worked out."""
+        return self.field.site
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The places of its processes."""
+        return self.field.places
 
     @property
     def scenario(self) -> Scenario:
@@ -240,8 +249,7 @@ def read_run(folder: Path) -> Run:
         metrics,
         manifest,
         toml,
-        site,
-        field.places,
+        field,
         planned_faults(field),
         points,
         course,

@@ -15,6 +15,7 @@ from launcher.records import TRACKS
 from launcher.report.folder import Run
 from launcher.report.tracks import Array, Track
 from trackfield.role import NS
+from trackfield.wire.keys import id_of
 
 SETTLING: Final = 3
 """Steps that a centre may need for a track once it is back, before the report explains why there is none."""
@@ -37,8 +38,9 @@ class Outage:
 
 @dataclass(frozen=True)
 class Down:
-    """A process that tracks was down from ``from_s`` until ``until_s``; ``text`` says why."""
+    """The process ``id``, which tracks, was down from ``from_s`` until ``until_s``; ``text`` says why."""
 
+    id: str
     from_s: float
     until_s: float
     text: str
@@ -92,14 +94,21 @@ def told_late(run: Run, track: Track) -> str:
 def why(run: Run, outage: Outage, lag: int = 0) -> str:
     """The reason: processes that were down, then what became of the reports of steps that this does not explain.
 
-    A smoothed track is published ``lag`` steps later: a process that dies before that never publishes it.
+    It explains a step if nobody was up who fuses reports, or nobody of the headline view. A smoothed track is published
+    ``lag`` steps later: a process that dies before that never publishes it.
     """
     lag_s = lag * run.step_s
     told_s = outage.t_s + run.scenario.fusion.deadline_s + lag_s
     end_s = outage.t_s[-1] + outage.step_s + lag_s
     causes = [one for one in downs(run) if one.from_s < end_s and one.until_s > outage.t_s[0]]
-    explained = [(one.from_s <= told_s) & (outage.t_s < one.until_s) for one in causes]
-    rest = outage.t_s[~np.any(explained, axis=0)] if causes else outage.t_s
+    down = {one.id: np.zeros(len(told_s), bool) for one in causes}
+    for one in causes:
+        down[one.id] |= (one.from_s <= told_s) & (outage.t_s < one.until_s)
+    nobody = np.zeros(len(told_s), bool)
+    for needed in (run.field.fusing, run.field.views[0].sources):
+        if needed and down.keys() >= set(needed):
+            nobody |= np.all([down[id] for id in needed], axis=0)
+    rest = outage.t_s[~nobody]
     said = [one.text for one in causes]
     if not causes or len(rest) > SETTLING:
         said.append(f"{'then ' if causes else ''}{_reports(run, rest)}")
@@ -114,23 +123,25 @@ def downs(run: Run) -> Iterator[Down]:
         for life, after in pairwise([*lives, None]):
             for begin, end in life.freezes if life else ():
                 a, b = _since(run, begin), _since(run, end)
-                yield Down(a, b, f"{id} was frozen from {a:g} s to {b:g} s")
+                yield Down(id, a, b, f"{id} was frozen from {a:g} s to {b:g} s")
             if life and life.kill_ns is not None:
                 a, b = _since(run, life.kill_ns), _since(run, after.start_ns) if after else inf
                 fate = f"restarted at {a:g} s and came back at {b:g} s" if after else f"killed at {a:g} s"
-                yield Down(a, b, f"{id} was {fate}")
+                yield Down(id, a, b, f"{id} was {fate}")
     processes = run.metrics["processes"]
     for one in processes["died"] or []:
-        if one["id"].partition("~")[0] in ids and one["t"] is not None:
+        if id_of(one["id"]) in ids and one["t"] is not None:
             back = min((t for track in run.tracks for t in track.t_s[track.known] if t > one["t"]), default=inf)
-            yield Down(one["t"], back, f"{one['id']} died unplanned at {one['t']:.1f} s ({one['why']})")
+            yield Down(
+                id_of(one["id"]), one["t"], back, f"{one['id']} died unplanned at {one['t']:.1f} s ({one['why']})"
+            )
     for one in processes["stopped"] or []:
-        if one["id"].partition("~")[0] in ids and one["t"] is not None:
+        if id_of(one["id"]) in ids and one["t"] is not None:
             on = inf if one["s"] is None else one["t"] + one["s"]
-            yield Down(one["t"], on, f"{one['id']} was stopped from outside at {one['t']:.1f} s")
+            yield Down(id_of(one["id"]), one["t"], on, f"{one['id']} was stopped from outside at {one['t']:.1f} s")
     for one in run.metrics["lifetime_s"].get("empty") or []:
         if one["id"] in ids:
-            yield Down(one["t"], inf, f"the battery of {one['id']} was empty at {one['t']:.1f} s")
+            yield Down(one["id"], one["t"], inf, f"the battery of {one['id']} was empty at {one['t']:.1f} s")
 
 
 def _since(run: Run, t_ns: int) -> float:

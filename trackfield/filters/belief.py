@@ -56,7 +56,10 @@ class Believes(Protocol):
     """
 
     def belief(self, state: Any) -> Belief | None:
-        """What it knows in this state, over the state of its model (x, y, vx, vy); None: what its estimate says."""
+        """What it knows in this state, over (x, y, vx, vy) and any unknowns of the sensing.
+
+        None: what its estimate says.
+        """
         ...
 
     def resume(self, belief: Belief, model: Model) -> Any:

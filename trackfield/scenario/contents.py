@@ -24,7 +24,7 @@ from trackfield.scenario.sections.energy import Energy
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sections.run import Run
 from trackfield.scenario.sections.score import Score
-from trackfield.scenario.sensors import DoaSensor, Sensor, SensorSection
+from trackfield.scenario.sensors import OF_GROUPS, DoaSensor, Sensor, SensorSection
 
 MOST_TARGETS: Final = 1000
 MOST_FAULTS: Final = 10_000
@@ -61,24 +61,16 @@ class Contents(Section):
     @field_validator("sensors")
     @classmethod
     def _some_of_each(cls, sensors: tuple[SensorSection, ...], info: ValidationInfo) -> tuple[SensorSection, ...]:
-        """Either all sensors are of one kind, or each group says which sensors are of its kind; one may be the rest."""
+        """Each group says which sensors are of its kind; the others are as ``[sensor]`` says."""
         alone = info.data.get("sensor")
-        if alone is None:  # its own error is reported already
-            return sensors
-        if sensors and alone.model_fields_set:
-            raise wrong("is given together with [[sensors]]", "one of the two", "sensor")
-        for name in ("nodes", "share"):
-            if getattr(alone, name) is not None:
-                raise wrong(
-                    "is for one of several kinds", "sections [[sensors]], or none: all are alike", f"sensor.{name}"
-                )
+        for name in OF_GROUPS:
+            if getattr(alone, name, None) is not None:
+                raise wrong("is for some of the sensors, in [[sensors]]", "[sensor] for the others", f"sensor.{name}")
         for i, one in enumerate(sensors):
             if one.nodes is not None and one.share is not None:
                 raise wrong("is given together with nodes", "one of the two", f"sensors[{i}].share")
-        rest = [i for i, one in enumerate(sensors) if one.nodes is None and one.share is None]
-        if len(rest) > 1:
-            what = f"says not which sensors are of its kind, and neither does sensors[{rest[0]}]"
-            raise wrong(what, "nodes (a list of ids) or share (from 0 to 1)", f"sensors[{rest[1]}]")
+            if one.nodes is None and one.share is None:
+                raise wrong("says not which sensors it is about", "nodes (ids) or share (from 0 to 1)", f"sensors[{i}]")
         return sensors
 
     @field_validator("targets")
@@ -116,10 +108,8 @@ class Contents(Section):
 
     @property
     def keyed_sensors(self) -> tuple[tuple[str, SensorSection], ...]:
-        """The kinds of sensors in order, each with its key: ``sensor``, or ``sensors[0]``, ..."""
-        if not self.sensors:
-            return (("sensor", self.sensor),)
-        return tuple((f"sensors[{i}]", one) for i, one in enumerate(self.sensors))
+        """The kinds of sensors in order, each with its key: ``sensor``, ``sensors[0]``, ..."""
+        return (("sensor", self.sensor), *((f"sensors[{i}]", one) for i, one in enumerate(self.sensors)))
 
     @property
     def keyed_targets(self) -> tuple[tuple[str, PathSection], ...]:

@@ -115,8 +115,8 @@ def survey(scenario: Scenario) -> Site:
     if len(sensors) * len(found) > MOST_HEARERS:
         what = f"{len(sensors)} sensors may hear {len(found)} targets"
         raise ScenarioError(what, key="targets", expected=f"at most {MOST_HEARERS} pairs of the two")
-    sections = named(scenario)
     kinds = assigned(scenario, sensors)
+    sections = {name: section for name, section in named(scenario).items() if name in kinds}
     check(sections, kinds, sensors, tuple(found.values()))
     positions = np.array([place[1:] for place in sensors])
     setup_s = scenario.run.setup_s
@@ -151,7 +151,7 @@ def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Po
 
 
 def named(scenario: Scenario) -> dict[str, SensorSection]:
-    """The kinds of sensors by name; of several groups of one kind, the later ones are ``kind-2``, ``kind-3``, ..."""
+    """The kinds of sensors by name; of several sections of one kind, the later ones are ``kind-2``, ``kind-3``, ..."""
     found: dict[str, SensorSection] = {}
     for _, section in scenario.keyed_sensors:
         same = sum(one.kind == section.kind for one in found.values())
@@ -160,35 +160,31 @@ def named(scenario: Scenario) -> dict[str, SensorSection]:
 
 
 def assigned(scenario: Scenario, sensors: Sequence[Place]) -> dict[str, frozenset[int]]:
-    """Which sensors (by index) are of each kind: those that it names, its share of all by lot, or the rest.
+    """Which sensors (by index) are of each kind: those that it names, its share of all by lot, or all others.
 
-    Raises ``ScenarioError`` for an unknown id, one that two kinds name, and sensors that are of no kind.
+    Raises ``ScenarioError`` for an unknown id, one that two kinds name, and a share for which none are left.
     """
     index = {id: i for i, (id, *_) in enumerate(sensors)}
+    (rest, _), *groups = named(scenario).items()
     free, found = dict(index), dict[str, frozenset[int]]()
-    keyed = list(zip(named(scenario).items(), (key for key, _ in scenario.keyed_sensors), strict=True))
-    for (name, section), key in keyed:
+    for number, (name, section) in enumerate(groups):
         for id in section.nodes or ():
             if id not in free:
                 what = f"{quoted(id)} is named twice" if id in index else f"there is no sensor {quoted(id)}"
-                raise ScenarioError(what, key=f"{key}.nodes", expected=f"ids of this field, like {next(iter(index))}")
+                expected = f"ids of this field, like {next(iter(index))}"
+                raise ScenarioError(what, key=f"sensors[{number}].nodes", expected=expected)
             del free[id]
-        if section.nodes is not None:
-            found[name] = frozenset(index[id] for id in section.nodes)
-    for number, ((name, section), key) in enumerate(keyed):
+        found[name] = frozenset(index[id] for id in section.nodes or ())
+    for number, (name, section) in enumerate(groups):
         if section.share is not None:
             drawn = sorted(free, key=lambda id: bits(scenario.seed, "sensor kind", number, id))
             drawn = drawn[: max(round(section.share * len(index)), 1)]
             if not drawn:
-                raise ScenarioError("no sensor is left for it", key=f"{key}.share", expected="smaller shares")
+                raise ScenarioError(
+                    "no sensor is left for it", key=f"sensors[{number}].share", expected="less before it"
+                )
             found[name] = frozenset(free.pop(id) for id in drawn)
-    for (name, section), _ in keyed:
-        if section.nodes is None and section.share is None:
-            found[name], free = frozenset(free.values()), {}
-    if free:
-        what = f"{len(free)} sensors are of no kind, such as {next(iter(free))}"
-        raise ScenarioError(what, key="sensors", expected="a kind without nodes and share, for the rest")
-    return {name: found[name] for (name, _), _ in keyed}
+    return {rest: frozenset(free.values()), **found} if free else found
 
 
 def _windows(

@@ -152,7 +152,8 @@ class Kind:
             low, high = (
                 (low, high - third) if square_m2(low + third) <= square_m2(high - third) else (low + third, high)
             )
-        return low if square_m2(low) <= self.range_m**2 else None
+        passed = begin + SETTLED_NS < low < end - SETTLED_NS  # a target that appears or vanishes nearby does not pass
+        return low if passed and square_m2(low) <= self.range_m**2 else None
 
 
 def arguments(method: Any) -> int:

@@ -115,7 +115,8 @@ class Bank:
         for name, tracker in self.trackers.items():
             belief, estimate, n = beliefs.get(name), None, tracker.following.model.dimension
             if belief is not None and dimension(belief) not in (STATE, n):
-                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {n}")
+                expected = STATE if n == STATE else f"{STATE} or {n}"
+                unusable.append(f"the belief of {name} is of {dimension(belief)} numbers; expected {expected}")
                 belief = None
             track = tracker.begin(None) if belief is None else tracker.resume(belief)
             for step in range(since + 1, until + 1):

@@ -79,9 +79,14 @@ class Built:
         return tuple(legs)
 
     @property
+    def fusing(self) -> tuple[str, ...]:
+        """The processes that fuse reports."""
+        return tuple(p.id for p in self.processes if p.fuses)
+
+    @property
     def first(self) -> str:
         """The first process that fuses reports; if none does, the first whose tracks are scored."""
-        return next((p.id for p in self.processes if p.fuses), self.views[0].sources[0])
+        return (*self.fusing, *self.views[0].sources)[0]
 
 
 def built(site: Site) -> Built:

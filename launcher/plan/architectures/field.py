@@ -10,6 +10,7 @@ from launcher.plan.architectures.arranged import Process
 from launcher.plan.hardware import adaptive, duty_of
 from launcher.plan.tracking import if_used
 from launcher.records import BATTERY, TRACKS
+from trackfield.errors import ScenarioError
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.wire.registry import kind_of_class
@@ -47,6 +48,21 @@ class Field:
     def route(self) -> tuple[tuple[int, float, float], ...]:
         """How the scenario's fusion centre moves, as ``Process`` has it; empty if it does not."""
         return self.site.route
+
+    @property
+    def numbering(self) -> dict[str, Any]:
+        """The arguments of a ``trackfield.tracking.forwarding.Numbering``, for whoever takes tracks by radio."""
+        site = self.site
+        return {
+            "trackers": list(self.scenario.fusion.trackers),
+            "sensors": self._ids,
+            "step_ns": site.step_ns,
+            "origin_ns": site.origin_ns,
+        }
+
+    @property
+    def _ids(self) -> list[str]:
+        return [id for id, *_ in self.sensors]
 
     def sensor_nodes(
         self, reports_to: str, ids: Collection[str] | None = None, *, asks: str | None = None
@@ -97,14 +113,23 @@ class Field:
         sensors: Collection[str],
         *,
         asks: str = "",
+        forwards_to: str = "",
         route: Sequence[tuple[int, float, float]] = (),
     ) -> Process:
-        """A fusion centre that tracks with the reports of these sensors; ``asks`` and ``route`` as in ``Process``."""
+        """A fusion centre that tracks with the reports of these sensors; ``asks`` and ``route`` as in ``Process``.
+
+        It sends its tracks by radio to the process that it ``forwards_to``, if any, in messages ``track``. Raises
+        ``ScenarioError`` if there are no sensors.
+        """
+        if not sensors:
+            expected = "at least one sensor that reports to it"
+            raise ScenarioError("would fuse the reports of no sensor", key=f"fusion centre {id!r}", expected=expected)
         fusion, energy = self.scenario.fusion, self.scenario.energy
         threshold = _threshold(self.scenario)
+        forward = {"to": forwards_to, "sensors": self._ids} if forwards_to else None
         config: dict[str, Any] = {
             "deadline_ns": round(fusion.deadline_s * NS),
-            **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=threshold),
+            **if_used(max_age_ns=round(fusion.max_age_s * NS), threshold=threshold, forward=forward),
         }
         return Process(
             id,
@@ -112,7 +137,7 @@ class Field:
             x,
             y,
             config=config,
-            sends={"threshold": sensors} if threshold else {},
+            sends=if_used(threshold=sensors if threshold else (), track=(forwards_to,) if forward else ()),
             fuses=sensors,
             asks=asks,
             tags=(TRACKS,) if energy.centre_battery_j is None else (TRACKS, BATTERY),

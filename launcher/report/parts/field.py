@@ -261,14 +261,15 @@ def _track(axes: Axes, run: Run, track: Track, box: Array) -> None:
 
 
 def _centres(axes: Axes, run: Run) -> None:
-    """The places that track, by role, and the route of a centre that moves."""
+    """The places that track, by role, and the routes of processes that move."""
     roles: dict[str, list[tuple[float, float]]] = {}
     for place in run.tagged(TRACKS):
         roles.setdefault(place.role, []).append((place.x, place.y))
     for role, points in roles.items():
         axes.plot(*np.array(points).T, "^", color=style.INK, ms=9, label=WORDS.get(role, role), zorder=1.9)
-    if run.site.route:
-        axes.plot(*np.array(run.site.route)[:, 1:].T, "--", color=style.INK, lw=1.0, label="its route", zorder=2)
+    for id, legs in run.field.routes:
+        label = "its route" if len(run.field.routes) == 1 else f"route of {id}"
+        axes.plot(*np.array(legs)[:, 1:].T, "--", color=style.INK, lw=1.0, label=label, zorder=2)
 
 
 FIGURES: Final[style.Figures] = {"field": field}
