@@ -12,7 +12,10 @@ import pytest
 import trackfield as tf
 from launcher.plan.architectures import ARCHITECTURES
 from launcher.plan.extensions import check_importable
+from launcher.plan.forecast.foresight import foresee
 from launcher.plan.prepare import planned, remarks
+from launcher.report.folder import read_run
+from launcher.report.outages import in_words
 from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 from tests.running import SPEEDS, kept_up
@@ -210,3 +213,55 @@ def test_a_role_within_a_function_works_in_virtual_time_only(tmp_path: Path) -> 
         tf.run(scenario, driver="processes", out=tmp_path / "processes")
     assert not (tmp_path / "processes").exists()
     check_importable(planned(own(Heralded)))
+
+
+def halved(field: tf.Field) -> tf.Arranged:
+    """Two centres with half of the sensors each, and nobody who gathers their tracks."""
+    ids = [id for id, *_ in field.sensors]
+    processes: list[tf.Process] = []
+    for number, half in enumerate((ids[::2], ids[1::2])):
+        processes.append(field.fusion_centre(f"c{number}", *field.centre, half))
+        processes += field.sensor_nodes(f"c{number}", half)
+    return tf.Arranged(processes, {"both": ["c0", "c1"]})
+
+
+def test_what_is_foreseen_goes_by_who_gets_the_reports() -> None:
+    """Reports that are divided among centres give a fix less often than the same ones at a single centre."""
+    link = {"link.model": "fixed", "link.loss": 0.5, "target.steps": 20}
+    one, two = (
+        foresee(planned(tf.Scenario.load("zhai-spcpf", {**link, "architecture.kind": kind})))
+        for kind in ("centralised", registered(halved))
+    )
+    assert one.reports == two.reports
+    assert one.arriving == two.arriving == pytest.approx(0.5)
+    assert (one.coverage[0].in_reach == two.coverage[0].in_reach).all()
+    assert 0.1 < two.coverage[0].fixed.mean() < one.coverage[0].fixed.mean() - 0.1
+
+
+def registered(arrange: Callable[[Any], Any]) -> str:
+    tf.register_architecture("own", built_by(arrange))
+    return "own"
+
+
+def test_those_that_fuse_have_their_own_sensors_priors_and_draws() -> None:
+    plan = planned(tf.Scenario.load("zhai-spcpf", {"architecture.kind": registered(halved)}))
+    first, second = (process for process in plan.processes if process.role == "fusion")
+    assert [place[0] for place in first.config["sensors"][:3]] == ["n000", "n002", "n004"]
+    assert [place[0] for place in second.config["sensors"][:3]] == ["n001", "n003", "n005"]
+    assert first.config["prior"] != second.config["prior"]
+    assert ("draws" in first.config, second.config["draws"]) == (False, ["c1"])
+    for process in (first, second):
+        assert plan.bank_of(process.id).items() <= process.config.items()
+
+
+def test_the_report_says_why_there_was_no_track(tmp_path: Path) -> None:
+    """One of two centres that is down explains nothing by itself; both do."""
+    faults = [{"kind": "kill", "nodes": ["c0"], "at_s": 4}, {"kind": "kill", "nodes": ["c1"], "at_s": 8}]
+    settings = {
+        "architecture.kind": registered(halved),
+        "target.steps": 12,
+        "faults": faults,
+        "fusion.trackers": ["ekf"],
+    }
+    found = read_run(tf.run(tf.Scenario.load("zhai-spcpf", settings), out=tmp_path / "run").path)
+    assert in_words(found, found.tracks[0]) == "5 s without a track: c0 was killed at 4 s; c1 was killed at 8 s."
