@@ -34,6 +34,7 @@ def info(side: int = 11, steps: int = 60, gaps: tuple[tuple[float, float], ...] 
     return FieldInfo(
         run="fake-1",
         scenario="fake",
+        layers={place.id: "rays" for place in sensors},
         places=(*sensors, Place("fusion", "fusion", 0.0, 0.0, CENTRE)),
         truths=(Truth("target", tuple((t / 4, *where(t / 4, half)) for t in range(4 * steps + 1)), gaps),),
         trackers=TRACKERS,
@@ -136,7 +137,7 @@ def _report(now: int, place: Place, target: tuple[float, float], rng: random.Ran
         outcome=outcome,
         bytes=14,
         text=f"DOA {bearing % 360:.1f}° I={rng.uniform(0.4, 3):.2f}",
-        bearing_deg=bearing % 360,
+        values=(bearing % 360, 60.0),
         local_ns=now + 2_000_000,
     )
     return now if lost else now + delay, "message", (row,)

@@ -29,7 +29,9 @@ from launcher.records import Plan, View
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import read
+from tests.sensing import arrays
 from tests.simulated import simulated, spcpf
+from trackfield.errors import ScenarioError
 from trackfield.filters.types import Gaussian
 from trackfield.models import doa
 from trackfield.role import NS, TrackPoint
@@ -238,14 +240,15 @@ def test_what_the_network_loses_is_between_the_two_bounds(settings: list[str]) -
 
 
 def test_where_there_is_no_bound_there_is_nothing_to_say() -> None:
-    """Bearings without error, no centre, nobody who reports without a prior."""
+    """No centre, no tracks; bearings without error are no kind of sensing."""
     plan = spcpf(1, STRAIGHT)
-    exact = replace(plan, tracking={**plan.tracking, "doa_sd_deg": 0.0})
-    assert run_bound(exact, used_by(("n012", 1))) == {}
+    exact = replace(plan, tracking={**plan.tracking, "sensing": arrays(0.0)})
+    with pytest.raises(ScenarioError, match=r"sensor\.sd: .*above 0"):
+        run_bound(exact, used_by(("n012", 1)))
     nobody = replace(spcpf(1, STRAIGHT), tracking={})
     reports = used_by(("n012", 1), ("n013", 1))
     assert bound_metrics(nobody, reports, run_bound(nobody, reports)) == dict.fromkeys(("position", "trajectory"))
-    empty = run_metrics(exact, Ledger(exact.run, exact.processes), [])
+    empty = run_metrics(plan, Ledger(plan.run, plan.processes), [])
     assert empty["bound"] == {"position": None, "trajectory": None}
 
 

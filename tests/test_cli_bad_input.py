@@ -52,7 +52,7 @@ def assert_refused(said: Said, *parts: str) -> None:
         ([*NOWHERE, "--set", "sensor.treshold=0.7"], ["sensor.treshold: unknown", "did you mean threshold?"]),
         (["run", "spcpf", "--connect", "nonsense"], ["--connect: is 'nonsense'", "tcp/127.0.0.1:7447"]),
         ([*NOWHERE, "--set", "link.los=0.1"], ["link.los: unknown", "did you mean loss?"]),
-        ([*NOWHERE, "--set", "sensors.alpha=2"], ["sensors: unknown", "did you mean sensor?"]),
+        ([*NOWHERE, "--set", "sensor_.alpha=2"], ["sensor_: unknown", "did you mean sensor?"]),
         ([*NOWHERE, "--set", "field.layout=jitterd"], ["field.layout: unknown layout", "did you mean jittered?"]),
         ([*NOWHERE, "--set", "field.radius=80"], ["field.radius: unknown", "did you mean radius_m?"]),
         ([*NOWHERE, "--set", "sensor.position_eror_m=5"], ["unknown", "did you mean position_error_m?"]),

@@ -37,7 +37,7 @@ def plan_of(
     tags = {"node": frozenset({SENSES, BATTERY}), "fusion": frozenset({TRACKS})}
     places = tuple(Place(p.id, p.role, p.x, p.y, tags[p.role]) for p in processes)
     info = FieldInfo("r", "hand", places, (Truth("t", truth),), (), float(end_s))
-    return Plan(run, processes, {"t": path}, info, reach_m=reach_m)
+    return Plan(run, processes, {"t": path}, info, reaches={p.id: reach_m for p in processes if p.role == "node"})
 
 
 CENTRE = ProcessSpec("fusion", "fusion", "none", x=0.0, y=40.0, cells=("c0",))

@@ -20,7 +20,8 @@ Written = dict[str, Any]
 
 def faults(*written: Written, seed: int = 1) -> Faults:
     scenario = Scenario.load({"name": "mine", "target": {"path": "s1"}, "faults": list(written)})
-    return resolve(scenario.faults, seed, PLACES, END)
+    arrays = dict.fromkeys((place.id for place in PLACES if SENSES in place.tags), scenario.sensor.sensing)
+    return resolve(scenario.faults, seed, PLACES, END, kinds=arrays)
 
 
 def fault(
@@ -187,8 +188,8 @@ def test_faults_of_a_sensor_are_as_the_world_has_them() -> None:
         fault("bias", 5, bias_deg=20), fault("deaf", 20, 30), fault("babble", 30), fault("bias", 2, 3, bias_db=-2)
     )
     assert plan.of("n060").sensor == (
-        {"kind": "bias", "from_ns": 2 * S, "until_ns": 3 * S, "bias_deg": 0.0, "bias_db": -2.0},
-        {"kind": "bias", "from_ns": 5 * S, "until_ns": None, "bias_deg": 20.0, "bias_db": 0.0},
+        {"kind": "bias", "from_ns": 2 * S, "until_ns": 3 * S, "bias": (0.0, -2.0)},
+        {"kind": "bias", "from_ns": 5 * S, "until_ns": None, "bias": (20.0, 0.0)},
         {"kind": "deaf", "from_ns": 20 * S, "until_ns": 30 * S},
         {"kind": "babble", "from_ns": 30 * S, "until_ns": None},
     )

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from tests.sensing import model_of, reports_of, silence
 from tests.zhai_field import MODEL, hear
 from trackfield.filters import measurement
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.particles import log_likelihood
-from trackfield.filters.types import Gaussian, Model, Reports
+from trackfield.filters.types import Gaussian
 from trackfield.models import doa
 from trackfield.models.doa import wrap
 
@@ -21,7 +22,12 @@ SENSORS = np.array([[0.0, 0.0], [100.0, 0.0], [0.0, 100.0]])
 class Offset:
     """Where the target is, east and north of the sensor: linear, with noise of 1 m and 2 m."""
 
+    range_m: float = 1000.0
     sd: tuple[float, ...] = (1.0, 2.0)
+    resolution: tuple[float, ...] = (0.1, 0.1)
+
+    def simulate(self, target, position, normals):
+        return target[0] - position[0] + normals[0], target[1] - position[1] + 2.0 * normals[1]
 
     def h(self, states, positions):
         return states[..., None, :2] - positions
@@ -33,19 +39,18 @@ class Offset:
         return difference
 
 
-OWN = Model(np.nan, 0.1, Offset())
+OWN = model_of(Offset())
 
 
 def offsets(place, noise=0.0):
     """What three sensors of offsets read of a target at ``place`` (2,)."""
-    nothing = np.full(3, np.nan)
-    return Reports(1, ("a", "b", "c"), SENSORS, nothing, nothing, np.asarray(place) - SENSORS + noise)
+    return reports_of(SENSORS, np.asarray(place) - SENSORS + noise)
 
 
 def test_bearings_are_what_they_were():
     heard = hear(np.array([210.0, 140.0]), np.random.default_rng(0))
     assert len(heard) > 2
-    assert (measurement.measured(heard) == heard.bearings).all()
+    assert (measurement.measured(MODEL, heard) == heard.bearings).all()
     assert (measurement.noise_sd(MODEL, heard) == MODEL.sigma_w).all()
     assert (measurement.expected(MODEL, STATES, heard) == doa.measure(STATES, heard.positions)).all()
     assert (measurement.jacobians(MODEL, STATES, heard) == doa.jacobian(STATES, heard.positions)).all()
@@ -57,7 +62,7 @@ def test_bearings_are_what_they_were():
 
 
 def test_two_numbers_a_reading_lie_sensor_by_sensor():
-    z = measurement.measured(offsets([10.0, 20.0]))
+    z = measurement.measured(OWN, offsets([10.0, 20.0]))
     assert z.tolist() == [10.0, 20.0, -90.0, 20.0, 10.0, -80.0]
     assert measurement.noise_sd(OWN, offsets([0.0, 0.0])).tolist() == [1.0, 2.0] * 3
     state = np.array([11.0, 18.0, 0.0, 0.0])
@@ -69,14 +74,15 @@ def test_two_numbers_a_reading_lie_sensor_by_sensor():
 
 
 def test_some_of_the_reports_keep_their_readings():
-    some = offsets([10.0, 20.0]).only(np.array([2, 0]))
-    assert some.sensors == ("c", "a")
-    assert some.values.tolist() == [[10.0, -80.0], [10.0, 20.0]]
+    some = offsets([10.0, 20.0]).only(np.array([0, 2]))
+    assert some.sensors == ("n0", "n2")
+    assert some.values.tolist() == [[10.0, 20.0], [10.0, -80.0]]
 
 
-@pytest.mark.parametrize("model", [MODEL, OWN])
-def test_no_reports_are_an_empty_vector(model):
-    nothing = Reports(0, (), np.empty((0, 2)), np.empty(0), np.empty(0), np.empty((0, len(model.sensor.sd))))
+@pytest.mark.parametrize(
+    ("model", "nothing"), [(MODEL, silence()), (OWN, reports_of(np.empty((0, 2)), np.empty((0, 2))))]
+)
+def test_no_reports_are_an_empty_vector(model, nothing):
     assert measurement.innovations(model, STATES, nothing).shape == (7, 0)
     assert measurement.jacobians(model, STATES, nothing).shape == (7, 0, 4)
     assert (measurement.log_likelihood(model, STATES, nothing) == 0.0).all()

@@ -6,13 +6,11 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import dist
+from math import dist, inf
 from typing import Any
 
 import numpy as np
 import pytest
-from trackfield.filters.own_fix import own_fix
-from trackfield.world.own import FaultyOwn, PlacedSensor, own_ears, plain
 
 import trackfield as tf
 from fusion.role import Fusion
@@ -21,19 +19,23 @@ from launcher.plan.prepare import planned
 from launcher.records import Plan
 from launcher.study.replay import replay
 from node.role import Node
+from tests.sensing import model_of, reports_of
 from tests.simulated import simulated
-from trackfield.filters.measurement import OfSensor
 from trackfield.filters.metrics import LOST_M
-from trackfield.filters.types import Model, Reports
+from trackfield.filters.search import searched
+from trackfield.filters.types import Reports
 from trackfield.plugins import give
 from trackfield.role import NS, Ignored, Received, Sampled, Send, Started, Timer
 from trackfield.scenario import Scenario
+from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import SENSORS, make_sensor, register_sensor
-from trackfield.sensing.readings import Reading
+from trackfield.sensing.readings import Measured
 from trackfield.tracking.following import ANYWHERE
 from trackfield.wire import Doa, Measurement
-from trackfield.world.faulty import SensorFault
+from trackfield.world.faulty import Faulty, SensorFault
 from trackfield.world.path import Path
+from trackfield.world.placed import Placed
+from trackfield.world.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -93,13 +95,13 @@ WALK = Path.of([(0.0, 0.0, 30.0, 5.0, 0.0), (100.0, 500.0, 30.0, 5.0, 0.0)])
 """Past a sensor at (100, 0): in its range of 100 m from 0.9 s to 39 s."""
 
 
-def placed(incarnation: int = 0, seed: int = 1, **options: Any) -> PlacedSensor:
+def placed(incarnation: int = 0, seed: int = 1, **options: Any) -> Placed:
     sensor = make_sensor("ranger", options)
-    return PlacedSensor("n1", (100.0, 0.0), (WALK,), ((0, 50 * NS),), sensor, seed, incarnation)
+    return Placed("n1", (100.0, 0.0), Scene((WALK,)), ((0, 50 * NS),), sensor, options, -inf, seed, incarnation)
 
 
-def faulty(*faults: SensorFault) -> FaultyOwn:
-    return FaultyOwn(placed(), faults, 0.0)
+def faulty(*faults: SensorFault) -> Faulty:
+    return Faulty(placed(), faults)
 
 
 # --- at a node ---
@@ -108,8 +110,8 @@ def faulty(*faults: SensorFault) -> FaultyOwn:
 def test_readings_are_whole_numbers_of_steps_with_the_sensors_noise() -> None:
     readings = [placed().sample(round(t * NS)) for t in np.linspace(2.0, 38.0, 2000)]
     truth = [WALK.at(t) for t in np.linspace(2.0, 38.0, 2000)]
-    assert all(isinstance(value, int) for reading in readings for value in reading.values)
-    values = np.array([reading.values for reading in readings]) * (0.01, 0.1)
+    assert all(isinstance(value, int) for reading in readings for value in reading.steps)
+    values = np.array([reading.steps for reading in readings]) * (0.01, 0.1)
     misses = values - [[dist(x[:2], (100.0, 0.0)), x[0] - 100.0] for x in truth]
     assert misses.std(axis=0) == pytest.approx([0.5, 2.0], rel=0.07)  # 1/sqrt(2 n) is 1.6 %
     assert abs(np.corrcoef(misses.T)[0, 1]) < 0.09  # 4 / sqrt(n)
@@ -129,20 +131,20 @@ def test_out_of_range_or_unmeasured_is_nothing() -> None:
 
 def test_of_several_targets_the_nearest_is_measured() -> None:
     rests = Path.of([(0.0, 100.0, 50.0, 0.0, 0.0), (200.0, 100.0, 50.0, 0.0, 0.0)])
-    other, both = replace(placed(), paths=(rests,)), replace(placed(), paths=(rests, WALK))
+    other, both = replace(placed(), scene=Scene((rests,))), replace(placed(), scene=Scene((rests, WALK)))
     assert both.sample(20 * NS) == placed().sample(20 * NS)  # 30 m away
     assert both.sample(5 * NS) == other.sample(5 * NS)
     assert both.sample(150 * NS) == other.sample(150 * NS)  # the other is gone
-    assert own_ears(plain(both, "ranger", {}), ()).sample(20 * NS) == both.sample(20 * NS)
+    assert Placed.from_plain(both.to_plain()).sample(20 * NS) == both.sample(20 * NS)
 
 
 def test_its_plain_form_makes_the_same_sensor() -> None:
-    form = plain(placed(3, blind_m=5.0), "ranger", {"blind_m": 5.0})
+    form = placed(3, blind_m=5.0).to_plain()
     here = placed(3, blind_m=5.0)
     SENSORS.registered.clear()  # as in another process, which its parent told where that is
     give({"sensor:ranger": f"{__name__}:Ranger"}, installed=False)
     try:
-        again = own_ears(form, ())
+        again = Placed.from_plain(form)
     finally:
         give({}, installed=True)
     assert [again.sample(t * NS) for t in range(50)] == [here.sample(t * NS) for t in range(50)]
@@ -157,7 +159,7 @@ def test_faults() -> None:
     far = faulty(SensorFault("stuck", 55 * NS))
     assert far.sample(55 * NS) == far.sample(58 * NS) != healthy[20]
     babble = faulty(SensorFault("babble", 0))
-    drawn = [babble.sample(round(t * NS)).values for t in np.linspace(0.0, 50.0, 2000)]  # type: ignore[union-attr]
+    drawn = [babble.sample(round(t * NS)).steps for t in np.linspace(0.0, 50.0, 2000)]  # type: ignore[union-attr]
     away = np.array(drawn)[:, 0] * 0.01
     assert away.max() < 103.0
     assert np.mean(away < 50.0) == pytest.approx(0.25, abs=0.04)  # anywhere in the circle: a quarter in half of it
@@ -167,16 +169,16 @@ def test_faults() -> None:
 @pytest.mark.parametrize("values", [(1.0,), (1.0, float("nan")), (1e15, 0.0)])
 def test_a_reading_that_is_none_is_told_with_node_and_time(values: tuple[float, ...]) -> None:
     class Broken(Ranger):
-        def simulate(self, *_: Any) -> Any:
+        def simulate(self, target: Any, position: Any, normals: Any) -> Any:
             return values
 
-    broken = PlacedSensor("n1", (100.0, 0.0), (WALK,), (), Broken(), 1)
+    broken = Placed("n1", (100.0, 0.0), Scene((WALK,)), (), Kind("broken", Broken()), {}, -inf, 1)
     with pytest.raises(tf.RunFailed, match=r"sensor of n1, at 3 s: simulate returned \(.*expected None, or 2 numbers"):
         broken.sample(3 * NS)
 
 
-def test_acoustic_nodes_carry_nothing_of_it() -> None:
-    there = "print(*sorted({'inspect', 'numpy', 'trackfield.world.own', 'importlib.metadata'} & sys.modules.keys()))"
+def test_nodes_carry_nothing_that_is_heavy() -> None:
+    there = "print(*sorted({'inspect', 'numpy', 'pydantic', 'importlib.metadata'} & sys.modules.keys()))"
     base, node = "import dataclasses, sys, typing", "import sys, node.role, trackfield.drivers.spec"
     said, light = (
         subprocess.run([sys.executable, "-c", f"{imports}; {there}"], capture_output=True, text=True, check=True).stdout
@@ -201,7 +203,7 @@ def test_a_run_with_a_sensor_of_ones_own() -> None:
     ledger, rows = simulated(plan)
     sent = [row for row in ledger.rows if row.kind == "measurement"]
     assert {row.kind for row in ledger.rows} == {"measurement"}
-    assert sent[0].text.startswith("measured ")
+    assert sent[0].text.startswith("ranger ")
     assert {row.step for row in sent} == set(range(1, 16))
     last = {row.point.tracker: dist(row.point.mean[:2], row.truth[:2]) for row in rows if row.point.step == 15}
     assert max(last[name] for name in ("ekf", "ukf")) < 1.5
@@ -244,7 +246,7 @@ def test_its_options_stand_in_its_section_and_in_the_resolved_file(tmp_path: Any
     assert Scenario.load(tmp_path / "again.toml") == scenario
     assert scenario.set("sensor.threshold", 0.7).sensor.kind == "ranger"  # it may have a field of any name
     assert scenario.set("sensor.kind", "distance").sensor.options == {}
-    assert scenario.set("sensor.kind", "acoustic").sensor == Scenario.load("spcpf").sensor
+    assert scenario.set("sensor.kind", "doa").sensor == Scenario.load("spcpf").sensor
 
 
 def test_an_option_called_file_is_no_file_of_the_run(tmp_path: Any) -> None:
@@ -272,12 +274,12 @@ def test_an_option_called_file_is_no_file_of_the_run(tmp_path: Any) -> None:
         ({"sensor__range_m": 0.5}, "sensor.range_m: the target never comes in range"),
         (
             {"fusion__trackers": ["ekf", "spcpf"]},
-            "fusion.trackers: 'spcpf' takes bearings only, and sensors of kind 'ranger' report none; "
+            "fusion.trackers: 'spcpf' takes bearings only, and the sensors are of kind ranger; "
             "expected bootstrap, ekf, predict-only, ukf, or one of your own",
         ),
         (
             {"faults": [{"kind": "bias", "share": 0.1, "at_s": 3.0, "bias_deg": 5.0}]},
-            "faults[0].kind: a bias in degrees and dB has no meaning for sensors of kind 'ranger'",
+            "faults[0].bias_deg: has no meaning for sensors of kind 'ranger'; expected by, a list of 2 numbers",
         ),
     ],
 )
@@ -290,11 +292,17 @@ def test_bad_input(settings: dict[str, Any], says: str) -> None:
 @pytest.mark.parametrize(
     ("members", "says"),
     [
-        ({"h": lambda self, x, s: np.zeros((3, 1))}, "sensor 'bad': h: returned an array (3, 1) for states (2, 4)"),
+        (
+            {"h": lambda self, x, s: np.zeros((3, 1))},
+            "sensor 'bad': h: returned an array (3, 1) for arrays (2, 4) and (3, 2)",
+        ),
         ({"jacobian": lambda self, x, s: self.h(x, s)}, "sensor 'bad': jacobian: returned an array (2, 3, 2)"),
-        ({"simulate": lambda self, *_: (1.0,)}, "sensor 'bad': simulate: returned (1.0,); expected 2 numbers, or None"),
+        (
+            {"simulate": lambda self, target, position, normals: (1.0,)},
+            "sensor 'bad': simulate: returned (1.0,); expected 2 numbers, or None",
+        ),
         ({"h": lambda self, x, s: x["east"]}, "sensor 'bad': h: IndexError: "),
-        ({"sd": (1.0,)}, "sensor.sd: 'bad' has 1 sd and 2 resolutions; expected one of each"),
+        ({"sd": (1.0, 1.0, 1.0)}, "sensor.sd: 'bad' has 3 sd and 2 resolutions; expected one of each"),
         ({"sd": 1.0}, "sensor.sd: 'bad' has 1.0; expected a tuple of numbers above 0"),
         ({"resolution": (0.0, 1.0)}, "sensor.resolution: 'bad' has (0.0, 1.0); expected a tuple of numbers above 0"),
         ({"range_m": None}, "sensor.range_m: 'bad' has None; expected metres, above 0"),
@@ -308,8 +316,8 @@ def test_a_class_that_is_wrong_is_found_when_the_run_is_planned(members: dict[st
 
 
 def test_what_cannot_be_registered() -> None:
-    with pytest.raises(tf.ScenarioError, match="'acoustic' is a sensor of Trackfield's own"):
-        tf.register_sensor("acoustic", Ranger)
+    with pytest.raises(tf.ScenarioError, match="'doa' is a sensor of Trackfield's own"):
+        tf.register_sensor("doa", Ranger)
     with pytest.raises(tf.ScenarioError, match="sensor 'mine' has no simulate, h, jacobian"):
         tf.register_sensor("mine", dict)
 
@@ -318,8 +326,10 @@ def test_what_cannot_be_registered() -> None:
 
 
 def test_the_centre_takes_reports_of_its_sensors_kind_alone() -> None:
-    sensor = {"kind": "ranger", "options": {}}
-    fusion = Fusion(trackers=["ekf"], sensors=[("a", 0.0, 0.0)], step_ns=NS, deadline_ns=NS // 2, seed=1, sensor=sensor)
+    sensing = {"ranger": {"kind": "ranger", "options": {}}}
+    fusion = Fusion(
+        trackers=["ekf"], sensors=[("a", 0.0, 0.0)], step_ns=NS, deadline_ns=NS // 2, seed=1, sensing=sensing
+    )
     assert fusion.kinds == {"measurement", "sync-request"}
     state, _ = fusion.handle(fusion.begin(), Started(0))
     for report in (Doa(1, 10.0, 60.0), Measurement(1, (1,)), Measurement(1, (1, 2, 3))):
@@ -328,7 +338,7 @@ def test_the_centre_takes_reports_of_its_sensors_kind_alone() -> None:
     assert (effects, after.progress.collected.ahead[1]["a"].values) == ((), (500, -30))
     reports = fusion.bank._reports(1, after.progress.collected.ahead[1])
     assert reports.values == pytest.approx(np.array([[5.0, -3.0]]))
-    assert np.isnan(reports.bearings).all()
+    assert [one.kind for one in reports.readings] == ["ranger"]
 
 
 # --- where tracks begin ---
@@ -336,18 +346,17 @@ def test_the_centre_takes_reports_of_its_sensors_kind_alone() -> None:
 
 def ranges(target: tuple[float, float], positions: list[tuple[float, float]], sensor: Any) -> Reports:
     """What sensors at these positions read of a target, without noise."""
-    nothing, at = np.full(len(positions), np.nan), np.array(positions).reshape(-1, 2)
-    values = sensor.h(np.array([*target, 0.0, 0.0]), at)
-    return Reports(1, tuple(f"n{i}" for i in range(len(at))), at, nothing, nothing, values)
+    at = np.array(positions).reshape(-1, 2)
+    return reports_of(at, sensor.h(np.array([*target, 0.0, 0.0]), at))
 
 
 SQUARE = [(0.0, 0.0), (50.0, 0.0), (0.0, 50.0), (50.0, 50.0)]
 
 
 def test_the_fix_is_where_the_readings_say() -> None:
-    model = Model(np.nan, 0.1, OfSensor(Distance()))
+    model = model_of(Distance())
     for target in ((20.0, 30.0), (70.0, -40.0), (25.0, 25.0), (50.0, 49.0)):
-        fix = own_fix(ANYWHERE, model, ranges(target, SQUARE, Distance()), LOST_M)
+        fix = searched(ANYWHERE, model, ranges(target, SQUARE, Distance()), LOST_M)
         assert fix is not None
         assert fix.mean[:2] == pytest.approx(target, abs=0.01)
         H = Distance().jacobian(fix.mean, np.array(SQUARE))[:, 0] / 0.5
@@ -355,16 +364,13 @@ def test_the_fix_is_where_the_readings_say() -> None:
 
 
 def test_readings_that_fit_several_places_are_no_fix() -> None:
-    model = Model(np.nan, 0.1, OfSensor(Distance()))
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), [], Distance()), LOST_M) is None
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:1], Distance()), LOST_M) is None  # a circle
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:2], Distance()), LOST_M) is None  # mirrored at y = 0
-    assert own_fix(ANYWHERE, model, ranges((20.0, 0.0), SQUARE[:2], Distance()), LOST_M) is None  # y is open
-    assert own_fix(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:3], Distance()), LOST_M) is not None
-    assert (
-        own_fix(ANYWHERE, Model(np.nan, 0.1, OfSensor(Ranger())), ranges((9.0, 30.0), SQUARE[:1], Ranger()), LOST_M)
-        is None
-    )
+    model = model_of(Distance())
+    assert searched(ANYWHERE, model, ranges((20.0, 30.0), [], Distance()), LOST_M) is None
+    assert searched(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:1], Distance()), LOST_M) is None  # a circle
+    assert searched(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:2], Distance()), LOST_M) is None  # mirrored at y = 0
+    assert searched(ANYWHERE, model, ranges((20.0, 0.0), SQUARE[:2], Distance()), LOST_M) is None  # y is open
+    assert searched(ANYWHERE, model, ranges((20.0, 30.0), SQUARE[:3], Distance()), LOST_M) is not None
+    assert searched(ANYWHERE, model_of(Ranger()), ranges((9.0, 30.0), SQUARE[:1], Ranger()), LOST_M) is None
 
 
 def test_a_node_reports_all_that_it_measured() -> None:
@@ -372,6 +378,6 @@ def test_a_node_reports_all_that_it_measured() -> None:
     state, _ = node.handle(node.begin(), Started(0))
     state, _ = node.handle(state, Sampled(0, "wake-up", NS))
     state, _ = node.handle(state, Timer(NS, "step"))
-    state, effects = node.handle(state, Sampled(NS, "sound", Reading((12, -7))))
+    state, effects = node.handle(state, Sampled(NS, "sound", Measured((12, -7), (0.12, -0.7))))
     assert Send(Measurement(1, (12, -7)), "fusion") in effects
     assert state.phase.value == "reporting"

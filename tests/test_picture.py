@@ -36,7 +36,8 @@ def strict() -> Iterator[None]:
 def field_of(count: int, **changes: Any) -> FieldInfo:
     """A row of sensors 100 m apart, with a centre beside them; a run of 100 s."""
     places = [Place(f"n{index}", "node", 100.0 * index, 0.0, NODE) for index in range(count)]
-    info = FieldInfo("r", "s", (*places, Place("fusion", "fusion", 0.0, -50.0, CENTRE)), (), (), 100.0)
+    every = (*places, Place("fusion", "fusion", 0.0, -50.0, CENTRE))
+    info = FieldInfo("r", "s", every, (), (), 100.0, layers={place.id: "rays" for place in places})
     return dataclasses.replace(info, **changes)
 
 
@@ -57,7 +58,7 @@ def played(tmp_path: Path) -> Played:
 
 
 def report(src: str, sent_ns: int, outcome: str = "delivered", **changes: Any) -> MessageRow:
-    row = MessageRow("doa", src, "fusion", "field", sent_ns, sent_ns + 20 * MS, outcome, 14, bearing_deg=90.0)
+    row = MessageRow("doa", src, "fusion", "field", sent_ns, sent_ns + 20 * MS, outcome, 14, values=(90.0, 60.0))
     return dataclasses.replace(row, **changes)
 
 

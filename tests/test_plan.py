@@ -17,6 +17,7 @@ from trackfield.errors import ScenarioError
 from trackfield.link.clock import Clock
 from trackfield.link.energy import DEVICES, Power
 from trackfield.link.places import position
+from trackfield.world.placed import Placed
 
 S = 1_000_000_000
 
@@ -170,7 +171,7 @@ def test_an_adaptive_threshold_is_told_to_both_ends() -> None:
     node, centre = process(plan, "n060"), process(plan, "fusion")
     assert node.config["adaptive"] == {"listen_from_ns": 300_000_000, "listen_for_ns": 100_000_000}
     assert node.config["threshold_db"] == pytest.approx(0.74 * 70)
-    assert node.sound["audible_db"] == pytest.approx(0.70 * 70 - 1)
+    assert Placed.from_plain(node.sound).kind.own.audible_db == pytest.approx(0.70 * 70 - 1)
     assert centre.config["threshold"] == {
         "low_db": pytest.approx(49),
         "high_db": pytest.approx(54.6),

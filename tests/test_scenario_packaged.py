@@ -185,11 +185,13 @@ def test_a_document_needs_its_marks() -> None:
 
 
 def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
-    crossing, targets, score, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
+    crossing, targets, sensors, score, faults = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
     several = Scenario.load({"name": "mine"} | tomllib.loads(targets))
     assert [target.id for target in several.every_target] == ["target", "truck"]
+    mixed = survey(Scenario.load("zhai-spcpf", tomllib.loads(sensors)))
+    assert {name: len(members) for name, members in mixed.kinds.items()} == {"doa": 61, "doa-2": 60}
     lost = Scenario.load("zhai-spcpf", tomllib.loads(score)).score.lost
     assert (lost.beyond_m, lost.steps, lost.within) == (30.0, 5, 20)
     faulty = planned(Scenario.load("zhai-spcpf", tomllib.loads(faults)))

@@ -50,7 +50,7 @@ def test_each_report_is_of_the_target_that_is_louder_at_the_sensor() -> None:
         louder = min(away, key=away.__getitem__)
         told[louder] += 1
         dx, dy = ways[louder][0] - x, ways[louder][1] - y  # type: ignore[index]
-        angle = radians(row.bearing_deg or 0.0)
+        angle = radians(row.values[0])
         assert (sin(angle), cos(angle)) == pytest.approx((dx / hypot(dx, dy), dy / hypot(dx, dy)), abs=1e-3)
         assert away[louder] < 57.0
     assert min(told.values()) > 20

@@ -250,7 +250,7 @@ Small = Callable[[Callable[[Timeline], None]], Path]
 
 
 def small_info(**changes: Any) -> FieldInfo:
-    info = FieldInfo("small", "small", PLACES, (), ("one",), 10.0)
+    info = FieldInfo("small", "small", PLACES, (), ("one",), 10.0, layers={"n1": "rays", "n2": "rays"})
     return dataclasses.replace(info, **changes)
 
 
@@ -270,7 +270,7 @@ def small(tmp_path: Path) -> Small:
 def report(src: str, sent_ms: int, delay_ms: int, outcome: str = "delivered", **changes: Any) -> MessageRow:
     sent = sent_ms * MS
     due = sent + delay_ms * MS
-    row = MessageRow("doa", src, "fusion", "field", sent, due, outcome, 14, bearing_deg=90.0)
+    row = MessageRow("doa", src, "fusion", "field", sent, due, outcome, 14, values=(90.0, 60.0))
     return dataclasses.replace(row, **changes)
 
 
@@ -329,8 +329,8 @@ def test_a_ray_points_along_its_bearing_and_goes_when_the_step_is_over(small: Sm
 
 def test_a_ray_goes_a_little_past_the_estimate_of_its_time(small: Small) -> None:
     def calls(timeline: Timeline) -> None:
-        timeline.message(report("n1", 2000, 10, bearing_deg=0.0))
-        timeline.message(report("n1", 5000, 10, bearing_deg=0.0))
+        timeline.message(report("n1", 2000, 10, values=(0.0, 60.0)))
+        timeline.message(report("n1", 5000, 10, values=(0.0, 60.0)))
         for step, north in ((1, 40.0), (2, 50.0), (5, 500.0)):
             timeline.estimate(track_point(step, (-100.0, north, 0.0, 0.0)), None)
 

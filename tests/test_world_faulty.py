@@ -9,46 +9,36 @@ from statistics import fmean
 from typing import Any
 
 import pytest
-from trackfield.world.acoustic import AcousticSensor
 
+from tests.sensing import array_at
 from trackfield.sensing.readings import Ears, Heard
 from trackfield.world.faulty import with_faults
 from trackfield.world.path import Path
+from trackfield.world.placed import Placed
 
 S = 1_000_000_000
 # Along y = 40 from x = -100 to x = 100 at 10 m/s, past a sensor at the origin that hears 79.4 m far.
 PASSING = Path.of([(0.0, -100.0, 40.0, 10.0, 0.0), (20.0, 100.0, 40.0, 10.0, 0.0)])
-SENSOR = AcousticSensor(
-    id="n007",
-    position=(0.0, 0.0),
-    paths=(PASSING,),
-    windows=((3 * S, 17 * S),),
-    source_db=70.0,
-    alpha=2.0,
-    audible_db=51.0,
-    doa_sd_deg=3.0,
-    level_sd_db=0.5,
-    seed=1,
-)
+SENSOR = array_at((0.0, 0.0), (PASSING,), ((3 * S, 17 * S),), doa_sd_deg=3.0, level_sd_db=0.5)
 THRESHOLD = 52.5
 
 
-def faulty(*faults: dict[str, Any], sensor: AcousticSensor = SENSOR) -> Ears:
-    return with_faults(sensor, faults, THRESHOLD)
+def faulty(*faults: dict[str, Any], sensor: Placed = SENSOR) -> Ears:
+    return with_faults(sensor, faults)
 
 
-def fault(kind: str, from_s: float, until_s: float | None = None, **more: float) -> dict[str, Any]:
+def fault(kind: str, from_s: float, until_s: float | None = None, **more: Any) -> dict[str, Any]:
     until_ns = None if until_s is None else round(until_s * S)
     return {"kind": kind, "from_ns": round(from_s * S), "until_ns": until_ns, **more}
 
 
 def test_without_faults_it_is_the_sensor_itself() -> None:
-    assert with_faults(SENSOR, (), THRESHOLD) is SENSOR
+    assert with_faults(SENSOR, ()) is SENSOR
 
 
 @pytest.mark.parametrize("kind", ["stuck", "bias", "deaf", "babble"])
 def test_before_and_after_a_fault_it_reads_as_ever(kind: str) -> None:
-    broken = faulty(fault(kind, 8, 10, **({"bias_db": 5.0} if kind == "bias" else {})))
+    broken = faulty(fault(kind, 8, 10, **({"bias": (0.0, 5.0)} if kind == "bias" else {})))
     for t in (0, 8 * S - 1, 10 * S, 12 * S, 19 * S):
         assert broken.sample(t) == SENSOR.sample(t)
     assert broken.sample(8 * S) != SENSOR.sample(8 * S) or kind == "stuck"
@@ -81,7 +71,7 @@ def test_one_that_gets_stuck_in_silence_reads_something_above_its_threshold() ->
 
 
 def test_a_biased_one_is_off_by_so_much_and_hears_no_more_than_before() -> None:
-    broken = faulty(fault("bias", 0, bias_deg=-350.0, bias_db=-2.0), fault("bias", 10, bias_deg=20.0, bias_db=1.0))
+    broken = faulty(fault("bias", 0, bias=(-350.0, -2.0)), fault("bias", 10, bias=(20.0, 1.0)))
     for t, degrees, db in ((6, 10.0, -2.0), (12, 30.0, -1.0)):
         true, read = SENSOR.sample(t * S), broken.sample(t * S)
         assert true is not None
@@ -92,8 +82,8 @@ def test_a_biased_one_is_off_by_so_much_and_hears_no_more_than_before() -> None:
 
 
 def test_no_reading_is_louder_than_an_array_shows() -> None:
-    assert faulty(fault("bias", 0, bias_db=1000.0)).sample(9 * S) == Heard(200.0, pytest.approx(354.6, abs=9))
-    assert with_faults(SENSOR, [fault("babble", 0)], 199.9).sample(9 * S).level_db <= 200.0  # type: ignore[union-attr]
+    assert faulty(fault("bias", 0, bias=(0.0, 1000.0))).sample(9 * S) == Heard(200.0, pytest.approx(354.6, abs=9))
+    assert with_faults(replace(SENSOR, threshold=199.9), [fault("babble", 0)]).sample(9 * S).level_db <= 200.0  # type: ignore[union-attr]
 
 
 def test_a_babbling_one_reads_anything_above_its_threshold() -> None:
@@ -137,11 +127,12 @@ def test_one_that_needs_a_target_is_awake_when_it_would_be_anyway(kind: str) -> 
 
 
 def test_a_sensor_that_travelled_is_as_broken_elsewhere() -> None:
-    there = AcousticSensor.from_plain(replace(SENSOR, windows=((5 * S, 9 * S),)).to_plain())
+    there = Placed.from_plain(replace(SENSOR, windows=((5 * S, 9 * S),)).to_plain())
     here = replace(SENSOR, windows=((5 * S, 9 * S),))
     for kind in ("stuck", "babble", "deaf", "bias"):
         for t in (5 * S, 7 * S, 9 * S):
-            assert faulty(fault(kind, 6), sensor=there).sample(t) == faulty(fault(kind, 6), sensor=here).sample(t)
+            broken = fault(kind, 6, **({"bias": (9.0, 1.0)} if kind == "bias" else {}))
+            assert faulty(broken, sensor=there).sample(t) == faulty(broken, sensor=here).sample(t)
 
 
 def test_a_node_can_be_broken_without_numpy() -> None:

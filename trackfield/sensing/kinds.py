@@ -48,11 +48,11 @@ def known_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
 
 def known_kind(kind: str, options: Mapping[str, Any]) -> Kind:
     """As ``known_sensor``, the same object for the same arguments."""
-    return _known(kind, tuple(sorted(options.items())))
+    return _known(SENSORS.get(kind), kind, tuple(sorted(options.items())))
 
 
 @lru_cache(maxsize=64)
-def _known(kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
+def _known(maker: Maker | None, kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
     return known_sensor(kind, dict(options))
 
 

@@ -8,10 +8,11 @@ from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import Field
 
+from trackfield.plugins import Maker
 from trackfield.scenario.quantities import MOST_NODES, SomeShare
 from trackfield.scenario.section import Section, Word
 from trackfield.sensing.complete import Kind
-from trackfield.sensing.kinds import make_sensor
+from trackfield.sensing.kinds import SENSORS, make_sensor
 
 OF_GROUPS: Final = ("nodes", "share")
 """The keys that say which sensors are of a kind: those of ``[[sensors]]`` alone."""
@@ -50,9 +51,10 @@ class SensorSection(Section):
     @property
     def sensing(self) -> Kind:
         """The kind of sensing with these options. Raises ``ScenarioError`` as ``make_sensor`` does."""
-        return _made(self.kind, tuple(sorted(self.options.items())))
+        return _made(SENSORS.get(self.kind), self.kind, tuple(sorted(self.options.items())))
 
 
 @lru_cache(maxsize=64)
-def _made(kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
+def _made(maker: Maker | None, kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
+    """The same object for the same arguments; ``maker`` tells classes apart that were registered by one name."""
     return make_sensor(kind, dict(options))
