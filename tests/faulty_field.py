@@ -15,7 +15,7 @@ import numpy as np
 from tests.zhai_field import GRID, MODEL, SCENARIOS, THRESHOLD_DB, hear, prior_around
 from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.metrics import rmse
-from trackfield.filters.types import Array, Reports
+from trackfield.filters.types import Array, Reports, of_bearings
 from trackfield.tracking.following import Following
 
 FAULTY = 60
@@ -34,7 +34,7 @@ def without(reports: Reports, sensor: int) -> Reports:
 def instead(reports: Reports, sensor: int, bearing: float, level: float) -> Reports:
     """The reports with this one in place of what the sensor heard, if anything."""
     rest = without(reports, sensor)
-    return Reports(
+    return of_bearings(
         rest.step,
         (*rest.sensors, f"n{sensor:03d}"),
         np.concatenate((rest.positions, GRID[[sensor]])),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.types import Array, Gaussian, Reports
+from trackfield.filters.types import Array, Gaussian, Reports, of_bearings
 from trackfield.models import motion
 
 FAR = 1e7
@@ -41,4 +41,4 @@ def far_reports(z: Array) -> Reports:
     """
     positions = np.array([[0.0, -FAR], [FAR, 0.0]])
     bearings = np.array([z[0] / FAR, -np.pi / 2.0 + z[1] / FAR])
-    return Reports(0, ("south", "east"), positions, bearings, np.full(2, 60.0))
+    return of_bearings(0, ("south", "east"), positions, bearings, np.full(2, 60.0))

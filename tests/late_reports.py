@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fusion.role import Fusion
+from tests.sensing import arrays
 from tests.zhai_field import GRID, hear, s1
 from trackfield.filters.metrics import rmse
 from trackfield.filters.types import Array
@@ -32,7 +33,7 @@ def _errors(seed: int, share: float, max_age_ns: int) -> Array:
         sensors=[(f"n{i:03d}", float(x), float(y)) for i, (x, y) in enumerate(GRID)],
         step_ns=NS,
         deadline_ns=DEADLINE,
-        doa_sd_deg=3.0,
+        sensing=arrays(),
         seed=seed,
         max_age_ns=max_age_ns,
     )

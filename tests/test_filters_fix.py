@@ -7,7 +7,7 @@ from tests import kalman
 from tests.zhai_field import GRID, SIGMA_W, hear, only
 from trackfield.filters.fix import centroid, intensity_weights, map_fix
 from trackfield.filters.gaussian import extent
-from trackfield.filters.types import Gaussian, Reports
+from trackfield.filters.types import Gaussian, of_bearings
 from trackfield.models import doa
 from trackfield.models.sound import wrap
 
@@ -15,7 +15,7 @@ from trackfield.models.sound import wrap
 def reports(positions, bearings, levels=None):
     positions = np.array(positions, dtype=float)
     levels = np.full(len(positions), 60.0) if levels is None else np.array(levels)
-    return Reports(0, tuple("abcdefgh"[: len(positions)]), positions, np.array(bearings, dtype=float), levels)
+    return of_bearings(0, tuple("abcdefgh"[: len(positions)]), positions, np.array(bearings, dtype=float), levels)
 
 
 def cost(prior, reports, sigma_w, positions):

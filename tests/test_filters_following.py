@@ -3,19 +3,21 @@
 import numpy as np
 import pytest
 
+from tests.sensing import silence, with_bearings
 from tests.zhai_field import GRID, MODEL, SCENARIOS, SIGMA_W, hear, only, prior_around
+from trackfield.filters.fix import first_fix
 from trackfield.filters.trackers import make_tracker
-from trackfield.filters.types import Estimate, Reports
+from trackfield.filters.types import Estimate, of_bearings
 from trackfield.models import doa
-from trackfield.tracking.following import Following, doubts, first_fix
+from trackfield.tracking.following import ANYWHERE, Following, doubts
 
-NONE = Reports(0, (), np.empty((0, 2)), np.empty(0), np.empty(0))
+NONE = silence()
 
 
 def exactly(position, sensors):
     sensors = np.array(sensors, dtype=float)
     ids = tuple(f"n{i}" for i in range(len(sensors)))
-    return Reports(0, ids, sensors, doa.measure(np.array(position), sensors), np.full(len(sensors), 60.0))
+    return of_bearings(0, ids, sensors, doa.measure(np.array(position), sensors), np.full(len(sensors), 60.0))
 
 
 def following(name="fix-imm-ukf"):
@@ -57,14 +59,14 @@ def straight(n, start=(120.0, 130.0), velocity=(6.0, 5.0)):
     ],
 )
 def test_bearings_that_leave_the_range_open_give_no_fix(reports):
-    assert first_fix(reports, SIGMA_W) is None
+    assert first_fix(reports, SIGMA_W, ANYWHERE) is None
     state, estimate = following().step(following().begin(None), reports, 1.0, np.random.default_rng(0))
     assert estimate is None
     assert state.track is None
 
 
 def test_two_bearings_that_cross_give_one():
-    fix = first_fix(exactly((20.0, 30.0), [(0.0, 0.0), (50.0, 0.0)]), SIGMA_W)
+    fix = first_fix(exactly((20.0, 30.0), [(0.0, 0.0), (50.0, 0.0)]), SIGMA_W, ANYWHERE)
     assert fix.mean == pytest.approx([20.0, 30.0, 0.0, 0.0], abs=0.1)
     assert np.sqrt(np.diag(fix.covariance)[2:]) == pytest.approx([10.0, 10.0])  # any vehicle in town
 
@@ -73,7 +75,7 @@ def test_two_bearings_that_cross_give_one():
 def test_the_first_fix_is_as_good_as_it_says(seed):
     rng, nees = np.random.default_rng(seed), []
     for position in rng.uniform(100.0, 400.0, (100, 2)):
-        fix = first_fix(hear(position, rng), SIGMA_W)
+        fix = first_fix(hear(position, rng), SIGMA_W, ANYWHERE)
         if fix is not None:
             error = fix.mean[:2] - position
             nees.append(error @ np.linalg.inv(fix.covariance[:2, :2]) @ error)
@@ -148,7 +150,7 @@ def test_one_sensor_that_points_anywhere_does_not_end_a_track():
         bearings = reports.bearings.copy()
         if step > 5 and step % 4 == 0:
             bearings[0] += 2.5
-        return Reports(step, reports.sensors, reports.positions, bearings, reports.levels)
+        return with_bearings(reports, bearings)
 
     states, _ = follow("fix-imm-ukf", straight(40), np.random.default_rng(4), heard=heard)
     assert all(state.track is not None for state in states)
@@ -188,15 +190,15 @@ def estimate_at(position, sd=1.0):
 def test_bearings_that_agree_take_doubt_away_and_others_add_a_bounded_amount():
     here = (120.0, 130.0)
     reports = exactly(here, GRID[[24, 25, 36]])
-    assert doubts(estimate_at(here), reports, SIGMA_W) < -3.0
-    away = doubts(estimate_at((300.0, 20.0)), reports, SIGMA_W)
+    assert doubts(MODEL, estimate_at(here), reports) < -3.0
+    away = doubts(MODEL, estimate_at((300.0, 20.0)), reports)
     assert away == pytest.approx(3.0 * np.log(20.0), rel=0.01)  # each is clutter with probability 1/20
-    assert doubts(estimate_at(here), NONE, SIGMA_W) == 0.0
+    assert doubts(MODEL, estimate_at(here), NONE) == 0.0
 
 
 def test_what_an_estimate_admits_not_to_know_is_not_held_against_it():
     reports = exactly((135.0, 130.0), GRID[[24, 25, 36]])
-    sure, unsure = (doubts(estimate_at((120.0, 130.0), sd), reports, SIGMA_W) for sd in (1.0, 12.0))
+    sure, unsure = (doubts(MODEL, estimate_at((120.0, 130.0), sd), reports) for sd in (1.0, 12.0))
     assert unsure < sure - 3.0
 
 

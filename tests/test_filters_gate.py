@@ -9,6 +9,7 @@ import pytest
 from immutables import Map
 
 from tests import kalman
+from tests.sensing import with_bearings
 from tests.zhai_field import GRID, MODEL, SIGMA_W, hear
 from trackfield.filters import ukf
 from trackfield.filters.fix import agreeing
@@ -16,7 +17,7 @@ from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.gate import CLUTTER, left_out, likeliest
 from trackfield.filters.gaussian import extent
 from trackfield.filters.suspicion import clutter, learn
-from trackfield.filters.types import Gaussian, Reports
+from trackfield.filters.types import Gaussian, of_bearings
 from trackfield.models import doa
 
 
@@ -119,7 +120,7 @@ def exactly(place, off=()):
     bearings = heard.bearings.copy()
     for k, degrees in off:
         bearings[k] += np.radians(degrees)
-    return Reports(0, heard.sensors, heard.positions, bearings, heard.levels)
+    return with_bearings(heard, bearings)
 
 
 TRUTH = np.array([226.0, 227.0])
@@ -164,7 +165,7 @@ def test_a_step_in_which_nothing_is_believed_is_coasted_through():
     tracker, state = settled(TRUTH, np.random.default_rng(0))
     heard = exactly(TRUTH)
     one = heard.only(np.array([0]))
-    wrong = Reports(0, one.sensors, one.positions, one.bearings + np.pi, one.levels)
+    wrong = with_bearings(one, one.bearings + np.pi)
     nothing = heard.only(np.array([], dtype=int))
     _, after_wrong = tracker.step(state, wrong, 1.0, np.random.default_rng(0))
     _, after_nothing = tracker.step(state, nothing, 1.0, np.random.default_rng(0))
@@ -179,7 +180,7 @@ def test_a_single_bearing_does_not_say_where_a_lost_target_went():
         nothing = exactly(beside).only(np.array([], dtype=int))
         _, coasted = tracker.step(state, nothing, 1.0, np.random.default_rng(0))
         for degrees in range(0, 360, 15):
-            one = Reports(0, ("n060",), GRID[[60]], np.radians([float(degrees)]), np.array([60.0]))
+            one = of_bearings(0, ("n060",), GRID[[60]], np.radians([float(degrees)]), np.array([60.0]))
             _, told = tracker.step(state, one, 1.0, np.random.default_rng(0))
             assert extent(told.covariance) < 2.0 * extent(coasted.covariance)
 
@@ -194,12 +195,12 @@ def test_a_fix_from_many_leaves_out_the_one_that_does_not_fit(degrees):
     for wrong in range(5):
         bearings = doa.measure(truth, sensors)
         bearings[wrong] += np.radians(degrees)
-        heard = Reports(0, tuple("abcde"), sensors, bearings, np.full(5, 60.0))
+        heard = of_bearings(0, tuple("abcde"), sensors, bearings, np.full(5, 60.0))
         assert agreeing(wide, heard, SIGMA_W).believed.tolist() == [k for k in range(5) if k != wrong]
 
 
 def test_two_bearings_cannot_tell_which_of_them_is_wrong():
-    heard = Reports(0, ("a", "b"), GRID[[48, 60]], np.array([2.0, 3.0]), np.full(2, 60.0))
+    heard = of_bearings(0, ("a", "b"), GRID[[48, 60]], np.array([2.0, 3.0]), np.full(2, 60.0))
     wide = Gaussian(np.array([240.0, 230.0, 0.0, 0.0]), np.diag([1e6, 1e6, 100.0, 100.0]))
     assert agreeing(wide, heard, SIGMA_W).believed.tolist() == [0, 1]
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import norm
 
 from tests import kalman
+from tests.sensing import bearings_model
 from tests.zhai_field import MODEL, hear
 from trackfield.filters import sp_pekf
 from trackfield.filters.bootstrap import Bootstrap
@@ -13,12 +14,12 @@ from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.gaussian import collapse
 from trackfield.filters.particles import draw, log_likelihood, propagate
 from trackfield.filters.spcpf import SpCpf
-from trackfield.filters.types import Gaussian, Model
+from trackfield.filters.types import Gaussian
 from trackfield.models import doa, motion
 from trackfield.models.sound import wrap
 
 NOISE = 2.0  # m, of the linear measurements
-LINEAR = Model(sigma_w=NOISE / kalman.FAR, sigma_v=0.5)
+LINEAR = bearings_model(NOISE / kalman.FAR, sigma_v=0.5)
 PRIOR = Gaussian(np.array([3.0, -2.0, 1.0, 0.5]), np.diag([9.0, 9.0, 1.0, 1.0]))
 
 
@@ -67,11 +68,12 @@ def test_more_particles_come_nearer_to_kalman():
 def test_particles_that_are_not_resampled_keep_their_weights():
     """A step of two halves of the noise's information, without a draw between: the weights of one."""
     halves, once = Bootstrap(n=50, ess_share=1e-9), Bootstrap(n=50)
-    still, reports = Model(LINEAR.sigma_w * np.sqrt(2.0), sigma_v=0.0), kalman.far_reports(np.array([5.0, 1.0]))
+    still = bearings_model(LINEAR.sigma_w * np.sqrt(2.0), sigma_v=0.0)
+    reports = kalman.far_reports(np.array([5.0, 1.0]))
     state = halves.init(PRIOR, still)
     for _ in range(2):
         state, estimate = halves.step(state, reports, 0.0, np.random.default_rng(0))
-    _, expected = once.step(once.init(PRIOR, Model(LINEAR.sigma_w)), reports, 0.0, np.random.default_rng(0))
+    _, expected = once.step(once.init(PRIOR, bearings_model(LINEAR.sigma_w)), reports, 0.0, np.random.default_rng(0))
     assert estimate.mean == pytest.approx(expected.mean)
     assert estimate.covariance == pytest.approx(expected.covariance)
 
@@ -153,7 +155,7 @@ def test_the_bank_of_ekfs_is_the_papers_equations(seed):
 def test_with_one_sensor_both_weights_are_one():
     """A single bearing says nothing of range: paper weights would forget the prior's."""
     heard = hear(np.array([203.0, 104.0]), np.random.default_rng(3))
-    nearest = type(heard)(0, heard.sensors[:1], heard.positions[:1], heard.bearings[:1], heard.levels[:1])
+    nearest = heard.only(np.array([0]))
     prior = Gaussian(np.array([200.0, 110.0, 5.0, 5.0]), np.diag([16.0, 16.0, 1.0, 1.0]))
     estimates = []
     for weights in ("paper", "gaussian-prior"):
@@ -173,6 +175,6 @@ def test_with_one_sensor_both_weights_are_one():
 def test_covariance_has_extent_even_if_one_particle_holds_all_the_weight():
     prior = Gaussian(np.array([190.0, 90.0, 5.0, 5.0]), np.diag([400.0, 400.0, 16.0, 16.0]))
     heard = hear(np.array([203.0, 104.0]), np.random.default_rng(0), sigma_w=1e-5)
-    start = SpCpf().init(prior, Model(sigma_w=1e-5))
+    start = SpCpf().init(prior, bearings_model(1e-5))
     _, estimate = SpCpf().step(start, heard, 1.0, np.random.default_rng(0))
     assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0

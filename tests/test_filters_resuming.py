@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.sensing import arrays, silence
 from tests.zhai_field import MODEL, hear, s1, s3
 from trackfield.errors import RunFailed, ScenarioError
 from trackfield.filters import imm
@@ -52,10 +53,6 @@ def lived(following: Following[Any], reports: list[Reports], steps: int = START)
         state, _ = step(following, state, reports[k])
     assert state.track is not None
     return state
-
-
-def silence(k: int) -> Reports:
-    return Reports(k, (), np.empty((0, 2)), np.empty(0), np.empty(0))
 
 
 # --- what they hand on ---
@@ -249,7 +246,7 @@ def test_no_belief_from_outside_crashes_a_tracker(name: str, form: tuple[int, in
 
 
 def test_a_belief_of_another_dimension_is_a_reason_and_a_fresh_start() -> None:
-    bank = Bank(trackers=("ekf", "ukf"), sensors=[("a", 0.0, 0.0)], step_ns=10**9, seed=1, doa_sd_deg=3.0)
+    bank = Bank(trackers=("ekf", "ukf"), sensors=[("a", 0.0, 0.0)], step_ns=10**9, seed=1, sensing=arrays())
     wrong, right = Gaussian(np.zeros(5), np.eye(5)), Gaussian(np.zeros(4), np.eye(4))
     tracks, points, unusable = bank.resume({"ekf": wrong, "ukf": right}, 3, 5)
     assert [track.track is None for track in tracks] == [True, False]
@@ -346,7 +343,7 @@ def test_what_is_no_belief_ends_the_run_with_the_trackers_name(given_belief: Any
 
 
 def test_an_error_of_its_own_says_where_it_was() -> None:
-    following = Following(checked("mine", Knowing()), MODEL)
+    following = Following(checked("mine", Knowing(), 4), MODEL)
     with pytest.raises(IndexError) as error:
         following.resume(GOOD[2])
     assert error.value.__notes__ == ["in tracker 'mine', as it resumed from Particles"]
@@ -356,4 +353,4 @@ def test_an_error_of_its_own_says_where_it_was() -> None:
 def test_one_method_without_the_other_is_an_error(has: str, lacks: str) -> None:
     half = type("Half", (Plain,), {has: lambda *_: None})
     with pytest.raises(ScenarioError, match=f"tracker 'mine': has a method {has} and no {lacks}; expected both or"):
-        checked("mine", half())
+        checked("mine", half(), 4)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from fusion.memory import TRANSITIONS, Memory, Phase
 from fusion.role import Fusion
+from tests.sensing import arrays
 from tests.toys import Request
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.types import Reports
@@ -51,7 +52,7 @@ def centre(*trackers: str, prior: Mapping[str, Any] | None = None, **changes: An
         "sensors": SENSORS,
         "step_ns": NS,
         "deadline_ns": DEADLINE,
-        "doa_sd_deg": 3.0,
+        "sensing": arrays(3.0),
         "seed": 1,
         "prior": prior,
         "target": "bus",

@@ -13,6 +13,7 @@ from launcher.plan.prepare import load, planned, remarks
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import entities, read
+from tests.sensing import bearings_model
 from tests.simulated import simulated, spcpf
 from tests.smoothing import rms_errors
 from tests.test_fusion_late import last_words, run, told
@@ -22,7 +23,7 @@ from trackfield.errors import ScenarioError
 from trackfield.filters.gaussian import constant_velocity
 from trackfield.filters.single_model import Ekf
 from trackfield.filters.trackers import make_tracker
-from trackfield.filters.types import Array, Gaussian, Model
+from trackfield.filters.types import Array, Gaussian
 from trackfield.role import NS, Received, Started, TrackPoint
 from trackfield.tracking.following import Following
 from trackfield.tracking.smoothing import Smoothing, lagged_name
@@ -59,7 +60,7 @@ def given_all(prior: Gaussian, z: Array, sd: float, sigma_v: float) -> tuple[Arr
 def test_in_the_linear_case_a_point_is_the_state_given_the_reports_so_far(lag: int) -> None:
     """An EKF and sensors so far away that bearings measure x and y."""
     rng, sd, prior = np.random.default_rng(lag), 2.0, Gaussian(np.zeros(4), np.diag([9.0, 16.0, 4.0, 1.0]))
-    one = Smoothing(Following(Ekf(), Model(sd / kalman.FAR, 0.5)), lag)
+    one = Smoothing(Following(Ekf(), bearings_model(sd / kalman.FAR, 0.5)), lag)
     state, z, found = one.begin(prior), rng.normal(0.0, 5.0, (7, 2)), []
     for step in range(1, 8):
         state, _, earlier = one.step(state, kalman.far_reports(z[step - 1]), 1.0, rng)

@@ -8,6 +8,7 @@ import pytest
 
 from fusion.memory import Memory
 from fusion.role import Fusion
+from tests.sensing import arrays
 from tests.test_fusion_restart import lived
 from tests.test_fusion_role import centre, deadline, play, points, report, started
 from trackfield.role import NS, Effect, Send, Started, TrackPoint
@@ -103,12 +104,12 @@ def test_a_moving_target_is_announced_to_those_ahead() -> None:
 
 
 def test_an_unsure_track_lowers_it_step_by_step_and_a_sure_one_raises_it() -> None:
-    unsure = centre(threshold=WIDE, doa_sd_deg=15.0)
+    unsure = centre(threshold=WIDE, sensing=arrays(15.0))
     _, effects = fused(unsure, *(at(step, 50.0, 45.0, "n0", "n1") for step in range(1, 6)))
     levels = [send.message.level_db for send in sent(effects)]
     assert levels == [52.0, 51.5, 51.0, 50.5, 50.0][: len(levels)]
     assert len(levels) >= 3
-    sure = centre(threshold=WIDE, doa_sd_deg=0.5)
+    sure = centre(threshold=WIDE, sensing=arrays(0.5))
     _, effects = fused(sure, *(at(step, 50.0, 45.0) for step in range(1, 10)))
     assert sent(effects)[-1].message.level_db == 56.0
 

@@ -26,7 +26,7 @@ def straight(end_s: float, far_m: float) -> dict[str, Any]:
         ({"target": {"path": "s2", "steps": 65535, "step_s": 3600}}, "target.steps: s2 would go on for 2.35926e+08 s"),
         ({"target": {"path": "s1", "step_s": 0.001, "steps": 65536}}, "target.steps: is 65536; "),
         (
-            {"target": straight(1000, 1e7), "sensor": {"kind": "acoustic", "level_db": 1}},
+            {"target": straight(1000, 1e7), "sensor": {"kind": "doa", "level_db": 1}},
             "target: the path, 1e+04 km, is too long to be searched for sensors within 1.06 m of it; "
             "expected at most about 63.6 km, or a longer reach",
         ),

@@ -70,7 +70,7 @@ def test_parameters_stand_below_with_their_defaults(trackfield: Call) -> None:
     assert described(trackfield("list", "links").out)["fixed"][1] == "range_m, loss=0.05, delay_ms=5.0"
     assert described(trackfield("list", "trackers").out)["bootstrap"][1].startswith("n=2000, ")
     assert described(trackfield("list", "radios").out).keys() == RADIOS.keys()
-    assert "position_error_m=0.0" in described(trackfield("list", "sensors").out)["acoustic"][1]
+    assert "position_error_m=0.0" in described(trackfield("list", "sensors").out)["doa"][1]
 
 
 def test_what_users_bring_is_there_too_and_says_where_it_is_from(

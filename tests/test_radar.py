@@ -67,7 +67,7 @@ def test_one_radar_15_km_beside_a_target_of_the_papers_start_and_speed() -> None
 
 def test_it_sees_the_target_in_every_step() -> None:
     site = survey(Scenario.load("radar"))
-    assert all(site.acoustic(0).sample(step * site.step_ns) is not None for step in range(61))
+    assert all(site.sensor(0).sample(step * site.step_ns) is not None for step in range(61))
 
 
 # --- real traffic -----------------------------------------------------------------------------------------------------

@@ -136,7 +136,7 @@ def test_about_so_many_nodes_on_the_command_line(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["jittered", "random"])
 def test_every_layout_can_be_planned(kind: str) -> None:
     site = survey(Scenario.load("spcpf", {"field.layout": kind}))
-    sensors = [site.acoustic(i) for i in range(len(site.sensors))]
+    sensors = [site.sensor(i) for i in range(len(site.sensors))]
     states = [site.paths["target"].at(float(step)) for step in range(site.steps + 1)]
     for step, state in enumerate(states):
         assert state is not None

@@ -81,7 +81,7 @@ def test_a_trace_lies_beside_the_scenario(tmp_path: Path) -> None:
 
 def test_levels_follow_from_threshold_and_margin() -> None:
     sensor = Scenario.load({**LEAST, "sensor": {"threshold": 0.5, "level_db": 80.0, "margin_db": 3.0}}).sensor
-    assert (sensor.threshold_db, sensor.audible_db) == (40.0, 37.0)
+    assert (sensor.sensing.threshold, sensor.sensing.own.audible_db) == (40.0, 37.0)
 
 
 def test_a_file_on_disk(tmp_path: Path) -> None:
@@ -138,12 +138,12 @@ def test_a_scenario_never_changes() -> None:
 
 def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
-    sections = {"field", "sensor", "target", "targets", "link", "architecture", "fusion", "clock", "energy", "faults"}
-    assert properties.keys() == {"name", "seed", "restart", "run", "score"} | sections
+    sections = {"field", "sensor", "sensors", "target", "targets", "link", "architecture", "fusion", "clock", "energy"}
+    assert properties.keys() == {"name", "seed", "restart", "run", "score", "faults"} | sections
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
     layouts = {"grid", "jittered", "random", "ring", "along-path", "beside", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
-    sensor = schema()["$defs"]["Acoustic"]
+    sensor = schema()["$defs"]["DoaSensor"]
     assert sensor["properties"]["alpha"]["maximum"] == 20
     kinds = {"kill", "freeze", "partition", "restart", "stuck", "bias", "deaf", "babble", "clock_jump"}
     assert set(properties["faults"]["items"]["discriminator"]["mapping"]) == kinds
@@ -253,9 +253,13 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         (
             "sensor",
             {"alhpa": 2.0},
-            "sensor.alhpa: unknown; did you mean alpha?; expected one of kind, position_error_m, level_db,",
+            "sensor.alhpa: unknown; did you mean alpha?; expected one of kind, nodes, share, position_error_m,",
         ),
-        ("sensor", {"zzz": 2.0}, "sensor.zzz: unknown; expected one of kind, position_error_m, level_db, alpha,"),
+        (
+            "sensor",
+            {"zzz": 2.0},
+            "sensor.zzz: unknown; expected one of kind, nodes, share, position_error_m, level_db,",
+        ),
         ("sensor", 3, "sensor: is 3; expected a section [sensor]"),
         (
             "link",
@@ -354,8 +358,8 @@ delay_ms = 0.1
         f"{file}:10: sensor.alpha: is 0; expected a number from 0.5 to 20",
         f"{file}:15: link.delay_ms: is 0.1; expected a number from 1 to 3600000",
         f"{file}:17: lnik: unknown; did you mean link?; "
-        "expected one of name, seed, restart, field, sensor, target, targets, link, architecture, fusion, clock, "
-        "energy, run, score, faults",
+        "expected one of name, seed, restart, field, sensor, sensors, target, targets, link, architecture, fusion, "
+        "clock, energy, run, score, faults",
         f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, id, step_s, steps",
         f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]

@@ -195,7 +195,7 @@ def test_sensors_and_centre_of_a_plan_are_the_files(tmp_path: Path) -> None:
     site = survey(surveyed(file, path="s1"))
     assert site.sensors == site.believed == (("west", 60.0, 80.0), ("east", 90.0, 110.0))
     assert site.centre == (500.0, -20.0)
-    assert site.acoustic(1).id == "east"
+    assert site.sensor(1).id == "east"
     assert survey(surveyed(file, path="s1").set("fusion.x_m", 7)).centre == (7.0, -20.0)
     nobody = text(tmp_path / "b.csv", "id,x,y", "west,60,80", "east,90,110")
     assert survey(surveyed(nobody, path="s1")).centre == (75.0, 95.0)

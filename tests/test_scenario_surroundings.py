@@ -51,12 +51,12 @@ def test_faults_are_a_list_of_sections(tmp_path: Path) -> None:
 
 
 def test_a_threshold_is_a_share_or_adaptive_between_two() -> None:
-    fixed = Scenario.load(LEAST, {"sensor.threshold": 0.5}).sensor
-    assert (fixed.adaptive, fixed.thresholds_db, fixed.threshold_db) == (False, (35.0, 35.0), 35.0)
-    adaptive = Scenario.load(LEAST, {"sensor.threshold": "adaptive", "sensor.threshold_min": 0.6}).sensor
+    fixed = Scenario.load(LEAST, {"sensor.threshold": 0.5}).sensor.sensing
+    assert (fixed.adaptive, fixed.thresholds, fixed.threshold) == (False, (35.0, 35.0), 35.0)
+    adaptive = Scenario.load(LEAST, {"sensor.threshold": "adaptive", "sensor.threshold_min": 0.6}).sensor.sensing
     assert adaptive.adaptive
-    assert adaptive.thresholds_db == pytest.approx((42.0, 56.0))
-    assert (adaptive.threshold_db, adaptive.audible_db) == pytest.approx((49.0, 41.0))
+    assert adaptive.thresholds == pytest.approx((42.0, 56.0))
+    assert (adaptive.threshold, adaptive.own.audible_db) == pytest.approx((49.0, 41.0))
 
 
 def test_a_field_is_awake_for_the_lowest_threshold_that_may_come() -> None:

@@ -14,6 +14,8 @@ from trackfield.scenario import Scenario, survey
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS
 from trackfield.scenario.survey import target_paths
+from trackfield.sensing.complete import Kind
+from trackfield.sensing.doa import Doa as Arrays
 from trackfield.wire import Doa, WireError, encode
 from trackfield.world.targets import s1, s2, s3, waypoints
 from trackfield.world.windows import distances
@@ -180,6 +182,9 @@ def test_a_file_is_read_for_its_window(tmp_path: Path) -> None:
         target_path(mine(**{**target, "from": "200", "to": "300"}))
 
 
+KEEN = Kind("doa", Arrays(threshold=0.0, margin_db=1000.0))
+"""Arrays that hear the source of the packaged scenarios at any distance, without noise of the level."""
+
 # --- the whole ---------------------------------------------------------------------------------------------
 
 
@@ -190,7 +195,7 @@ def test_the_papers_thresholds_wake_as_many_sensors_as_the_paper_says() -> None:
         for seed in range(1, 6):
             changes = {"sensor.threshold": threshold, "sensor.margin_db": 0.0, "seed": seed}
             site = survey(Scenario.load("spcpf", changes))
-            sensors = [site.acoustic(i) for i in range(len(site.sensors))]
+            sensors = [site.sensor(i) for i in range(len(site.sensors))]
             counts += [sum(one.sample(step * S) is not None for one in sensors) for step in range(61)]
         assert np.mean(counts) == pytest.approx(active, abs=0.3)
 
@@ -198,14 +203,14 @@ def test_the_papers_thresholds_wake_as_many_sensors_as_the_paper_says() -> None:
 @pytest.mark.parametrize("name", ["spcpf", "bus"])
 def test_a_sensor_hears_in_its_windows_whatever_it_could_hear_at_all(name: str) -> None:
     site = survey(Scenario.load(name))
-    audible_db = site.scenario.sensor.audible_db
+    audible_db = site.scenario.sensor.sensing.own.audible_db
     for i in range(len(site.sensors)):
-        sensor = site.acoustic(i)
-        own, deaf = site.windows[i], replace(sensor, audible_db=-1e9)
+        sensor = site.sensor(i)
+        own, keen = site.windows[i], replace(sensor, kind=KEEN)
         for t in range(0, site.steps * site.step_ns + 1, S // 4):
             heard = sensor.sample(t)
             assert (heard is not None) <= any(a <= t <= b for a, b in own)
-            exact = replace(deaf, level_sd_db=0.0).sample(t)
+            exact = keen.sample(t)
             assert exact is not None
             assert (heard is not None) == (exact.level_db >= audible_db)
 
@@ -216,9 +221,9 @@ def test_a_site_holds_what_a_run_needs() -> None:
     assert (site.scenario, site.steps, site.step_ns) == (scenario, 120, S // 2)
     assert len(site.windows) == len(site.sensors) == 121
     assert site.centre == (-20.0, 250.0)
-    sensor = site.acoustic(13, incarnation=2)
+    sensor = site.sensor(13, incarnation=2)
     assert (sensor.id, sensor.position, sensor.seed, sensor.incarnation) == ("n013", (100.0, 50.0), 5, 2)
-    assert (sensor.source_db, sensor.audible_db, sensor.doa_sd_deg) == (70.0, 51.5, 3.0)
+    assert (sensor.kind.own.level_db, sensor.kind.own.audible_db, sensor.kind.own.doa_sd_deg) == (70.0, 51.5, 3.0)
 
 
 def test_every_sensor_hears_at_threshold_zero() -> None:
@@ -248,7 +253,7 @@ def test_the_largest_and_loudest_field_can_be_planned() -> None:
     wide = {"sensor.level_db": 200.0, "sensor.alpha": 0.5, "sensor.threshold": 0.0, "sensor.margin_db": 100.0}
     site = survey(Scenario.load("spcpf", wide))
     assert all(own == ((0, 60 * S),) for own in site.windows)
-    assert site.acoustic(0).sample(30 * S) is not None
+    assert site.sensor(0).sample(30 * S) is not None
 
 
 @pytest.mark.parametrize(("start", "end"), [("07:46", "07:49"), ("07:50:00", "07:53:00"), ("08:07", "08:10")])

@@ -152,14 +152,14 @@ def test_random_accelerations_are_of_the_target() -> None:
 def test_a_sensor_is_awake_for_each_of_them() -> None:
     scenario = several({"id": "a", "path": "s1"}, SECOND)
     site = survey(scenario)
-    positions, (awake_m, _) = np.array([place[1:] for place in site.sensors]), scenario.sensor.reach_m()
+    positions, awake_m = np.array([place[1:] for place in site.sensors]), scenario.sensor.sensing.range_m
     each = [windows(positions, path, awake_m) for path in site.paths.values()]
     for own, *parts in zip(site.windows, *each, strict=True):
         assert all(any(a <= begin and end <= b for a, b in own) for part in parts for begin, end in part)
         assert {time for window in own for time in window} <= {time for part in parts for w in part for time in w}
         assert all(x[1] < y[0] for x, y in pairwise(own))
-    sensor = site.acoustic(60)
-    assert sensor.paths == tuple(site.paths.values())
+    sensor = site.sensor(60)
+    assert sensor.scene.paths == tuple(site.paths.values())
 
 
 def test_sensors_stand_along_all_their_ways_and_beside_the_first() -> None:

@@ -8,17 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.sensing import silence
 from tests.zhai_field import GRID, MODEL, P0, hear, only
 from trackfield.errors import ScenarioError
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import TRACKERS, make_tracker
-from trackfield.filters.types import Gaussian, Reports
+from trackfield.filters.types import Gaussian, of_bearings
 
 NAMES = sorted(TRACKERS)
 HEARING = [name for name in NAMES if name != "predict-only"]
 DRAWING = {"bootstrap": 2000, "fix-doa": 200, "spcpf": 200}
 START = Gaussian(np.array([200.0, 130.0, 6.0, 5.0]), P0 / 16.0)
-NONE = Reports(0, (), np.empty((0, 2)), np.empty(0), np.empty(0))
+NONE = silence()
 
 
 def run(name, heard, *, prior=START, model=MODEL, dt=1.0, seed=0):
@@ -90,7 +91,7 @@ def test_a_gap_in_the_reports_is_bridged(name):
 @pytest.mark.parametrize("name", HEARING)
 def test_a_single_sensor_turns_the_estimate_towards_its_bearing(name):
     truth, sensor = np.array([206.0, 135.0]), GRID[[26]]  # at (200, 100), 35 m away
-    heard = Reports(0, ("n026",), sensor, np.array([np.arctan2(*(truth - sensor[0]))]), np.array([55.0]))
+    heard = of_bearings(0, ("n026",), sensor, np.array([np.arctan2(*(truth - sensor[0]))]), np.array([55.0]))
     (estimate,) = run(name, [heard])
     across = np.array([truth[1] - sensor[0, 1], sensor[0, 0] - truth[0]]) / np.hypot(*(truth - sensor[0]))
     assert sound(estimate)
@@ -145,7 +146,7 @@ def test_a_thousand_sensors_at_once(name):
     rng = np.random.default_rng(6)
     sensors, truth = rng.uniform(0.0, 500.0, (1000, 2)), np.array([206.0, 135.0])
     bearings = np.arctan2(*(truth - sensors).T) + MODEL.sigma_w * rng.standard_normal(1000)
-    heard = Reports(0, tuple(map(str, range(1000))), sensors, bearings, np.full(1000, 50.0))
+    heard = of_bearings(0, tuple(map(str, range(1000))), sensors, bearings, np.full(1000, 50.0))
     estimates = run(name, [heard, NONE])
     assert np.hypot(*(estimates[0].mean[:2] - truth)) < {"spcpf": 8.0}.get(name, 0.6)
     assert all(map(sound, estimates))
@@ -228,6 +229,7 @@ def test_particles_are_positions_and_fit_a_track_point(name):
 SCRIPT = """
 import sys
 import numpy as np
+from tests.sensing import silence
 from tests.zhai_field import SCENARIOS, follow
 from trackfield.filters.trackers import TRACKERS, make_tracker
 for name in sorted(TRACKERS):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from tests.consistency import FixUkf
+from tests.sensing import bearings_model
 from tests.zhai_field import GRID, SCENARIOS, errors, hear
 from trackfield.filters.metrics import Lost, nees, nees_band, rmse
 from trackfield.filters.trackers import make_tracker
-from trackfield.filters.types import Gaussian, Model, Reports
+from trackfield.filters.types import Gaussian, of_bearings
 from trackfield.models import doa, motion
 
 
@@ -96,7 +97,7 @@ def test_kalman_filters_of_a_quiet_model_lag_behind_who_turns_and_lose_nobody(na
 
 def radar_errors(tracker, runs=20):
     """Position error of a single bearing-only sensor's track (fig. 3), with a tight prior of range and speed."""
-    dt, model = 4.0, Model(float(np.radians(0.2)), sigma_v=0.05)
+    dt, model = 4.0, bearings_model(float(np.radians(0.2)), sigma_v=0.05)
     F, gain, P = np.array(motion.transition(dt)), np.array(motion.noise_gain(dt)), np.diag([1e4, 1e4, 4.0, 4.0])
     found = []
     for seed in range(runs):
@@ -105,7 +106,7 @@ def radar_errors(tracker, runs=20):
         for step in range(60):
             x = F @ x + gain @ rng.normal(0.0, 0.05, 2)
             bearing = doa.measure(x, np.zeros((1, 2))) + model.sigma_w * rng.normal(size=1)
-            heard = Reports(step, ("radar",), np.zeros((1, 2)), bearing, np.array([60.0]))
+            heard = of_bearings(step, ("radar",), np.zeros((1, 2)), bearing, np.array([60.0]))
             state, estimate = tracker.step(state, heard, dt, np.random.default_rng([seed, step]))
             found.append(estimate.mean[:2] - x[:2])
     return rmse(np.array(found))

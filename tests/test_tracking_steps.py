@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from tests.sensing import arrays
 from tests.test_fusion_role import DEADLINE, PRIOR, SENSORS, report
 from trackfield.role import NS, Effect, Ignored, Late, SetTimer, TrackPoint
 from trackfield.tracking.bank import Bank
@@ -24,7 +25,7 @@ def head(*trackers: str, max_age_ns: int = 0, prior: Any = None) -> Steps:
         sensors=SENSORS,
         step_ns=NS,
         seed=1,
-        doa_sd_deg=3.0,
+        sensing=arrays(),
         prior=prior,
         target="bus",
         draws=("head",),
@@ -95,7 +96,7 @@ def test_without_an_age_nothing_is_kept_and_nothing_taken_again() -> None:
 
 
 def test_a_smoothed_track_follows_the_points_of_the_step() -> None:
-    bank = Bank(trackers=("ekf",), sensors=SENSORS, step_ns=NS, seed=1, doa_sd_deg=3.0, smooth_lag=2)
+    bank = Bank(trackers=("ekf",), sensors=SENSORS, step_ns=NS, seed=1, sensing=arrays(), smooth_lag=2)
     steps = Steps(bank, deadline_ns=DEADLINE)
     state = lived(steps, 3)[0]
     after = taken(steps, state)

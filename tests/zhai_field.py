@@ -7,7 +7,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, Tracker
+from tests.sensing import bearings_model
+from trackfield.filters.types import Array, Estimate, Gaussian, Reports, Tracker, of_bearings
 from trackfield.models import doa, motion
 from trackfield.models.sound import level_db
 
@@ -17,7 +18,7 @@ SPACING, LEVEL_DB, ALPHA, THRESHOLD_DB = 50.0, 70.0, 2.0, 0.75 * 70.0
 SIGMA_W = float(np.radians(3.0))
 GRID = np.array([(SPACING * column, SPACING * row) for row in range(11) for column in range(11)])
 P0 = np.diag([20.0, 20.0, 4.0, 4.0]) ** 2
-MODEL = Model(SIGMA_W)
+MODEL = bearings_model(SIGMA_W)
 
 
 def s1(rng: np.random.Generator) -> Array:
@@ -63,14 +64,14 @@ def hear(
     levels = level_db(np.hypot(*(position - sensors).T), LEVEL_DB, ALPHA, xp=np)
     near = np.flatnonzero(levels >= THRESHOLD_DB)
     bearings = doa.measure(position, sensors[near]) + sigma_w * rng.standard_normal(len(near))
-    return Reports(step, tuple(f"n{i:03d}" for i in near), sensors[near], bearings, levels[near])
+    return of_bearings(step, tuple(f"n{i:03d}" for i in near), sensors[near], bearings, levels[near])
 
 
 def only(reports: Reports, which: Sequence[int]) -> Reports:
     """These of the reports, by their place."""
     k = np.array(which, dtype=int)
     ids = tuple(reports.sensors[i] for i in k)
-    return Reports(reports.step, ids, reports.positions[k], reports.bearings[k], reports.levels[k])
+    return of_bearings(reports.step, ids, reports.positions[k], reports.bearings[k], reports.levels[k])
 
 
 def prior_around(state: Array, rng: np.random.Generator) -> Gaussian:
@@ -80,7 +81,7 @@ def prior_around(state: Array, rng: np.random.Generator) -> Gaussian:
 
 def follow(tracker: Tracker[S], truth: Array, rng: np.random.Generator, sigma_w: float = SIGMA_W) -> Iterator[Estimate]:
     """The tracker's estimates for steps 1, 2, ... of one second along ``truth`` (T+1, 4)."""
-    state = tracker.init(prior_around(truth[0], rng), Model(sigma_w))
+    state = tracker.init(prior_around(truth[0], rng), bearings_model(sigma_w))
     for step, target in enumerate(truth[1:], start=1):
         reports = hear(target[:2], rng, step=step, sigma_w=sigma_w)
         state, estimate = tracker.step(state, reports, 1.0, rng)

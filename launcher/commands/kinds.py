@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,6 +16,7 @@ from trackfield.plugins import Plugins
 from trackfield.scenario import names, summary
 from trackfield.scenario.keys import Key, sections_of_file
 from trackfield.scenario.section import OTHER
+from trackfield.scenario.sensors import OF_GROUPS
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def sensors() -> Iterator[Item]:
     """Our own kind of sensor, then those registered and installed."""
     from trackfield.sensing.kinds import SENSORS
 
-    yield from _plugins(SENSORS, {item.name: item for item in _section("sensor")})
+    yield from _plugins(SENSORS, {item.name: item for item in _section("sensor", OF_GROUPS)})
 
 
 def architectures() -> Iterator[Item]:
@@ -77,8 +78,8 @@ KINDS: Final[Mapping[str, Callable[[], Iterator[Item]]]] = {
 }
 
 
-def _section(name: str) -> Iterator[Item]:
-    """The kinds of a section of the scenario file; those that share all their keys are one item."""
+def _section(name: str, without: Collection[str] = ()) -> Iterator[Item]:
+    """The kinds of a section of the scenario file, ``without`` some keys; those that share all keys are one item."""
     section = sections_of_file()[name]
     tag = section.tag or "kind"
     shared: dict[tuple[Key, ...], list[str]] = {}
@@ -87,7 +88,9 @@ def _section(name: str) -> Iterator[Item]:
             shared.setdefault(tuple(keys.values()), []).append(kind or json.loads(keys[tag].default))
     for several, kinds in shared.items():
         what = next(key.meaning for key in several if key.name == tag)
-        yield Item(", ".join(kinds), what, ", ".join(_parameter(key) for key in several if key.name != tag))
+        yield Item(
+            ", ".join(kinds), what, ", ".join(_parameter(key) for key in several if key.name not in (tag, *without))
+        )
 
 
 def _parameter(key: Key) -> str:

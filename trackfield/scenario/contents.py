@@ -24,7 +24,7 @@ from trackfield.scenario.sections.energy import Energy
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sections.run import Run
 from trackfield.scenario.sections.score import Score
-from trackfield.scenario.sensors import DoaSensor, Sensor, SensorSection
+from trackfield.scenario.sensors import OF_GROUPS, DoaSensor, Sensor, SensorSection
 
 MOST_TARGETS: Final = 1000
 MOST_FAULTS: Final = 10_000
@@ -63,7 +63,7 @@ class Contents(Section):
     def _some_of_each(cls, sensors: tuple[SensorSection, ...], info: ValidationInfo) -> tuple[SensorSection, ...]:
         """Each group says which sensors are of its kind; the others are as ``[sensor]`` says."""
         alone = info.data.get("sensor")
-        for name in ("nodes", "share"):
+        for name in OF_GROUPS:
             if getattr(alone, name, None) is not None:
                 raise wrong("is for some of the sensors, in [[sensors]]", "[sensor] for the others", f"sensor.{name}")
         for i, one in enumerate(sensors):

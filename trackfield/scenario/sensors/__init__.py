@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Final
 from trackfield.scenario.section import OTHER, open_union
 from trackfield.scenario.sensors.doa import DoaSensor
 from trackfield.scenario.sensors.own import OwnSensor
-from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.scenario.sensors.sensor import OF_GROUPS, SensorSection
 from trackfield.sensing.kinds import DEFAULT
 
-__all__ = ["SENSORS", "DoaSensor", "OwnSensor", "Sensor", "SensorSection"]
+__all__ = ["OF_GROUPS", "SENSORS", "DoaSensor", "OwnSensor", "Sensor", "SensorSection"]
 
 SENSORS: Final[Mapping[str, type[SensorSection]]] = {
     DEFAULT: DoaSensor,

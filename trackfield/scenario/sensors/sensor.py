@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Final
 
 from pydantic import Field
 
@@ -12,6 +12,9 @@ from trackfield.scenario.quantities import MOST_NODES, SomeShare
 from trackfield.scenario.section import Section, Word
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
+
+OF_GROUPS: Final = ("nodes", "share")
+"""The keys that say which sensors are of a kind: those of ``[[sensors]]`` alone."""
 
 Ids = Annotated[tuple[Word, ...], Field(min_length=1, max_length=MOST_NODES)]
 
