@@ -265,3 +265,12 @@ def test_the_report_says_why_there_was_no_track(tmp_path: Path) -> None:
     }
     found = read_run(tf.run(tf.Scenario.load("zhai-spcpf", settings), out=tmp_path / "run").path)
     assert in_words(found, found.tracks[0]) == "5 s without a track: c0 was killed at 4 s; c1 was killed at 8 s."
+
+
+def test_a_role_sends_to_those_that_its_architecture_names(tmp_path: Path) -> None:
+    """Over processes the recorder refuses such a frame, and the run fails, too."""
+    scenario = own(changed(config={"to": ["fusion", "n001"]}))
+    with pytest.raises(tf.RunFailed, match="herald sent hello to n001, to which it sends nothing by the plan"):
+        tf.run(scenario, out=tmp_path / "virtual")
+    with pytest.raises(tf.RunFailed, match="3 frames never reached the recorder"):
+        tf.run(scenario, driver="processes", speed=2.0, out=tmp_path / "processes")

@@ -11,6 +11,7 @@ from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
 from trackfield.drivers.meter import spent
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
+from trackfield.errors import RunFailed
 from trackfield.role import IllegalEvent
 
 
@@ -28,7 +29,7 @@ class Sink(Protocol):
 
 
 class Virtual:
-    """A run in virtual time.
+    """A run in virtual time. Raises ``RunFailed`` for a frame to a process that does not have its sender as a peer.
 
     ``cores`` holds the engine of each life by its name; ``run`` feeds ``sink`` and returns when nothing is due before
     ``end_ns``. ``now_ns`` is the time. Frames travel as encoded bytes through the same link as under the process
@@ -90,6 +91,9 @@ class Virtual:
         cell = self._processes[frame.src].cell
         for hearer in self._listeners if frame.broadcast else [self._processes.get(frame.to)]:
             if hearer is not None and hearer.hears(frame.medium, frame.to, frame.src, cell):
+                if hearer.peers and not frame.broadcast and frame.src not in hearer.peers:
+                    what = f"{frame.src} sent {frame.kind} to {frame.to}, to which it sends nothing by the plan"
+                    raise RunFailed(what, process=frame.src)
                 self._deliver(hearer.id, frame)
 
     def _deliver(self, hearer: str, frame: Frame) -> None:
