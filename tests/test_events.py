@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
-from math import dist, hypot
+from math import hypot
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -15,6 +14,7 @@ import trackfield as tf
 from launcher.plan.prepare import planned, warned
 from node.role import Node, Phase
 from tests.running import METRICS, SPEEDS, kept_up
+from tests.tripwire import Trip
 from trackfield.filters.measurement import expected, jacobians, log_likelihood, sensing_information
 from trackfield.filters.types import Model, Readings, Reports
 from trackfield.role import NS, Received, Sample, Sampled, Send, SetTimer, Started, Timer
@@ -27,35 +27,6 @@ from trackfield.world.faulty import Faulty, SensorFault
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed
 from trackfield.world.scene import Scene
-
-
-@dataclass(frozen=True)
-class Trip:
-    """Tells how far away a target was when it was closest."""
-
-    range_m: float = 60.0
-    sd_m: float = 2.0
-
-    resolution = (0.01,)
-    units = ("m",)
-    fix_sensors = 3
-    rhythm = "events"
-
-    @property
-    def sd(self) -> tuple[float, ...]:
-        return (self.sd_m,)
-
-    def simulate(self, target: Any, position: Any, normals: Any) -> tuple[float, ...]:
-        return (dist(target[:2], position) + self.sd_m * normals[0],)
-
-    def h(self, states: Any, positions: Any) -> Any:
-        return np.linalg.norm(states[..., None, :2] - positions, axis=-1)[..., None]
-
-    def jacobian(self, states: Any, positions: Any) -> Any:
-        slopes = np.zeros((*states.shape[:-1], len(positions), 1, 4))
-        slopes[..., 0, :2] = (states[..., None, :2] - positions) / np.maximum(self.h(states, positions), 1e-6)
-        return slopes
-
 
 register_sensor("trip", Trip)
 STRAIGHT = Path.of([(0.0, -100.0, 0.0, 10.0, 0.0), (40.0, 300.0, 0.0, 10.0, 0.0)])

@@ -43,7 +43,7 @@ tf.run(scenario, driver=driver, speed=float(speed) if driver == "processes" else
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A directory that holds the examples."""
-    assert EXAMPLES.keys() == PROMISED.keys() == {"kalman.py", "sonar.py", "strength.py"}
+    assert EXAMPLES.keys() == PROMISED.keys() == {"kalman.py", "sonar.py", "strength.py", "two_centres.py"}
     for name, code in EXAMPLES.items():
         (tmp_path / name).write_text(code)
     return tmp_path
@@ -109,6 +109,7 @@ def test_installed_they_are_there_by_name(folder: Path) -> None:
     elsewhere.mkdir()
     listed = python(elsewhere, "-m", "launcher.cli", "list", PYTHONPATH=str(folder)).stdout
     assert re.search(r"^trackers .*, kalman$", listed, re.MULTILINE)
+    assert re.search(r"^architectures  centralised, two-centres$", listed, re.MULTILINE)
     assert re.search(r"^sensors +doa, sonar$", listed, re.MULTILINE)
     described = python(elsewhere, "-m", "launcher.cli", "list", "trackers", PYTHONPATH=str(folder)).stdout
     assert re.search(r"^kalman  .* \(kalman:Kalman\)$", described, re.MULTILINE)
@@ -117,6 +118,10 @@ def test_installed_they_are_there_by_name(folder: Path) -> None:
     said = python(elsewhere, "-m", "launcher.cli", *command.split(), *options, PYTHONPATH=str(folder))
     assert said.returncode == 0, said.stderr
     assert json.loads(said.stdout)["trackers"].keys() == {"kalman", "ekf"}
+    (command,) = re.findall(r"^trackfield (run zhai-spcpf .* architecture.kind=.*)$", DOCS, re.MULTILINE)
+    said = python(elsewhere, "-m", "launcher.cli", *command.split(), *options, PYTHONPATH=str(folder))
+    assert said.returncode == 0, said.stderr
+    assert json.loads(said.stdout)["trackers"]["spcpf"]["sources"] == {"base": 5, "east": 5, "west": 5}
 
 
 def test_the_variant_of_the_document_runs(trackfield: Call) -> None:

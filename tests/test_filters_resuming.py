@@ -343,7 +343,7 @@ def test_what_is_no_belief_ends_the_run_with_the_trackers_name(given_belief: Any
 
 
 def test_an_error_of_its_own_says_where_it_was() -> None:
-    following = Following(checked("mine", Knowing()), MODEL)
+    following = Following(checked("mine", Knowing(), 4), MODEL)
     with pytest.raises(IndexError) as error:
         following.resume(GOOD[2])
     assert error.value.__notes__ == ["in tracker 'mine', as it resumed from Particles"]
@@ -353,4 +353,4 @@ def test_an_error_of_its_own_says_where_it_was() -> None:
 def test_one_method_without_the_other_is_an_error(has: str, lacks: str) -> None:
     half = type("Half", (Plain,), {has: lambda *_: None})
     with pytest.raises(ScenarioError, match=f"tracker 'mine': has a method {has} and no {lacks}; expected both or"):
-        checked("mine", half())
+        checked("mine", half(), 4)

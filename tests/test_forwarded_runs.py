@@ -20,11 +20,13 @@ from tests.simulated import simulated
 from tests.two_centres import BASE, CENTRES, two_centres
 from trackfield.role import NS, Publish, TrackPoint
 from trackfield.tracking.forwarding import Numbering, received
+from trackfield.wire import decode
 
 Run = tuple[Plan, Ledger, list[TrackRow]]
 LATE = ("link.model=gilbert_elliott", "link.delay_ms=100", "link.jitter_ms=400", "fusion.max_age_s=2.5")
 
 LOSSY = ("link.model=fixed", "link.loss=0.3")
+DEAD = "faults=[{kind='restart', nodes=['fusion'], at_s=12.4, until_s=17.7}]"
 MISSED = (*LATE, "link.loss_good=0.2")
 
 
@@ -79,6 +81,19 @@ def test_it_goes_on_with_the_other_one_when_a_centre_dies() -> None:
     assert all(bound[BASE][row.t_ns] == bound["fusion"][row.t_ns] for row in shown if row.t_ns >= 12 * NS)
 
 
+def test_a_centre_that_returns_hands_on_what_it_resumes_with() -> None:
+    """A point of each of its two trackers, of the last step before its return; its radio sends them one by one."""
+    _, ledger, rows = run((DEAD,))
+    tracks = [row for row in ledger.rows if row.kind == "track" and row.src == "fusion"]
+    sent = [row for row in tracks if 17.7 * NS <= row.sent_ns < 17.8 * NS]
+    assert [decode(row.payload).at_us for row in sent] == [17_000_000, 17_000_000]
+    assert [row.text for row in sent] == [
+        f"the track at 17.000 s (tracker {number}, 0 reports, 0.700 s old)" for number in (0, 1)
+    ]
+    away = {row.point.origin for row in of(rows, BASE).values() if 13 <= row.t_ns / NS <= 16}
+    assert away == {"second"}
+
+
 def test_a_step_that_was_fused_again_comes_again() -> None:
     """The base knows each step first without the late reports, and nearly all of them with these in the end."""
     _, _, rows = run(LATE)
@@ -131,7 +146,7 @@ def replayed(run: Run, folder: Path, trackers: Sequence[str] = ()) -> list[Track
 
 
 @pytest.mark.parametrize("kill_s", [None, 12.0])
-@pytest.mark.parametrize("settings", [(), LOSSY, LATE, ("fusion.prior=none", "fusion.smooth_lag=2")])
+@pytest.mark.parametrize("settings", [(), LOSSY, LATE, (DEAD,), ("fusion.prior=none", "fusion.smooth_lag=2")])
 def test_a_replay_shows_the_same_bit_for_bit(settings: Sequence[str], kill_s: float | None, tmp_path: Path) -> None:
     was = run(settings, kill_s)
     assert replayed(was, tmp_path) == was[2]

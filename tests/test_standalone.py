@@ -47,3 +47,19 @@ def test_bad_arguments_have_one_message(arguments: tuple[str, ...], says: str) -
     assert says in done.stderr
     assert "Traceback" not in done.stderr
     assert done.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("role", "says"),
+    [
+        (("herald", "tests.strangers"), "is 'tests.strangers'; expected something like mine.roles:Base"),
+        (("herald", "tests.strangers:Heral"), "tests.strangers:Heral cannot be loaded (AttributeError: "),
+        (("herald", "nothing.there:Herald"), "nothing.there:Herald cannot be loaded (ModuleNotFoundError: "),
+        (("herald",), "the following arguments are required: MODULE:CLASS"),
+    ],
+)
+def test_a_role_of_ones_own_needs_its_class(role: tuple[str, ...], says: str) -> None:
+    done = python("-m", "trackfield.drivers.standalone", *role, "--connect", "tcp/127.0.0.1:9")
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr

@@ -101,7 +101,7 @@ def test_neither_four_nor_five_is_a_reason_and_a_fresh_start(monkeypatch: pytest
 
 
 def test_a_users_tracker_may_hand_on_five_that_fit() -> None:
-    following = Following(checked("mine", Knowing(FIVE)), MODEL)
+    following = Following(checked("mine", Knowing(FIVE), 5), MODEL)
     assert following.belief(following.begin(FOUR)) is FIVE
     with pytest.raises(RunFailed, match=r"its belief: mean is of shape \(4,\); expected .* \(5,\)"):
-        checked("mine", Knowing(broken(FIVE, 0, FOUR.mean))).belief(FOUR)  # type: ignore[attr-defined]
+        checked("mine", Knowing(broken(FIVE, 0, FOUR.mean)), 5).belief(FOUR)  # type: ignore[attr-defined]

@@ -42,18 +42,24 @@ class Chooser:
 def two_centres(seed: int = 1, settings: Sequence[str] = (), **second: Any) -> Plan:
     """The plan of ``spcpf`` with every other node reporting to a second centre; ``second`` are changes to that one."""
     plan = spcpf(seed, settings)
-    centre, *nodes = plan.processes
+    nodes = [one for one in plan.processes if one.role == "node"]
+    lives = [one for one in plan.processes if one.role == "fusion"]
     halves = (nodes[::2], nodes[1::2])
     sensors = [node.id for node in nodes]
     forward = {"to": BASE, "sensors": sensors}
-    first = replace(centre, config={**centre.config, "forward": forward}, peers=places_of(halves[0]))
+    centre = lives[0]
+    place = {BASE: (centre.x + 30.0, centre.y)}
+    centres = [
+        replace(one, config={**one.config, "forward": forward}, peers=places_of(halves[0]) | place) for one in lives
+    ]
+    centre = centres[0]
     other = replace(
-        first,
+        centre,
         id=CENTRES[1],
-        config={**first.config, "draws": [CENTRES[1]]},
+        config={**centre.config, "draws": [CENTRES[1]]},
         y=centre.y - 50.0,
-        peers=places_of(halves[1]),
-        **second,
+        peers=places_of(halves[1]) | place,
+        **{"kill_ns": None, **second},
     )
     both = {
         "trackers": plan.tracking["trackers"],
@@ -61,11 +67,10 @@ def two_centres(seed: int = 1, settings: Sequence[str] = (), **second: Any) -> P
         "step_ns": plan.step_ns,
         "origin_ns": plan.origin_ns,
     }
-    base = ProcessSpec(
-        BASE, "base", "tests.two_centres:Chooser", both, centre.x + 30.0, centre.y, peers=places_of((first, other))
-    )
+    base = ProcessSpec(BASE, "base", "tests.two_centres:Chooser", both, *place[BASE], peers=places_of((centre, other)))
     told = [replace(node, config={**node.config, "centre": CENTRES[i % 2]}) for i, node in enumerate(nodes)]
     places = [Place(one.id, one.role, one.x, one.y, frozenset({TRACKS})) for one in (other, base)]
     info = replace(plan.info, places=(plan.info.places[0], *places, *plan.info.places[1:]))
     views = (View("base", (BASE,)), View("in-network", CENTRES))
-    return replace(plan, processes=(first, other, base, *told), info=info, views=views)
+    banks = {CENTRES[0]: {}, CENTRES[1]: {"draws": [CENTRES[1]]}}
+    return replace(plan, processes=(*centres, other, base, *told), info=info, views=views, banks=banks)

@@ -87,9 +87,9 @@ class Plugins(Mapping[str, Maker]):
         key = f"register_{self.kind}"
         if not _NAME.fullmatch(name):
             expected = "1 to 32 letters, digits, _ . - (the first a letter or a digit)"
-            raise ScenarioError(f"{name!r} is not a valid name for a {self.kind}", key=key, expected=expected)
+            raise ScenarioError(f"{name!r} is not a valid name for {self._one}", key=key, expected=expected)
         if name in self.own:
-            what = f"{name!r} is a {self.kind} of Trackfield's own"
+            what = f"{name!r} is {self._one} of Trackfield's own"
             raise ScenarioError(what, key=key, expected="another name")
         self._check(name, maker, key)
         self.registered[name] = maker
@@ -132,6 +132,10 @@ class Plugins(Mapping[str, Maker]):
         near = get_close_matches(name, self, n=1)
         expected = f"'{near[0]}'" if near else "one of " + ", ".join(sorted(self))
         return ScenarioError(f"unknown {self.kind} '{name}'", key=key, expected=expected)
+
+    @property
+    def _one(self) -> str:
+        return f"an {self.kind}" if self.kind[0] in "aeiou" else f"a {self.kind}"
 
     def _given(self, name: object) -> str | None:
         return _Given.places.get(f"{self.kind}:{name}")

@@ -138,6 +138,7 @@ def _info(field: Built, spec: RunSpec, faults: Faults) -> FieldInfo:
         paths=field.routes,
         origin_ns=site.origin_ns,
         step_ns=site.step_ns,
+        headline=field.views[0].sources,
         layers={id: kind.layer for id, kind in site.sensing.items() if kind.layer},
     )
 

@@ -74,6 +74,12 @@ def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
     return int(tracker_colours([*info.trackers, tracker])[tracker][1:], 16) << 8 | 0xFF
 
 
+def dimmed(colour: Colour) -> Colour:
+    """The same, half as bright and translucent."""
+    red, green, blue, _ = (part // 2 for part in colour.to_bytes(4))
+    return int.from_bytes((red, green, blue, 0xA0))
+
+
 def state_colour(name: str) -> Colour:
     """The colour of a state, known or not."""
     return STATE_COLOURS.get(name, OTHER_STATE)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from typing import Any, Final
 
 from launcher.record.words import joules, span
+from launcher.records import BATTERY, SENSES
 from launcher.report.cells import Bar, Table, percent
 from launcher.report.folder import Run
 from launcher.report.style import Figures
 from trackfield.link.energy import CAUSES
 
 FIGURES: Final[Figures] = {}
+FEW: Final = 4
+"""So many processes without sensors are named."""
 _SPENT: Final = dict(zip(CAUSES, ("sending", "receiving", "listening", "sleeping", "sensing"), strict=True))
 _COLOURS: Final = dict(zip(CAUSES, ("#d55e00", "#0072b2", "#e69f00", "#a9b4c2", "#009e73"), strict=True))
 
@@ -30,8 +33,17 @@ def total(run: Run) -> str:
     used, most = (run.metrics["energy_j"][key] for key in ("total", "max_node"))
     if not used:
         return ""
-    who = "sensor nodes" if run.scenario.energy.centre_battery_j is None else "sensor nodes and the centre"
-    return f"The {who} used {joules(used)} in all; the one that used most, {joules(most)}."
+    return f"The {_who(run)} used {joules(used)} in all; the one that used most, {joules(most)}."
+
+
+def _who(run: Run) -> str:
+    """Those on batteries."""
+    others = [place.id for place in run.tagged(BATTERY) if SENSES not in place.tags]
+    if not others:
+        return "sensor nodes"
+    if others == list(run.field.fusing) and len(others) == 1:
+        return "sensor nodes and the centre"
+    return f"sensor nodes, {', '.join(others)}" if len(others) <= FEW else f"sensor nodes and {len(others)} others"
 
 
 def spent(run: Run) -> list[Bar]:

@@ -42,7 +42,7 @@ class Tracks:
     breaks after one and a half steps. A point that comes so late, like that of a frozen process, is part of the line
     only.
 
-    A field in which several processes track has a track for each of them.
+    A field in which several processes track has a track for each of them; those outside of the headline are dimmed.
     """
 
     def __init__(self, info: FieldInfo, add: Add, static: Static, shown: Shown, curves: Curves) -> None:
@@ -128,6 +128,8 @@ class Tracks:
         if name not in self._tracks:
             track = self._tracks[name] = _Track(entity("field", *name), ("error", *name), source=point.source)
             colour = look.tracker_colour(self._info, point.tracker)
+            if not self._alone and point.source not in self._info.headline:
+                colour = look.dimmed(colour)
             faint = colour & ~0xFF | 0xB0
             self._static(track.path + "/position", look.point_style(colour, 3.0, order=50))
             self._static(track.path + "/track", look.line_style(colour, 2.0, order=20))

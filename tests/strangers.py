@@ -1,0 +1,61 @@
+"""Roles and architectures of somebody who knows the package from outside only, at places where processes find them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
+
+import trackfield as tf
+from trackfield.protocols.timesync import TimeSync
+from trackfield.role import NS, Effect, Event, Received, Send, SetTimer, Started, Timer
+from trackfield.wire.messages import SyncRequest
+from trackfield.wire.registry import Scaled, kind
+
+
+@kind(231, "hello")
+@dataclass(frozen=True)
+class Hello:
+    """A message of a user's own."""
+
+    number: Annotated[int, Scaled(0, 65535)]
+
+
+class Herald:
+    """Tells the time, and says hello once a second to some others."""
+
+    def __init__(self, *, to: list[str]) -> None:
+        self.to, self.time = frozenset(to), TimeSync()
+        self.kinds = self.time.kinds
+
+    def begin(self) -> tuple[Any, int]:
+        return self.time.begin(), 0
+
+    def handle(self, state: tuple[Any, int], event: Event) -> tuple[tuple[Any, int], tuple[Effect, ...]]:
+        time, said = state
+        match event:
+            case Timer(now):
+                return (time, said + 1), (Send(Hello(said), self.to), SetTimer("hello", now + NS))
+            case Started(now):
+                time, effects = self.time.handle(time, event)
+                return (time, said), (*effects, SetTimer("hello", now + NS))
+            case Received(_, SyncRequest()):
+                time, effects = self.time.handle(time, event)
+                return (time, said), effects
+        return state, ()
+
+
+@dataclass(frozen=True)
+class Heralded:
+    """One centre, and a herald that tells the time to all and says hello to the centre."""
+
+    herald: str = "herald"
+    changes: Mapping[str, Any] | None = None
+
+    def arrange(self, field: tf.Field) -> tf.Arranged:
+        ids = [id for id, *_ in field.sensors]
+        centre = field.fusion_centre("fusion", *field.centre, ids, asks=self.herald)
+        nodes = field.sensor_nodes("fusion", asks=self.herald)
+        x, y = field.centre
+        herald = tf.Process(self.herald, "herald", x + 10.0, y, Herald, {"to": ["fusion"]}, sends={"hello": ["fusion"]})
+        return tf.Arranged([herald, replace(centre, **(self.changes or {})), *nodes], {"base": ["fusion"]})

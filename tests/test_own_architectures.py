@@ -1,0 +1,267 @@
+"""Architectures that users bring: what is wrong with them is said at once, and what is right works like our own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import trackfield as tf
+from launcher.plan.architectures import ARCHITECTURES
+from launcher.plan.extensions import check_importable
+from launcher.plan.forecast.foresight import foresee
+from launcher.plan.prepare import planned, remarks
+from launcher.report.folder import read_run
+from launcher.report.outages import in_words
+from launcher.study.compare import differences
+from tests.command_line import Call, trackfield
+from tests.running import SPEEDS, kept_up
+from tests.strangers import Herald, Heralded
+from trackfield.scenario import names
+from trackfield.wire.registry import kind_of
+
+__all__ = ["trackfield"]
+
+SMALL = {"field.nodes": 9, "target.steps": 3, "architecture.kind": "own"}
+
+
+@pytest.fixture(autouse=True)
+def registry() -> Any:
+    """What a test registers is gone after it."""
+    yield
+    ARCHITECTURES.registered.clear()
+
+
+def own(maker: Any, **settings: Any) -> tf.Scenario:
+    """A small scenario with this architecture."""
+    tf.register_architecture("own", maker)
+    return tf.Scenario.load("zhai-spcpf", {**SMALL, **settings})
+
+
+def built_by(arrange: Callable[[Any], Any]) -> type:
+    """An architecture that arranges in this way."""
+
+    @dataclass(frozen=True)
+    class Own:
+        def arrange(self, field: tf.Field) -> Any:
+            return arrange(field)
+
+    return Own
+
+
+def changed(**changes: Any) -> type:
+    """The architecture with a herald, with something else about its herald."""
+
+    def arrange(field: tf.Field) -> tf.Arranged:
+        arranged = Heralded().arrange(field)
+        herald, *others = arranged.processes
+        return replace(arranged, processes=[replace(herald, **changes), *others])
+
+    return built_by(arrange)
+
+
+def twice(field: tf.Field) -> tf.Arranged:
+    arranged = Heralded().arrange(field)
+    return replace(arranged, processes=[*arranged.processes, arranged.processes[-1]])
+
+
+def viewed(views: Any) -> type:
+    return built_by(lambda field: replace(Heralded().arrange(field), views=views))
+
+
+class NoRole:
+    """Takes the arguments, and is none."""
+
+    def __init__(self, *, to: list[str]) -> None:
+        pass
+
+
+def raising(field: tf.Field) -> tf.Arranged:
+    raise RuntimeError("no idea")
+
+
+WRONG: dict[str, tuple[type, str]] = {
+    "raises": (built_by(raising), "architecture 'own': arrange: RuntimeError: no idea"),
+    "nothing": (built_by(lambda _: None), "arrange: returned None; expected an Arranged of processes and views"),
+    "no process": (built_by(lambda _: tf.Arranged([], {"base": ["x"]})), "no process has a sensor; expected"),
+    "no Process": (built_by(lambda _: tf.Arranged(["a"], {})), "'a' is among its processes; expected each a Process"),  # type: ignore[list-item]
+    "twice": (built_by(twice), "n008: two processes have this id; expected an id of its own for each"),
+    "reserved": (changed(id="recorder"), "recorder: this id names another process of the run; expected"),
+    "form": (changed(id="a/b"), "the id of a process is 'a/b'; expected 1 to 32 characters"),
+    "long": (changed(id="a" * 33), "the id of a process is 'aaa"),
+    "role": (changed(role=""), "the role of a process is ''; expected 1 to 32 characters"),
+    "no place": (changed(x=None), "herald.x: is None; expected metres"),
+    "nowhere": (changed(y=float("nan")), "herald.y: is nan; expected metres"),
+    "receiver": (changed(sends={"hello": ["fusian"]}), "there is no other process 'fusian'; did you mean fusion?"),
+    "itself": (changed(sends={"hello": ["herald"]}), "herald.sends: there is no other process 'herald'"),
+    "text": (changed(sends={"hello": "fusion"}), "herald.sends: is 'fusion'; expected a list of ids that get"),
+    "message": (changed(sends={"helo": ["fusion"]}), "there is no message 'helo'; did you mean hello?; expected one"),
+    "clock": (changed(asks="nobody"), "herald.asks: there is no other process 'nobody'; expected one of herald"),
+    "circle": (changed(asks="fusion"), "herald asks fusion asks herald for the time, so none of them ever learns it"),
+    "tag": (changed(tags={"track"}), "there is no tag 'track'; did you mean tracks?; expected one of tracks, bat"),
+    "battery": (changed(battery_j=3.0), "herald.battery_j: is given without the tag 'battery'; expected both"),
+    "sensor": (changed(senses=True), "the sensor herald is not in this field; expected the id and place of one"),
+    "fuses": (changed(fuses=["n099"]), "herald.fuses: there is no sensor 'n099'; expected one of n000, n001, "),
+    "route": (changed(route=[(5, 0.0, 0.0), (5, 1.0, 1.0)]), "herald.route: is [(5, 0.0, 0.0), (5, 1.0, 1.0)]; exp"),
+    "no view": (viewed({}), "views: there is none; expected at least one: the headline, such as {'base': ['fusion']}"),
+    "empty": (viewed({"base": []}), "views.base: is empty; expected the id of at least one process that tracks"),
+    "stranger": (viewed({"base": ["hq"]}), "views.base: there is no process 'hq'; expected one of herald, fusion"),
+    "silent": (viewed({"base": ["herald"]}), "views.base: herald publishes no tracks; expected processes with the"),
+    "missing": (changed(factory="strangers:Herald"), "herald.factory: cannot be loaded from strangers:Herald (Modu"),
+    "number": (changed(factory=3), "herald.factory: is 3; expected a class, or module:attribute"),
+    "no role": (changed(factory=NoRole), "makes has no kinds, begin, handle; expected a role: with"),
+    "argument": (changed(config={"at": 3}), "makes no role of these arguments (TypeError: Herald.__init__() got"),
+    "unsendable": (changed(config={"to": {1, 2}}), "herald.config: cannot be sent to it (can not serialize 'set'"),
+    "unknown role": (changed(factory=""), "no installed package offers the role 'herald'; expected a Process with"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_cannot_be_is_refused_with_one_message(name: str) -> None:
+    maker, message = WRONG[name]
+    with pytest.raises(tf.ScenarioError) as caught:
+        tf.run(own(maker), out="runs/never/")
+    assert message in str(caught.value)
+    assert len(caught.value.parts) == 1
+
+
+def test_too_many_processes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("launcher.plan.architectures.checks.MOST_NODES", 10)
+    with pytest.raises(tf.ScenarioError, match="returned 11 processes; expected at most 10"):
+        planned(own(Heralded))
+
+
+def test_a_centre_needs_sensors() -> None:
+    maker = built_by(lambda field: tf.Arranged([field.fusion_centre("a", 0.0, 0.0, [])], {"base": ["a"]}))
+    with pytest.raises(tf.ScenarioError, match="fusion centre 'a': would fuse the reports of no sensor; expected"):
+        planned(own(maker))
+
+
+def test_options_and_names_are_checked(trackfield: Call) -> None:
+    tf.register_architecture("heralded", Heralded)
+    small = ("validate", "zhai-spcpf", "--set", "field.nodes=9", "--set")
+    for setting, said in (
+        (("architecture.kind=heralde",), "architecture.kind: unknown architecture 'heralde'; expected 'heralded'"),
+        (("architecture.kind=heralded", "architecture.heral=hq"), "architecture.heral: unknown option; did you mean"),
+        (("architecture.kind=heralded", "architecture.herald=3"), "architecture.herald: is 3; expected a text"),
+        (("architecture.kind=heralded", "architecture.herald=n001"), "architecture 'heralded': n001: two processes"),
+        (("architecture.kind=heralded", "faults=[{kind='kill',role='head',at_s=1}]"), "one of herald, fusion, node"),
+    ):
+        done = trackfield(*small, *" --set ".join(setting).split(" "))
+        assert (done.code, said in done.err) == (2, True), done.err
+    assert trackfield(*small, "architecture.kind=heralded", "--set", "architecture.herald=hq").code == 0
+    listed = trackfield("list", "architectures").out
+    assert "One centre, and a herald that tells the time to all and says hello to the centre" in listed
+    assert "(tests.strangers:Heralded)" in listed
+
+
+def test_our_own_names_are_taken() -> None:
+    with pytest.raises(tf.ScenarioError, match="'centralised' is an architecture of Trackfield's own"):
+        tf.register_architecture("centralised", Heralded)
+    with pytest.raises(tf.ScenarioError, match="architecture 'mine' has no arrange"):
+        tf.register_architecture("mine", int)
+
+
+def test_the_launcher_adds_what_every_process_needs() -> None:
+    plan = planned(own(Heralded, **{"clock.offset_ms": 10, "energy.battery_j": 5.0}))
+    herald, centre, node, *_ = plan.processes
+    assert [kind_of(flow.message).name for flow in plan.flows] == ["doa", "sync-request", "sync-reply", "hello"]
+    assert herald.clock == {}
+    assert centre.clock
+    assert centre.config["sync"]["reference"] == node.config["sync"]["reference"] == "herald"
+    assert (node.power["battery_fj"], herald.power["battery_fj"]) == (5 * 10**15, None)
+    assert set(herald.peers) == {"fusion", *(place.id for place in plan.info.places if place.role == "node")}
+    assert set(node.peers) == {"fusion", "herald"}
+    assert remarks(plan) == []
+
+
+@pytest.mark.parametrize("architecture", ["centralised", "own"])
+@pytest.mark.parametrize("name", names())
+def test_each_packaged_field_runs_with_defaults(name: str, architecture: str, tmp_path: Path) -> None:
+    tf.register_architecture("own", Heralded)
+    scenario = tf.Scenario.load(name, {"architecture.kind": architecture, "target.steps": 3})
+    result = tf.run(scenario, out=tmp_path / "run")
+    assert {one.steps_expected for one in result.metrics.trackers.values()} == {3}
+
+
+def test_a_role_of_ones_own_is_the_same_over_processes(tmp_path: Path) -> None:
+    """With a message of its own, faults by its role, and the time told by it."""
+    faults = [{"kind": "restart", "role": "herald", "at_s": 2, "until_s": 4}]
+    settings = {"target.steps": 6, "clock.offset_ms": 10, "link.model": "lognormal_prr", "faults": faults}
+    scenario = own(Heralded, **settings)
+    virtual = tf.run(scenario, out=tmp_path / "virtual")
+    for speed in SPEEDS:
+        real = tf.run(scenario, driver="processes", speed=speed, out=tmp_path / f"processes-{speed}")
+        if kept_up(real.metrics.plain()):
+            break
+    assert list(differences(virtual.path, real.path, 0.0)) == []
+    said = [row for row in real.messages.to_pylist() if row["kind"] == "hello"]
+    assert {row["text"] for row in said} >= {"Hello(number=0)", "Hello(number=1)"}
+    assert [row["text"] for row in virtual.messages.to_pylist() if row["kind"] == "hello"] == [r["text"] for r in said]
+
+
+def test_a_role_within_a_function_works_in_virtual_time_only(tmp_path: Path) -> None:
+    class Local(Herald):
+        pass
+
+    scenario = own(changed(factory=Local))
+    assert tf.run(scenario, out=tmp_path / "virtual").metrics.frames.by_kind["hello"].sent > 2
+    with pytest.raises(tf.ScenarioError, match=r"role 'herald': is defined in a function .*, where other processes"):
+        tf.run(scenario, driver="processes", out=tmp_path / "processes")
+    assert not (tmp_path / "processes").exists()
+    check_importable(planned(own(Heralded)))
+
+
+def halved(field: tf.Field) -> tf.Arranged:
+    """Two centres with half of the sensors each, and nobody who gathers their tracks."""
+    ids = [id for id, *_ in field.sensors]
+    processes: list[tf.Process] = []
+    for number, half in enumerate((ids[::2], ids[1::2])):
+        processes.append(field.fusion_centre(f"c{number}", *field.centre, half))
+        processes += field.sensor_nodes(f"c{number}", half)
+    return tf.Arranged(processes, {"both": ["c0", "c1"]})
+
+
+def test_what_is_foreseen_goes_by_who_gets_the_reports() -> None:
+    """Reports that are divided among centres give a fix less often than the same ones at a single centre."""
+    link = {"link.model": "fixed", "link.loss": 0.5, "target.steps": 20}
+    one, two = (
+        foresee(planned(tf.Scenario.load("zhai-spcpf", {**link, "architecture.kind": kind})))
+        for kind in ("centralised", registered(halved))
+    )
+    assert one.reports == two.reports
+    assert one.arriving == two.arriving == pytest.approx(0.5)
+    assert (one.coverage[0].in_reach == two.coverage[0].in_reach).all()
+    assert 0.1 < two.coverage[0].fixed.mean() < one.coverage[0].fixed.mean() - 0.1
+
+
+def registered(arrange: Callable[[Any], Any]) -> str:
+    tf.register_architecture("own", built_by(arrange))
+    return "own"
+
+
+def test_those_that_fuse_have_their_own_sensors_priors_and_draws() -> None:
+    plan = planned(tf.Scenario.load("zhai-spcpf", {"architecture.kind": registered(halved)}))
+    first, second = (process for process in plan.processes if process.role == "fusion")
+    assert [place[0] for place in first.config["sensors"][:3]] == ["n000", "n002", "n004"]
+    assert [place[0] for place in second.config["sensors"][:3]] == ["n001", "n003", "n005"]
+    assert first.config["prior"] != second.config["prior"]
+    assert ("draws" in first.config, second.config["draws"]) == (False, ["c1"])
+    for process in (first, second):
+        assert plan.bank_of(process.id).items() <= process.config.items()
+
+
+def test_the_report_says_why_there_was_no_track(tmp_path: Path) -> None:
+    """One of two centres that is down explains nothing by itself; both do."""
+    faults = [{"kind": "kill", "nodes": ["c0"], "at_s": 4}, {"kind": "kill", "nodes": ["c1"], "at_s": 8}]
+    settings = {
+        "architecture.kind": registered(halved),
+        "target.steps": 12,
+        "faults": faults,
+        "fusion.trackers": ["ekf"],
+    }
+    found = read_run(tf.run(tf.Scenario.load("zhai-spcpf", settings), out=tmp_path / "run").path)
+    assert in_words(found, found.tracks[0]) == "5 s without a track: c0 was killed at 4 s; c1 was killed at 8 s."
