@@ -3,12 +3,11 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.sensing import silence
+from tests.sensing import silence, with_bearings
 from tests.zhai_field import GRID, MODEL, P0, hear, only
 from trackfield.errors import ScenarioError
 from trackfield.filters.rng import generator
@@ -127,7 +126,7 @@ def test_south_of_all_sensors_is_as_good_as_north(name):
 @pytest.mark.parametrize("turns", [1.0, -3.0])
 def test_whole_turns_in_a_bearing_change_nothing(name, turns):
     heard = walk(3, np.random.default_rng(4))
-    turned = [replace(reports, bearings=reports.bearings + turns * 2.0 * np.pi) for reports in heard]
+    turned = [with_bearings(reports, reports.bearings + turns * 2.0 * np.pi) for reports in heard]
     for plain, other in zip(run(name, heard), run(name, turned), strict=True):
         assert other.mean == pytest.approx(plain.mean, rel=1e-6)
 
@@ -229,7 +228,7 @@ def test_particles_are_positions_and_fit_a_track_point(name):
 SCRIPT = """
 import sys
 import numpy as np
-from tests.sensing import silence
+from tests.sensing import silence, with_bearings
 from tests.zhai_field import SCENARIOS, follow
 from trackfield.filters.trackers import TRACKERS, make_tracker
 for name in sorted(TRACKERS):
