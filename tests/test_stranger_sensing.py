@@ -46,7 +46,7 @@ def strength() -> Iterator[None]:
 
 # --- against its bound ---
 
-RUNS: Final = 24
+RUNS: Final = 40
 
 
 class Runs(NamedTuple):
@@ -111,7 +111,7 @@ def test_errors_are_near_the_bound(campaign: Campaign, tracker: str) -> None:
 
 @pytest.mark.parametrize("tracker", ["ekf", "ukf", "bootstrap"])
 def test_errors_are_as_large_as_covariances_say(campaign: Campaign, tracker: str) -> None:
-    """The mean over independent runs is in its 95 % band at nine of ten steps, and so is that of the power.
+    """The mean over independent runs is in its 95 % band at four of five steps, and so is that of the power.
 
     A right filter has 95 % in the mean, but its steps are alike: some of the 20 leave the band together.
     """
@@ -119,7 +119,7 @@ def test_errors_are_as_large_as_covariances_say(campaign: Campaign, tracker: str
     for values, dof in ((nees(errors, covariances), 4), (np.square(power), 1)):
         low, high = nees_band(dof, RUNS, level=0.95)
         inside = (low < values.mean(axis=0)) & (values.mean(axis=0) < high)
-        assert inside.mean() >= 0.9, (dof, inside.mean(), values.mean(axis=0))
+        assert inside.mean() >= 0.8, (dof, inside.mean(), values.mean(axis=0))
 
 
 def test_the_unknown_is_found(campaign: Campaign) -> None:

@@ -35,7 +35,7 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 class Followed(NamedTuple, Generic[S]):
     """A tracker on a target, or waiting for one.
 
-    ``track``: the tracker's state, None while waiting; ``doubt``: the sum; ``alone``: without a prior; ``known``: the
+    ``track``: the tracker's state, None while waiting; ``doubt``: the sum, if ``alone``, that is, without a prior; ``known``: the
     Gaussian of the last estimate, or what the track began with; ``new``: it began with the reports of this very step.
     """
 
@@ -89,9 +89,11 @@ class Following(Generic[S]):
         if state.track is None:
             return self._start(reports)
         track, estimate = self.tracker.step(state.track, reports, dt, rng)
-        doubt = max(0.0, state.doubt + doubts(self.model, estimate, reports))
-        if state.alone and (doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m):
-            return self._start(reports)
+        doubt = 0.0
+        if state.alone:
+            doubt = max(0.0, state.doubt + doubts(self.model, estimate, reports))
+            if doubt > _LOST_AT or extent(estimate.covariance) > self.lost_m:
+                return self._start(reports)
         return Followed(track, doubt, state.alone, Gaussian(estimate.mean, estimate.covariance)), estimate
 
     def _start(self, reports: Reports) -> tuple[Followed[S], Estimate | None]:
