@@ -120,7 +120,7 @@ def residual(model: Model, reports: Reports, difference: Array) -> Array:
     parts, first = [], 0
     for part in _parts(model, reports):
         count = len(part.values) * part.kind.m
-        apart = difference[..., first : first + count]
+        apart = difference if count == difference.shape[-1] else difference[..., first : first + count]
         first += count
         wrapped = part.kind.residual(apart.reshape(*apart.shape[:-1], -1, part.kind.m))
         parts.append(np.asarray(wrapped, float).reshape(apart.shape))

@@ -6,8 +6,9 @@ Zhai et al. (2009), sec. III: a sensor reports bearing and level while the level
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from math import degrees, hypot, log, radians, tau
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from trackfield.files import FAR_M
@@ -119,21 +120,18 @@ class Doa:
 
     def h(self, x: Array, at: Array) -> Array:
         """See ``Sensing``."""
-        from trackfield.models import doa
-
-        return doa.measure(x, at)[..., None]
+        found: Array = _arrays().measure(x, at)[..., None]
+        return found
 
     def jacobian(self, x: Array, at: Array) -> Array:
         """See ``Sensing``."""
-        from trackfield.models import doa
-
-        return doa.jacobian(x, at)[..., None, :]
+        found: Array = _arrays().jacobian(x, at)[..., None, :]
+        return found
 
     def residual(self, difference: Array) -> Array:
         """See ``Full``."""
-        from trackfield.models import doa
-
-        return doa.wrap(difference)
+        found: Array = _arrays().wrap(difference)
+        return found
 
     def log_clutter(self, z: Array, at: Array) -> Array:
         """See ``Full``: any direction is as likely."""
@@ -159,3 +157,11 @@ class Doa:
     def words(self, message: Any) -> str:
         """See ``Full``."""
         return f"DOA {message.bearing_deg:.1f} deg {message.level_db:.1f} dB"
+
+
+@cache
+def _arrays() -> ModuleType:
+    """The formulas for arrays: imported late, as a node has no numpy, and once, as trackers call them often."""
+    from trackfield.models import doa
+
+    return doa
