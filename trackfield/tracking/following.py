@@ -35,8 +35,9 @@ ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
 class Followed(NamedTuple, Generic[S]):
     """A tracker on a target, or waiting for one.
 
-    ``track``: the tracker's state, None while waiting; ``doubt``: the sum, if ``alone``, that is, without a prior; ``known``: the
-    Gaussian of the last estimate, or what the track began with; ``new``: it began with the reports of this very step.
+    ``track``: the tracker's state, None while waiting; ``doubt``: the sum, if ``alone``, that is, without a prior;
+    ``known``: the Gaussian of the last estimate, or what the track began with; ``new``: it began with the reports of
+    this very step.
     """
 
     track: S | None
