@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from math import degrees
 from typing import Any
 
@@ -11,10 +12,24 @@ import numpy as np
 from trackfield.filters.types import Array, Model, Readings, Reports, of_bearings
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.doa import Doa
+from trackfield.sensing.kinds import SENSORS, register_sensor
 from trackfield.sensing.readings import Window
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed
 from trackfield.world.scene import Scene
+
+
+@contextmanager
+def registered(**kinds: Any) -> Iterator[None]:
+    """These kinds of a user's own are known meanwhile; then those that were before."""
+    before = dict(SENSORS.registered)
+    for kind, maker in kinds.items():
+        register_sensor(kind, maker)
+    try:
+        yield
+    finally:
+        SENSORS.registered.clear()
+        SENSORS.registered.update(before)
 
 
 def bearings_model(sigma_w: float, sigma_v: float = 0.1) -> Model:

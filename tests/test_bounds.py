@@ -29,13 +29,12 @@ from launcher.records import Plan, View
 from launcher.run import run_virtual
 from tests import kalman
 from tests.rrd import read
-from tests.sensing import arrays
+from tests.sensing import arrays, registered
 from tests.simulated import simulated, spcpf
 from trackfield.errors import ScenarioError
 from trackfield.filters.types import Gaussian
 from trackfield.models import doa
 from trackfield.role import NS, TrackPoint
-from trackfield.sensing.kinds import SENSORS, register_sensor
 
 STRAIGHT = ["target.path=waypoints", "target.waypoints=[[0, 60, 60], [20, 160, 160]]", "target.steps=20"]
 
@@ -115,14 +114,11 @@ class Locator:
 
 def test_it_goes_by_what_a_users_own_sensors_measure() -> None:
     """Without loss, so the two bounds are one: the Kalman filter that takes in as many places as sensors are near."""
-    register_sensor("locator", Locator)
-    try:
+    with registered(locator=Locator):
         settings = [*STRAIGHT, "sensor={kind='locator'}", "fusion.trackers=['ekf']", "link.model=ideal"]
         plan = spcpf(1, settings)
         _, tracks = simulated(plan)
         found, ideal = by_step(run_bound(plan, tracks)), by_step(scenario_bound(plan, []))
-    finally:
-        SENSORS.registered.clear()
     nodes = np.array([(place.x, place.y) for place in plan.info.tagged(HAS_SENSOR)])
     belief, expected = Gaussian(np.zeros(4), np.diag([20.0, 20.0, 4.0, 4.0]) ** 2), {}
     for step in range(1, 21):

@@ -333,7 +333,7 @@ def test_no_payload_can_crash_a_process(payload: bytes) -> None:
 
 @pytest.mark.parametrize(
     ("payload", "reason"),
-    [(b"", "malformed"), (encode(Reply(1)), "kind"), (b"\x93\x02\xcc\xc8\x01", "version"), (bytes(300), "size")],
+    [(b"", "malformed"), (encode(Reply(1)), "kind"), (b"\x93\x02\xcc\xc8\x01", "version"), (bytes(5000), "size")],
 )
 def test_the_reason_is_told(payload: bytes, reason: str) -> None:
     core = core_of(Puppet())

@@ -20,11 +20,11 @@ from launcher.record.bounds import run_bounds
 from launcher.study.compare import differences
 from tests.rrd import read
 from tests.running import SPEEDS, kept_up
+from tests.sensing import registered
 from tests.simulated import simulated
 from tests.stranger import Strength
 from trackfield.filters.metrics import nees, nees_band
 from trackfield.filters.types import Readings, Reports
-from trackfield.sensing.kinds import SENSORS
 
 TRACKERS: Final = ("ekf", "ukf", "bootstrap")
 
@@ -58,10 +58,8 @@ class Ranging:
 
 @pytest.fixture(autouse=True, scope="module")
 def kinds() -> Iterator[None]:
-    tf.register_sensor("ranging", Ranging)
-    tf.register_sensor("strength", Strength)
-    yield
-    SENSORS.registered.clear()
+    with registered(ranging=Ranging, strength=Strength):
+        yield
 
 
 ODD: Final = [f"n{i:03d}" for i in range(1, 49, 2)]

@@ -21,12 +21,12 @@ from launcher.record.bounds import run_bounds
 from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 from tests.running import SPEEDS, kept_up
+from tests.sensing import registered
 from tests.simulated import simulated
 from tests.stranger import CODE, Strength, Walking, walking
 from trackfield.filters.metrics import nees, nees_band
 from trackfield.filters.trackers import TRACKERS
 from trackfield.filters.types import Array
-from trackfield.sensing.kinds import SENSORS
 
 __all__ = ["trackfield"]
 
@@ -37,10 +37,8 @@ FIELD: Final = {"field.extent_m": 300.0, "sensor.kind": "strength", "target.step
 
 @pytest.fixture(autouse=True, scope="module")
 def strength() -> Iterator[None]:
-    tf.register_sensor("strength", Strength)
-    tf.register_sensor("walking", Walking)
-    yield
-    SENSORS.registered.clear()
+    with registered(strength=Strength, walking=Walking):
+        yield
     TRACKERS.registered.clear()
 
 

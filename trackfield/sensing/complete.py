@@ -26,6 +26,10 @@ FIELD: Final = 4
 """The arguments of ``simulate`` for a kind that gets the whole scene."""
 NEAREST: Final = 3
 """The same for a kind that gets the nearest target alone."""
+OPEN: Final = -1
+"""Their number if it is open."""
+_VARARGS: Final = 0x04
+"""The flag of functions with ``*args`` (``inspect.CO_VARARGS``)."""
 
 
 class Kind:
@@ -157,10 +161,12 @@ class Kind:
 
 
 def arguments(method: Any) -> int:
-    """How many arguments a method takes by position, besides its object."""
+    """How many arguments a method takes by position, besides its object; ``OPEN`` with ``*args`` or defaults."""
     function = getattr(method, "__func__", method)
     code = getattr(function, "__code__", None)
-    return NEAREST if code is None else int(code.co_argcount) - (function is not method)
+    if code is None or code.co_flags & _VARARGS or function.__defaults__:
+        return OPEN
+    return int(code.co_argcount) - (function is not method)
 
 
 def _same(values: Any) -> Any:

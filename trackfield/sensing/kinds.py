@@ -11,13 +11,15 @@ from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
 from trackfield.models.unknowns import Unknown
 from trackfield.plugins import Maker, Plugins
-from trackfield.sensing.complete import FIELD, NEAREST, Kind, arguments
+from trackfield.sensing.complete import FIELD, NEAREST, OPEN, Kind, arguments
 from trackfield.sensing.doa import Doa
 from trackfield.sensing.sensing import LAYERS
 from trackfield.words import quoted
 
 DEFAULT: Final = "doa"
 """The kind of a scenario that names none."""
+FORMER: Final = {"acoustic": "doa"}
+"""What kinds were called before."""
 NEAREST_M: Final = 0.001
 """The shortest range of a sensor (m)."""
 FINEST: Final = 1e-12
@@ -65,6 +67,8 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
     from trackfield.options import made  # late: a node need not load it
 
     if kind not in SENSORS:
+        if kind in FORMER:
+            raise ScenarioError(f"'{kind}' is called otherwise now", key="sensor.kind", expected=f"'{FORMER[kind]}'")
         raise SENSORS.unknown(kind, "sensor.kind")
     own = made(SENSORS[kind], options, "sensor")
     for name, fine, expected in _RULES:
@@ -76,9 +80,9 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
         raise ScenarioError(what, key="sensor.sd", expected=f"one of each per number, at most {MAX_VALUES}")
     if len(units := getattr(own, "units", own.resolution)) != len(own.resolution):
         raise ScenarioError(f"'{kind}' has {units!r}", key="sensor.units", expected="a text for each number")
-    if arguments(own.simulate) not in (FIELD, NEAREST):
-        what = f"takes {arguments(own.simulate)} arguments"
-        expected = "(scene, t_ns, place, normals), or (target, place, normals)"
+    if (count := arguments(own.simulate)) not in (FIELD, NEAREST):
+        what = "takes any number of arguments" if count == OPEN else f"takes {count} arguments"
+        expected = "(scene, t_ns, place, normals), or (target, place, normals), without defaults"
         raise ScenarioError(what, key=f"sensor '{kind}': simulate", expected=expected)
     if getattr(own, "thresholds", None) is not None and not (hasattr(own, "level") or hasattr(own, "reading")):
         raise ScenarioError(f"'{kind}' has none", key="sensor.level", expected="a method level: it has thresholds")

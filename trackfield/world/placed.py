@@ -15,7 +15,7 @@ from trackfield.sensing.readings import Reading, Window, window_at
 from trackfield.sensing.sensing import Numbers
 from trackfield.sensing.sensing import Scene as AnyScene
 from trackfield.world.path import Path
-from trackfield.world.scene import Scene, Still
+from trackfield.world.scene import Scene, Still, left_at
 
 _NS: Final = 1_000_000_000
 
@@ -88,16 +88,22 @@ class Placed:
             return tuple(normal(*key, name, t_ns) for name in self.kind.draws)
         return tuple(normal(*key, purpose, i, t_ns) for i in range(self.kind.n))
 
+    def _needed(self, path: Path) -> Path:
+        """What its readings depend on: the path within the windows, and since what arrives at their start left it."""
+        speed_m_s = self.kind.speed_m_s
+        begins = (
+            a / _NS if isinf(speed_m_s) else left_at(path, a / _NS, self.position, speed_m_s) for a, _ in self.windows
+        )
+        return path.cut(zip(begins, (b / _NS for _, b in self.windows), strict=True))
+
     def to_plain(self) -> dict[str, Any]:
         """The sensor in plain form: lists, numbers and text, and the parts of the paths that it needs."""
-        late_s = 0.0 if isinf(self.kind.speed_m_s) else 2.0 * self.kind.range_m / self.kind.speed_m_s
-        intervals = [(a / _NS - late_s, b / _NS) for a, b in self.windows]
         return {
             "kind": self.kind.name,
             "options": dict(self.options),
             "id": self.id,
             "position": list(self.position),
-            "paths": [path.cut(intervals).to_plain() for path in self.scene.paths],
+            "paths": [self._needed(path).to_plain() for path in self.scene.paths],
             "windows": [list(window) for window in self.windows],
             "threshold": self.threshold,
             "seed": self.seed,

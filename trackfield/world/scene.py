@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot
@@ -10,8 +11,9 @@ from typing import Final
 from trackfield.world.path import Path, State
 
 _NS: Final = 1_000_000_000
-_STEPS: Final = 50
+_ROUNDS: Final = 60
 _SETTLED_S: Final = 1e-9
+_HEARD_S: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,24 +28,50 @@ class Scene:
         return [state for path in self.paths if (state := path.at(t_s)) is not None]
 
     def retarded(self, t_ns: int, place: tuple[float, float], speed_m_s: float) -> list[State]:
-        """Where they were when what arrives at ``place`` (m) now left them, at ``speed_m_s``.
+        """Where they were when what arrives at ``place`` (m) now left them, at ``speed_m_s``, which they do not reach.
 
-        The time t' = t - |x(t') - place| / c, iterated from t: it converges as targets are slower than c.
+        A target is missing until what left it first has arrived, and once what left it last has.
         """
         t_s, (x, y) = t_ns / _NS, place
         found = []
         for path in self.paths:
-            left_s, state = t_s, path.at(t_s) or path.at(min(t_s, path.end_s))
-            for _ in range(_STEPS):
-                if state is None:
-                    break
-                before, left_s = left_s, t_s - hypot(state[0] - x, state[1] - y) / speed_m_s
-                state = path.at(left_s)
-                if abs(left_s - before) < _SETTLED_S:
-                    break
-            if state is not None:
+            left_s = left_at(path, t_s, place, speed_m_s)
+            state = path.at(left_s)
+            if state is not None and abs(left_s + hypot(state[0] - x, state[1] - y) / speed_m_s - t_s) < _HEARD_S:
                 found.append(state)
         return found
+
+
+def left_at(path: Path, t_s: float, place: tuple[float, float], speed_m_s: float) -> float:
+    """When what arrives at ``place`` at ``t_s`` left the target; the start or the end of the path if none of it does.
+
+    The time t' with t' + d(t')/c = t, where d is the distance and c the speed. The left side grows with t' as targets
+    are slower than c: so it lies between two knots, and there Newton's method finds it, or halving where that leaves
+    the interval.
+    """
+    x, y = place
+    later = bisect_right(
+        range(len(path.t)), t_s, key=lambda i: path.t[i] + hypot(path.x[i] - x, path.y[i] - y) / speed_m_s
+    )
+    if later in (0, len(path.t)):
+        return path.end_s if later else path.start_s
+    low, high = path.t[later - 1], path.t[later]
+    left_s = low
+    for _ in range(_ROUNDS):
+        state = path.at(left_s)
+        if state is None:  # in a stretch that was cut away
+            break
+        east, north = state[0] - x, state[1] - y
+        away = hypot(east, north)
+        over = left_s + away / speed_m_s - t_s
+        if abs(over) < _SETTLED_S:
+            break
+        low, high = (left_s, high) if over < 0.0 else (low, left_s)
+        closing = (east * state[2] + north * state[3]) / (away * speed_m_s) if away else 0.0
+        left_s -= over / (1.0 + closing) if closing > -1.0 else 0.0
+        if not low < left_s < high:
+            left_s = (low + high) / 2.0
+    return left_s
 
 
 @dataclass(frozen=True, slots=True)
