@@ -46,6 +46,8 @@ class _Part(NamedTuple):
     def jacobian(self, states: Array) -> Array:
         """dh/dx (..., k, m, 4 + u), u of all kinds."""
         own = self._at(self.kind.jacobian, states, -3)
+        if self.columns is None and self.early_s is None:
+            return own
         if self.early_s is not None:
             own = own.copy()
             own[..., 2:STATE] -= self.early_s[:, None, None] * own[..., :2]
@@ -61,6 +63,8 @@ class _Part(NamedTuple):
 
     def _at(self, function: Callable[[Array, Array], Array], states: Array, axis: int) -> Array:
         """A function of states and positions, of the states at the instants of the readings."""
+        if self.columns is None and self.early_s is None:
+            return np.asarray(function(states, self.positions), float)
         x = states if self.columns is None else states[..., self.columns]
         if self.early_s is None:
             return np.asarray(function(x, self.positions), float)
@@ -77,7 +81,7 @@ def _before(x: Array, seconds: float) -> Array:
 
 def measured(model: Model, reports: Reports) -> Array:
     """The readings z (K m,)."""
-    return _joined([part.values[:, : part.kind.m].reshape(-1) for part in _parts(model, reports)])
+    return _joined([_flat(part.values[:, : part.kind.m]) for part in _parts(model, reports)])
 
 
 def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Array:
@@ -100,6 +104,7 @@ def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Arr
     return _joined(found)
 
 
+@lru_cache(maxsize=64)
 def varies(model: Model) -> bool:
     """Whether the noise of any kind depends on the state."""
     return any(kind.variance is not None for kind in model.kinds.values())
@@ -112,8 +117,7 @@ def expected(model: Model, states: Array, reports: Reports) -> Array:
 
 def jacobians(model: Model, states: Array, reports: Reports) -> Array:
     """dh/dx (..., K m, 4 + u) at ``states`` (..., 4 + u)."""
-    parts = [part.jacobian(states) for part in _parts(model, reports)]
-    return _joined([one.reshape(*one.shape[:-3], -1, one.shape[-1]) for one in parts], axis=-2)
+    return _joined([_rows(part.jacobian(states)) for part in _parts(model, reports)], axis=-2)
 
 
 def residual(model: Model, reports: Reports, difference: Array) -> Array:
@@ -123,8 +127,8 @@ def residual(model: Model, reports: Reports, difference: Array) -> Array:
         count = len(part.values) * part.kind.m
         apart = difference if count == difference.shape[-1] else difference[..., first : first + count]
         first += count
-        wrapped = part.kind.residual(apart.reshape(*apart.shape[:-1], -1, part.kind.m))
-        parts.append(np.asarray(wrapped, float).reshape(apart.shape))
+        each = apart[..., None] if part.kind.m == 1 else apart.reshape(*apart.shape[:-1], -1, part.kind.m)
+        parts.append(_flat(np.asarray(part.kind.residual(each), float)))
     return _joined(parts)
 
 
@@ -248,7 +252,12 @@ def _columns(model: Model) -> dict[str, list[int]]:
 
 def _flat(values: Array) -> Array:
     """(..., k, m) as (..., k m)."""
-    return values.reshape(*values.shape[:-2], -1)
+    return values[..., 0] if values.shape[-1] == 1 else values.reshape(*values.shape[:-2], -1)
+
+
+def _rows(slopes: Array) -> Array:
+    """(..., k, m, n) as (..., k m, n)."""
+    return slopes[..., 0, :] if slopes.shape[-2] == 1 else slopes.reshape(*slopes.shape[:-3], -1, slopes.shape[-1])
 
 
 def _joined(parts: list[Array], axis: int = -1) -> Array:
