@@ -95,7 +95,9 @@ def scenario(section: str, kind: str, values: dict[str, Any]) -> dict[str, Any]:
     """A small scenario in which a section of this kind has these values."""
     about = sections_of_file()[section]
     needed = {
-        key: REQUIRED[key] for key in about.kinds[kind] if key in REQUIRED and (section, key) != ("field", "nodes")
+        key: REQUIRED[key]
+        for key in about.kinds[kind]
+        if key in REQUIRED and (section, key) not in (("field", "nodes"), ("sensor", "nodes"))
     }
     whole = ({about.tag: kind} if about.tag else {}) | needed | values
     if "role" in values or "share" in values:
@@ -107,6 +109,8 @@ def scenario(section: str, kind: str, values: dict[str, Any]) -> dict[str, Any]:
     }
     if section == "targets":
         whole.setdefault("id", "second")
+    if section == "sensors":
+        base["fusion"] = {"trackers": ["ekf", "ukf"]}
     return base | {section: [whole] if about.many else whole}
 
 

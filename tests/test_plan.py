@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from statistics import fmean, stdev
 from typing import Any
 
@@ -17,6 +18,7 @@ from trackfield.errors import ScenarioError
 from trackfield.link.clock import Clock
 from trackfield.link.energy import DEVICES, Power
 from trackfield.link.places import position
+from trackfield.scenario.survey import survey
 from trackfield.world.placed import Placed
 
 S = 1_000_000_000
@@ -200,7 +202,7 @@ def test_an_adaptive_threshold_is_told_to_both_ends() -> None:
 )
 def test_nodes_listen_for_commands_as_long_as_they_may_take(settings: list[str], from_ms: float, for_ms: float) -> None:
     scenario = load("spcpf", settings=["sensor.threshold=adaptive", *settings])
-    duty = duty_of(scenario, 0, 61 * S)
+    duty = duty_of(replace(survey(scenario), origin_ns=0))
     assert duty is not None
     assert (duty["listen_from_ns"] / 1e6, duty["listen_for_ns"] / 1e6) == pytest.approx((from_ms, for_ms))
 

@@ -14,7 +14,9 @@ from launcher.plan.forecast.foresight import at_least, foresee
 from launcher.plan.prepare import load, planned
 from launcher.record.ledger import Ledger
 from tests.command_line import Call, Said, trackfield
+from tests.rangers import Distance, Ranger
 from tests.simulated import simulated
+from trackfield.sensing.complete import Kind
 
 __all__ = ["trackfield"]
 
@@ -189,14 +191,10 @@ def test_several_targets_are_told_apart(trackfield: Call) -> None:
 
 
 def test_sensors_of_a_users_own_say_how_many_a_fix_takes() -> None:
-    class Ranges:
-        range_m, sd, resolution = 60.0, (1.0,), (0.1,)
+    class Circles(Distance):
+        fix_sensors = 3
 
-    from trackfield.sensing.kinds import fix_sensors
-
-    assert fix_sensors(Ranges()) == 2  # type: ignore[arg-type]
-    Ranges.fix_sensors = 3  # type: ignore[attr-defined]
-    assert fix_sensors(Ranges()) == 3  # type: ignore[arg-type]
+    assert [Kind("own", sensor()).fix_sensors for sensor in (Ranger, Distance, Circles)] == [1, 2, 3]
 
 
 # --- the figures ------------------------------------------------------------------------------------------------------

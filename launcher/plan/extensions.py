@@ -17,7 +17,7 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.sections.fusion import Fusion
-from trackfield.scenario.survey import named
+from trackfield.scenario.sensors import SensorSection
 from trackfield.sensing.kinds import SENSORS
 
 
@@ -60,22 +60,26 @@ def _kinds(fusion: Fusion) -> Iterator[tuple[str, str]]:
     return ((name, str(options.get(name, {}).get("tracker", name))) for name in fusion.trackers)
 
 
-def check_sensing(scenario: Scenario) -> None:
-    """Raise ``ScenarioError`` unless the kinds of sensing are what they should be, and trackers and faults fit them."""
-    sections = named(scenario)
+def check_kinds(scenario: Scenario) -> None:
+    """Raise ``ScenarioError`` unless the kinds of sensing that it names are what they should be."""
+    for _, section in scenario.keyed_sensors:
+        if section.sensing.name not in SENSORS.own:
+            probe(section.sensing)
+
+
+def check_sensing(scenario: Scenario, sections: Mapping[str, SensorSection]) -> None:
+    """Raise ``ScenarioError`` unless trackers and faults fit the kinds of sensing that its sensors have."""
     kinds = {name: section.sensing for name, section in sections.items()}
-    for kind in kinds.values():
-        if kind.name not in SENSORS.own:
-            probe(kind)
-    adaptive(scenario)
+    adaptive(sections)
     for name, tracker in _kinds(scenario.fusion):
         if tracker in TRACKERS and (why := unmet(TRACKERS[tracker], kinds)):
             able = [own for own in TRACKERS.own if not unmet(TRACKERS.own[own], kinds)]
             expected = f"{', '.join(sorted(able))}, or one of your own"
             raise ScenarioError(f"'{name}' {why}", key="fusion.trackers", expected=expected)
-    for number, fault in enumerate(scenario.faults):
-        if isinstance(fault, Bias):
-            for kind in kinds.values():
+    if len(kinds) == 1:  # of several, whose reading is off shows only in the field
+        (kind,) = kinds.values()
+        for number, fault in enumerate(scenario.faults):
+            if isinstance(fault, Bias):
                 biases(number, fault, kind)
 
 

@@ -14,7 +14,7 @@ from trackfield.scenario import Scenario, survey
 from trackfield.scenario.survey import target_paths
 
 TARGETS: Final = {"target", "targets"}
-GROUND: Final = TARGETS | {"field", "sensor", "architecture", "fusion", "run"}
+GROUND: Final = TARGETS | {"field", "sensor", "sensors", "architecture", "fusion", "run"}
 """The sections that the survey of a field depends on."""
 
 
@@ -30,7 +30,7 @@ def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioErro
         return wrong == []
 
     look({"link"}, partial(check_link, scenario))
-    look({"fusion", "sensor", "faults"}, partial(check_tracking, scenario))
+    look({"fusion", "sensor", "sensors", "faults"}, partial(check_tracking, scenario))
     if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: field.append(built(survey(scenario)))):
         look({"faults"}, lambda: planned_faults(field[0]))
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any, Final
 
@@ -10,8 +11,9 @@ from trackfield.errors import ScenarioError
 from trackfield.link.energy import DEVICES
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS
-from trackfield.scenario import Scenario
+from trackfield.scenario import Scenario, Site
 from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
+from trackfield.scenario.sensors import SensorSection
 from trackfield.sensing.complete import Kind
 
 FJ_PER_UJ: Final = 10**9
@@ -64,14 +66,11 @@ def sync_of(scenario: Scenario, id: str, reference: str) -> dict[str, Any] | Non
     }
 
 
-def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] | None:
-    """When a sensor node that is awake listens for its threshold; None if it is never told one.
-
-    The first step is at ``origin_ns``, the run ends at ``end_ns``.
-    """
-    if adaptive(scenario) is None:
+def duty_of(site: Site) -> dict[str, int] | None:
+    """When a sensor node that is awake listens for its threshold; None if it is never told one."""
+    if adaptive(site.sections) is None:
         return None
-    step_ns, guard_ns = round(scenario.step_s * NS), _guard_ns(scenario, end_ns)
+    scenario, step_ns, guard_ns = site.scenario, site.step_ns, _guard_ns(site.scenario, site.end_ns)
     match scenario.link:
         case LognormalPrr() | Csma154():
             window_ns = PATIENCE_NS + COMMANDS * slowest_ns(scenario)
@@ -80,18 +79,18 @@ def duty_of(scenario: Scenario, origin_ns: int, end_ns: int) -> dict[str, int] |
         case _:
             window_ns = PATIENCE_NS + slowest_ns(scenario)
     return {
-        "listen_from_ns": origin_ns + round(scenario.fusion.deadline_s * NS) - guard_ns,
+        "listen_from_ns": site.origin_ns + round(scenario.fusion.deadline_s * NS) - guard_ns,
         # At most until it listens again: a threshold that comes after the next step's instant counts for later steps.
         "listen_for_ns": min(window_ns + 2 * guard_ns, step_ns),
     }
 
 
-def adaptive(scenario: Scenario) -> Kind | None:
+def adaptive(sections: Mapping[str, SensorSection]) -> Kind | None:
     """The kind of sensing whose threshold is set by whoever tracks; None if there is none.
 
     Raises ``ScenarioError`` if it is one of several kinds: a threshold holds for all sensors.
     """
-    kinds = [section.sensing for _, section in scenario.keyed_sensors]
+    kinds = [section.sensing for section in sections.values()]
     found = next((kind for kind in kinds if kind.adaptive), None)
     if found is not None and len(kinds) > 1:
         what = f"sensors of kind '{found.name}' have an adaptive threshold, and there are others"

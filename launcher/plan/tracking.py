@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from launcher.plan.extensions import check_sensing, check_trackers
+from launcher.plan.extensions import check_kinds, check_sensing, check_trackers
 from trackfield.draw import normal
 from trackfield.errors import together
 from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.options import tables
+from trackfield.scenario.survey import named
 from trackfield.tracking.smoothing import lagged_names
 
 
@@ -22,7 +23,8 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
     Raises ``ScenarioError`` for trackers and sensors that do not fit each other.
     """
     scenario = site.scenario
-    check_sensing(scenario)
+    check_kinds(scenario)
+    check_sensing(scenario, site.sections)
     return {
         "trackers": list(scenario.fusion.trackers),
         "sensors": [list(place) for place in site.believed],
@@ -42,8 +44,13 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
 
 
 def check_tracking(scenario: Scenario) -> None:
-    """Raise ``ScenarioError`` for unknown trackers and sensors, and for those that do not fit each other."""
-    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(check_sensing, scenario)]
+    """Raise ``ScenarioError`` for unknown trackers and sensors, and for those that do not fit each other.
+
+    With groups of sensors, whether any are left for ``[sensor]`` shows only in the field.
+    """
+    checks: list[Callable[[], object]] = [partial(check_trackers, scenario.fusion), partial(check_kinds, scenario)]
+    if not scenario.sensors:
+        checks.append(partial(check_sensing, scenario, named(scenario)))
     together(checks)
 
 

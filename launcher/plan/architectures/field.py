@@ -81,14 +81,14 @@ class Field:
 
     def _node(self, kind: str, reports_to: str, asks: str | None) -> Process:
         """A node whose sensor is of this kind; values that are the same for all nodes are shared."""
-        scenario, site, sensing = self.scenario, self.site, self.site.sections[kind].sensing
+        site, sensing = self.site, self.site.sections[kind].sensing
         config: dict[str, Any] = {
             "step_ns": site.step_ns,
             **({} if sensing.thresholds is None else {"threshold_db": sensing.threshold}),
             "centre": reports_to,
             **if_used(
                 origin_ns=site.origin_ns,
-                adaptive=duty_of(scenario, site.origin_ns, site.end_ns),
+                adaptive=duty_of(site),
                 by_itself=sensing.rhythm == "events",
             ),
         }
@@ -102,7 +102,7 @@ class Field:
             senses=True,
             asks=reports_to if asks is None else asks,
             tags=(BATTERY,),
-            battery_j=scenario.energy.battery_j,
+            battery_j=self.scenario.energy.battery_j,
         )
 
     def fusion_centre(
@@ -125,7 +125,7 @@ class Field:
             expected = "at least one sensor that reports to it"
             raise ScenarioError("would fuse the reports of no sensor", key=f"fusion centre {id!r}", expected=expected)
         fusion, energy = self.scenario.fusion, self.scenario.energy
-        threshold = _threshold(self.scenario)
+        threshold = _threshold(self.site)
         forward = {"to": forwards_to, "sensors": self._ids} if forwards_to else None
         config: dict[str, Any] = {
             "deadline_ns": round(fusion.deadline_s * NS),
@@ -146,9 +146,9 @@ class Field:
         )
 
 
-def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
+def _threshold(site: Site) -> Mapping[str, float] | None:
     """The bounds and the start of the threshold that the centre sets, and its reach; None: it sets none."""
-    kind = adaptive(scenario)
+    kind = adaptive(site.sections)
     if kind is None or kind.thresholds is None:
         return None
     low, high = kind.thresholds
@@ -156,6 +156,6 @@ def _threshold(scenario: Scenario) -> Mapping[str, float] | None:
         "low_db": low,
         "high_db": high,
         "start_db": kind.threshold,
-        "target_sd_m": scenario.fusion.target_sd_m,
+        "target_sd_m": site.scenario.fusion.target_sd_m,
         "reach_m": kind.range_m,
     }
