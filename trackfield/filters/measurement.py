@@ -7,7 +7,8 @@ leading batch axes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -157,11 +158,12 @@ def log_ratios(model: Model, belief: Gaussian, reports: Reports) -> Array:
         if kind.log_clutter is None or not len(at):
             continue
         H, miss = part.jacobian(belief.mean), part.misses(belief.mean)
-        R = np.square(np.asarray(kind.sd, float)) if kind.variance is None else part.variance(belief.mean)
         if kind.m == 1:  # in numbers, which takes half the time
-            S = np.vecdot(H[:, 0] @ belief.covariance, H[:, 0]) + R[..., 0]
+            R = kind.sd[0] ** 2 if kind.variance is None else part.variance(belief.mean)[:, 0]
+            S = np.vecdot(H[:, 0] @ belief.covariance, H[:, 0]) + R
             cost = np.square(miss[:, 0]) / S + np.log(2.0 * np.pi * S)
         else:
+            R = np.square(np.asarray(kind.sd, float)) if kind.variance is None else part.variance(belief.mean)
             S = H @ belief.covariance @ H.mT + R[..., None] * np.eye(kind.m)
             square = np.vecdot(miss, np.linalg.solve(S, miss[..., None])[..., 0])
             cost = square + np.linalg.slogdet(2.0 * np.pi * S)[1]
@@ -189,6 +191,7 @@ def sensing_information(model: Model, state: Array, reports: Reports) -> Array:
 # --- unknowns of the sensing ------------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=64)
 def moving(model: Model, dt: float, sigma_v: float | None = None) -> Motion:
     """Nearly constant velocity over ``dt`` seconds, the unknowns of the sensing as random walks beside it."""
     motion = constant_velocity(dt, model.sigma_v if sigma_v is None else sigma_v)
@@ -220,17 +223,18 @@ def _beside(a: Array, b: Array) -> Array:
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def _parts(model: Model, reports: Reports) -> Iterator[_Part]:
-    """The reports kind by kind."""
+@lru_cache(maxsize=8)
+def _parts(model: Model, reports: Reports) -> tuple[_Part, ...]:
+    """The reports kind by kind; a filter asks for those of one step several times."""
     if len(reports.readings) == 1 and len(model.kinds) == 1:
         ((name, values, early_s),) = reports.readings
-        yield _Part(model.kinds[name], values, reports.positions, None, early_s)
-        return
-    columns, first = _columns(model), 0
+        return (_Part(model.kinds[name], values, reports.positions, None, early_s),)
+    columns, first, parts = _columns(model), 0, list[_Part]()
     for name, values, early_s in reports.readings:
         positions = reports.positions[first : first + len(values)]
-        yield _Part(model.kinds[name], values, positions, columns[name], early_s)
+        parts.append(_Part(model.kinds[name], values, positions, columns[name], early_s))
         first += len(values)
+    return tuple(parts)
 
 
 def _columns(model: Model) -> dict[str, list[int]]:
