@@ -19,7 +19,7 @@ from launcher.report.outages import in_words
 from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 from tests.running import SPEEDS, kept_up
-from tests.strangers import Herald, Heralded
+from tests.strangers import Herald, Heralded, Merged
 from trackfield.scenario import names
 from trackfield.wire.registry import kind_of
 
@@ -274,3 +274,11 @@ def test_a_role_sends_to_those_that_its_architecture_names(tmp_path: Path) -> No
         tf.run(scenario, out=tmp_path / "virtual")
     with pytest.raises(tf.RunFailed, match="3 frames never reached the recorder"):
         tf.run(scenario, driver="processes", speed=2.0, out=tmp_path / "processes")
+
+
+def test_a_run_in_which_a_role_made_tracks_in_its_own_way_is_not_replayed(tmp_path: Path) -> None:
+    run = tf.run(own(Merged), out=tmp_path / "run")
+    assert {row["source"] for row in run.tracks.to_pylist()} == {"a", "b", "base"}
+    with pytest.raises(tf.ScenarioError, match="source: base made tracks in a way of its own, which a replay cannot"):
+        tf.replay(run, out=tmp_path / "again")
+    assert not (tmp_path / "again").exists()
