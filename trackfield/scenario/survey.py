@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from trackfield.draw import bits, normal
-from trackfield.errors import ScenarioError, together
+from trackfield.errors import RunFailed, ScenarioError, together
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
@@ -67,14 +67,32 @@ class Site:
         return next(name for name, members in self.kinds.items() if index in members)
 
     @cached_property
-    def passes(self) -> dict[str, tuple[int, ...]]:
-        """When (ns) each sensor, by its id, reports by itself; empty if there are sensors that are read at steps.
+    def passes(self) -> dict[str, dict[int, int]]:
+        """For which steps, and when (ns), each sensor that reports by itself does so, by its id; the first for a step.
 
-        Then a track is expected at the steps that these reports are for, not at each.
+        Raises ``ScenarioError`` for instants of a user's kind outside of the window that it was asked for.
         """
-        if any(section.sensing.rhythm == "steps" for section in self.sections.values()):
-            return {}
-        return {id: tuple(self.sensor(index).events()) for index, (id, *_) in enumerate(self.sensors)}
+        found = dict[str, dict[int, int]]()
+        for name, section in self.sections.items():
+            if section.sensing.rhythm == "events":
+                for index in sorted(self.kinds[name]):
+                    found[self.sensors[index][0]] = self._passes(index)
+        return found
+
+    def _passes(self, index: int) -> dict[int, int]:
+        try:
+            times = self.sensor(index).events()
+        except RunFailed as error:
+            raise ScenarioError(str(error), key=f"sensor '{self.kind_of(index)}': event") from None
+        steps = {self.step_after(t_ns): t_ns for t_ns in reversed(times)}
+        return {step: t_ns for step, t_ns in sorted(steps.items()) if 1 <= step <= self.steps}
+
+    @property
+    def pass_steps(self) -> set[int] | None:
+        """The steps of passes, if all sensors report by themselves: a track is expected at these alone."""
+        if len(self.passes) < len(self.sensors):
+            return None
+        return {step for steps in self.passes.values() for step in steps}
 
     def step_after(self, t_ns: int) -> int:
         """The first step that is not before this time."""

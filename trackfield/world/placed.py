@@ -51,13 +51,11 @@ class Placed:
         if self.kind.rhythm == "steps":
             return window_at(self.windows, t_ns)
         coming = (window for window in self.windows if window[1] > t_ns)
-        events = (self.kind.event(self.scene, window, self.position) for window in coming)
-        return next((at for at in events if at is not None and at > t_ns), None)
+        return next((at for window in coming for at in self._events(window) if at > t_ns), None)
 
     def events(self) -> list[int]:
-        """The instants (ns) at which a sensor reports by itself."""
-        found = (self.kind.event(self.scene, window, self.position) for window in self.windows)
-        return [at for at in found if at is not None]
+        """The instants (ns) at which a sensor reports by itself. Raises ``RunFailed`` for any outside its window."""
+        return [at for window in self.windows for at in self._events(window)]
 
     def elsewhere(self, purpose: str, t_ns: int) -> Reading | None:
         """The reading of a target at rest at a random place in range, drawn for each purpose and instant."""
@@ -77,6 +75,18 @@ class Placed:
     def uniform(self, purpose: str, what: str, t_ns: int) -> float:
         """A draw from [0, 1) that is its own."""
         return uniform(self.seed, self.id, self.incarnation, purpose, what, t_ns)
+
+    def _events(self, window: Window) -> list[int]:
+        """Those of a window, in order."""
+        found: Any = self.kind.event(self.scene, window, self.position)
+        try:
+            times = sorted({int(at) for at in several(found)})
+        except (TypeError, ValueError, OverflowError):
+            times = [-1]
+        if times and not window[0] <= times[0] <= times[-1] <= window[1]:
+            what = f"the sensor of {self.id}: event returned {found!r} for the window {window}"
+            raise RunFailed(f"{what}; expected None, or one or several instants (ns) in it")
+        return times
 
     def _reading(self, scene: AnyScene, purpose: str, t_ns: int) -> Reading | None:
         values = self.kind.simulate(scene, t_ns, self.position, self._normals(purpose, t_ns))
@@ -125,3 +135,13 @@ class Placed:
             plain["seed"],
             plain["incarnation"],
         )
+
+
+def several(found: Any) -> tuple[Any, ...]:
+    """What a kind's ``event`` returned, as several instants."""
+    if found is None:
+        return ()
+    try:
+        return tuple(found)
+    except TypeError:  # a single number
+        return (found,)
