@@ -66,7 +66,7 @@ class Reports:
 
     @property
     def values(self) -> Array:
-        """(K, m) what ``h`` predicts, of sensors of one kind, in its units. Raises ``ValueError`` with several kinds."""
+        """(K, m) what ``h`` predicts, in its units, of sensors of one kind. Raises ``ValueError`` for several."""
         if len(self.readings) != 1:
             raise ValueError(f"reports of {len(self.readings)} kinds of sensing; expected those of one")
         return self.readings[0].values[..., : self.m]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import count
 from math import ceil, isinf
 from typing import Final
 
@@ -169,11 +170,17 @@ def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Po
 
 
 def named(scenario: Scenario) -> dict[str, SensorSection]:
-    """The kinds of sensors by name; of several sections of one kind, the later ones are ``kind-2``, ``kind-3``, ..."""
+    """The kinds of sensors by name; of several sections of one kind, the later ones are ``kind-2``, ``kind-3``, ...
+
+    A number is left out where a kind is called so.
+    """
     found: dict[str, SensorSection] = {}
-    for _, section in scenario.keyed_sensors:
-        same = sum(one.kind == section.kind for one in found.values())
-        found[f"{section.kind}-{same + 1}" if same else section.kind] = section
+    sections = [section for _, section in scenario.keyed_sensors]
+    kinds = {section.kind for section in sections}
+    for section in sections:
+        more = (f"{section.kind}-{number}" for number in count(2))
+        free = (name for name in more if name not in found and name not in kinds)
+        found[next(free) if section.kind in found else section.kind] = section
     return found
 
 

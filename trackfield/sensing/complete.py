@@ -30,6 +30,10 @@ FIELD: Final = 4
 """The arguments of ``simulate`` for a kind that gets the whole scene."""
 NEAREST: Final = 3
 """The same for a kind that gets the nearest target alone."""
+METHODS: Final = ("residual", "loudness", "level", "z", "reading", "values", "words", "longest", "event")
+"""Methods that a class may have; there are defaults for them."""
+METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented")
+"""The same, without a default."""
 OPEN: Final = -1
 """Their number if it is open."""
 _VARARGS: Final = 0x04
@@ -80,12 +84,21 @@ class Kind:
         self.draws: tuple[str, ...] | None = has("draws", None)
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
-        for name_, default in (
-            ("variance", None), ("residual", _same), ("log_clutter", None), ("fix", None), ("invented", None),
-            ("loudness", _equal), ("level", _unlimited), ("z", _same), ("reading", self._measured),
-            ("values", self._in_units), ("words", self._in_words), ("longest", self._longest), ("event", self._passes),
-        ):  # fmt: skip
-            setattr(self, name_, has(name_, default))
+        defaults = (
+            _same,
+            _equal,
+            _unlimited,
+            _same,
+            self._measured,
+            self._in_units,
+            self._in_words,
+            self._longest,
+            self._passes,
+        )
+        for method, default in zip(METHODS, defaults, strict=True):
+            setattr(self, method, has(method, default))
+        for method in METHODS_OR_NONE:
+            setattr(self, method, has(method, None))
 
     @property
     def threshold(self) -> float:
