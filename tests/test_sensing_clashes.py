@@ -10,11 +10,16 @@ import pytest
 
 import trackfield as tf
 from launcher.plan.prepare import planned
+from launcher.record.ledger import describe
 from tests.rangers import Distance
 from tests.sensing import registered
 from tests.tripwire import Trip
 from trackfield.scenario import survey
+from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
+from trackfield.sensing.readings import Heard
+from trackfield.wire.codec import encode
+from trackfield.wire.messages import Measurement
 
 
 def refused(base: type = Distance, **members: Any) -> str:
@@ -112,3 +117,44 @@ def test_a_layer_may_be_none() -> None:
     with registered(odd=type("Odd", (Distance,), {"layer": "", "fix": None, "variance": None})):
         kind = make_sensor("odd", {})
     assert (kind.layer, kind.fix, kind.variance) == ("", None, None)
+
+
+@pytest.mark.parametrize(
+    ("method", "does", "says"),
+    [
+        ("residual", lambda self, difference: difference[..., 0], "returned an array (2, 3) for arrays (2, 3, 1)"),
+        ("z", lambda self, values: values[:, 0], "returned an array (3,) for arrays (3, 1); expected (3, 1)"),
+        ("level", lambda self, values: "loud", "returned 'loud'; expected a number"),
+        ("level", lambda self, values: values[7], "IndexError: tuple index out of range"),
+        ("reading", lambda self, values: values, "AttributeError: 'tuple' object has no attribute 'report'"),
+        ("reading", lambda self, values: Heard(60.0, 90.0), "expected a reading that reports a Measurement"),
+        ("values", lambda self, message: message.bearing_deg, "AttributeError: 'Measurement' object"),
+        ("values", lambda self, message: (1.0, 2.0), "expected 1 numbers"),
+        ("words", lambda self, message: 5, "returned 5; expected a text"),
+        ("words", lambda self, message: message.text, "AttributeError: 'Measurement' object"),
+        ("longest", lambda self: None, "returned None; expected a Measurement"),
+        ("fix", lambda self, z, at: None, "TypeError: "),
+        ("fix", lambda self, z, at, anywhere: (z, at), "fix returned tuple; expected a Gaussian or None"),
+        ("fix", lambda self, z, at, anywhere: tf.Gaussian(at[0], anywhere), "mean is of shape (2,); expected"),
+        ("invented", lambda self, fault, threshold, uniform: (1.0, 2.0), "expected 1 numbers, or None"),
+        ("event", lambda self, scene, window, place: "noon", "returned 'noon' for the window (0, 10000000000)"),
+        ("event", lambda self, scene, window, place: window[1] + 1, "expected None, or one or several instants (ns)"),
+        ("event", lambda self, window: None, "TypeError: "),
+    ],
+)  # fmt: skip
+def test_each_method_is_tried_before_a_run(method: str, does: Any, says: str) -> None:
+    told = refused(Trip, **{method: does})
+    assert told.startswith(f"sensor 'odd': {method}: ") and says in told
+    assert "\n" not in told
+
+
+def test_what_a_users_words_cannot_say_is_said_without_them() -> None:
+    """They may do so for a message of a peer, which is not like those that were tried."""
+
+    def fails(self: Any, message: Any) -> str:
+        raise ZeroDivisionError
+
+    message = Measurement(7, (1234,))
+    for method in ("words", "values"):
+        kind = Kind("odd", type("Odd", (Distance,), {method: fails})())
+        assert describe(encode(message), kind) == (repr(message), (), 7)

@@ -14,6 +14,7 @@ from trackfield.sensing.kinds import known_sensor
 from trackfield.sensing.readings import Reading, Window, window_at
 from trackfield.sensing.sensing import Numbers
 from trackfield.sensing.sensing import Scene as AnyScene
+from trackfield.words import quoted
 from trackfield.world.path import Path
 from trackfield.world.scene import Scene, Still, left_at
 
@@ -78,15 +79,11 @@ class Placed:
 
     def _events(self, window: Window) -> list[int]:
         """Those of a window, in order."""
-        found: Any = self.kind.event(self.scene, window, self.position)
+        found = self.kind.event(self.scene, window, self.position)
         try:
-            times = sorted({int(at) for at in several(found)})
-        except (TypeError, ValueError, OverflowError):
-            times = [-1]
-        if times and not window[0] <= times[0] <= times[-1] <= window[1]:
-            what = f"the sensor of {self.id}: event returned {found!r} for the window {window}"
-            raise RunFailed(f"{what}; expected None, or one or several instants (ns) in it")
-        return times
+            return instants(found, window)
+        except ValueError as error:
+            raise RunFailed(f"the sensor of {self.id}: event {error}") from None
 
     def _reading(self, scene: AnyScene, purpose: str, t_ns: int) -> Reading | None:
         values = self.kind.simulate(scene, t_ns, self.position, self._normals(purpose, t_ns))
@@ -137,11 +134,17 @@ class Placed:
         )
 
 
-def several(found: Any) -> tuple[Any, ...]:
-    """What a kind's ``event`` returned, as several instants."""
-    if found is None:
-        return ()
+def instants(found: Any, window: Window) -> list[int]:
+    """What a kind's ``event`` returned for a window, in order. Raises ``ValueError`` for anything outside of it."""
     try:
-        return tuple(found)
+        several = () if found is None else tuple(found)
     except TypeError:  # a single number
-        return (found,)
+        several = (found,)
+    try:
+        times = sorted({int(at) for at in several})
+    except (TypeError, ValueError, OverflowError):
+        times = [window[0] - 1]
+    if not times or window[0] <= times[0] <= times[-1] <= window[1]:
+        return times
+    what = f"returned {quoted(found)} for the window {window}"
+    raise ValueError(f"{what}; expected None, or one or several instants (ns) in it")
