@@ -20,6 +20,7 @@ from trackfield.sensing.kinds import make_sensor
 from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Measurement
+from trackfield.world.path import Path
 
 
 def refused(base: type = Distance, **members: Any) -> str:
@@ -158,3 +159,12 @@ def test_what_a_users_words_cannot_say_is_said_without_them() -> None:
     for method in ("words", "values"):
         kind = Kind("odd", type("Odd", (Distance,), {method: fails})())
         assert describe(encode(message), kind) == (repr(message), (), 7)
+
+
+def test_what_is_sensed_is_faster_than_any_target() -> None:
+    assert re.fullmatch(
+        r"sensor\.speed_m_s: 'odd' has 3 m/s, and \w+ moves at [\d.]+ m/s; expected more than the speed of any target",
+        refused(speed_m_s=3.0),
+    )
+    turns = Path.of([(0.0, 0.0, 0.0, 1.0, 0.0), (2.0, 20.0, 0.0, 1.0, 0.0)])
+    assert turns.fastest_m_s == pytest.approx(14.5), "between its knots: 1.5 times its mean less half of its ends"

@@ -137,6 +137,7 @@ def survey(scenario: Scenario) -> Site:
     kinds = assigned(scenario, sensors)
     sections = {name: section for name, section in named(scenario).items() if name in kinds}
     check(sections, kinds, sensors, tuple(found.values()))
+    check_speeds(sections, found)
     positions = np.array([place[1:] for place in sensors])
     setup_s = scenario.run.setup_s
     origin_ns = round(setup_s * _NS)
@@ -302,6 +303,18 @@ def check(
     expected = f"a path within the {radius:.0f} m in which a sensor hears a target"
     key = f"sensor.{next(iter(sections.values())).reach_key}" if len(sections) == 1 else "sensors"
     raise ScenarioError(f"{what} {nearest}", key=key, expected=expected)
+
+
+def check_speeds(sections: Mapping[str, SensorSection], paths: Mapping[str, Path]) -> None:
+    """Raise ``ScenarioError`` if what a sensor senses is as slow as a target: it would not arrive in order."""
+    slowest = min(sections, key=lambda name: sections[name].sensing.speed_m_s)
+    speed_m_s = sections[slowest].sensing.speed_m_s
+    if isinf(speed_m_s):
+        return
+    fastest_m_s, target = max((path.fastest_m_s, id) for id, path in paths.items())
+    if speed_m_s <= fastest_m_s:
+        what = f"'{slowest}' has {speed_m_s:g} m/s, and {target} moves at {fastest_m_s:.3g} m/s"
+        raise ScenarioError(what, key="sensor.speed_m_s", expected="more than the speed of any target")
 
 
 def _step_ns(scenario: Scenario) -> int:
