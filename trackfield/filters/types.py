@@ -169,6 +169,11 @@ class Sensing(Protocol):
         ...
 
     @property
+    def loudness(self) -> Callable[[Array], Array]:
+        """How loud readings (K, n) are, in dB (K,): the weight of a sensor beside others."""
+        ...
+
+    @property
     def fix(self) -> Callable[[Array, Array, Array], Gaussian | None] | None:
         """A start from readings (K, n) at (K, 2), given a covariance without information; None: the general search."""
         ...
