@@ -124,7 +124,7 @@ def fuse(
         moved(nominals, dt, model.sigma_v, draws.noise),
         cloud.carried,
         reports,
-        intensity_weights(model.sensor.loudness(reports.values)),
+        intensity_weights(model.sensor.loudness(reports.readings[0].values)),
         dt=dt,
         sigma_v=model.sigma_v,
         sigma_w=model.sigma_w,
