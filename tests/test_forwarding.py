@@ -11,12 +11,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from launcher.plan.prepare import load, planned
 from launcher.record.samples import event_of
 from trackfield.drivers.frames import Told
 from trackfield.drivers.telemetry import pack
 from trackfield.errors import ScenarioError
 from trackfield.role import NS, Ignored, Publish, TrackPoint
-from trackfield.tracking.forwarding import Forwarding, Gathered, Gathering, Numbering, message_of, point_of
+from trackfield.tracking.bank import Bank
+from trackfield.tracking.forwarding import (
+    Forwarding,
+    Gathered,
+    Gathering,
+    Numbering,
+    forwarding,
+    message_of,
+    point_of,
+    sent_dimension,
+)
 from trackfield.tracking.threshold import position_sd
 from trackfield.wire import Track, decode, encode
 
@@ -70,6 +81,24 @@ def test_a_point_with_four_reports_is_82_bytes() -> None:
 def test_a_point_without_reports_coasts() -> None:
     point = replace(POINT, sensors=(), status="coasting")
     assert arrived(sent(point)) == replace(point, source="", origin="a")
+
+
+@pytest.mark.parametrize(
+    "change", [{"tracker": "mine"}, {"sensors": ("n3", "x")}, {"at_ns": 10**18 + 501}, {"at_ns": -(10**18) - 501}]
+)
+def test_what_has_no_number_is_not_sent(change: dict[str, Any]) -> None:
+    assert message_of(replace(POINT, **change), BOTH, NOW) is None
+
+
+def test_all_sensors_of_a_bank_have_numbers() -> None:
+    bank = Bank(**planned(load("spcpf", settings=["field.nodes=9"])).tracking)
+    assert forwarding(bank, "base").numbering.sensors == tuple(f"n{i:03}" for i in range(9))
+    with pytest.raises(ScenarioError, match="do not list 'n000'; expected all sensors of the field"):
+        forwarding(bank, "base", sensors=["n001"])
+
+
+def test_of_a_state_too_long_for_a_message_the_longest_is_that_of_position_and_velocity() -> None:
+    assert [sent_dimension(n) for n in (4, 16, 17)] == [4, 16, 4]
 
 
 def test_unknowns_of_the_sensors_kind_come_along() -> None:

@@ -19,7 +19,7 @@ from launcher.report.outages import in_words
 from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 from tests.running import SPEEDS, kept_up
-from tests.strangers import Herald, Heralded
+from tests.strangers import Herald, Heralded, Merged
 from trackfield.scenario import names
 from trackfield.wire.registry import kind_of
 
@@ -79,6 +79,14 @@ class NoRole:
         pass
 
 
+class NoSet(Herald):
+    """A role whose kinds are a text."""
+
+    def __init__(self, *, to: list[str]) -> None:
+        super().__init__(to=to)
+        self.kinds = "hello"  # type: ignore[assignment]
+
+
 def raising(field: tf.Field) -> tf.Arranged:
     raise RuntimeError("no idea")
 
@@ -97,8 +105,22 @@ WRONG: dict[str, tuple[type, str]] = {
     "nowhere": (changed(y=float("nan")), "herald.y: is nan; expected metres"),
     "receiver": (changed(sends={"hello": ["fusian"]}), "there is no other process 'fusian'; did you mean fusion?"),
     "itself": (changed(sends={"hello": ["herald"]}), "herald.sends: there is no other process 'herald'"),
-    "text": (changed(sends={"hello": "fusion"}), "herald.sends: is 'fusion'; expected a list of ids that get"),
-    "message": (changed(sends={"helo": ["fusion"]}), "there is no message 'helo'; did you mean hello?; expected one"),
+    "text": (changed(sends={"hello": "fusion"}), "herald.sends: is 'fusion'; expected a list of names, each"),
+    "message": (changed(sends={"helo": ["fusion"]}), "architecture 'own': herald.sends: there is no message 'helo'"),
+    "kind": (changed(sends={3: ["fusion"]}), "herald.sends: is {3: ['fusion']}; expected lists of ids by the kind of"),
+    "listed": (changed(sends={"hello": [["fusion"]]}), "herald.sends: there is no other process ['fusion']; expected"),
+    "config": (changed(config=None), "herald.config: is None; expected a dict of its role's arguments by name"),
+    "list": (changed(config=[1]), "herald.config: is [1]; expected a dict of its role's arguments by name"),
+    "two clocks": (changed(asks=["fusion"]), "herald.asks: there is no other process ['fusion']; expected one of"),
+    "no set": (changed(factory=NoSet), "the kinds of what tests.test_own_architectures:NoSet makes are 'hello'; exp"),
+    "empty battery": (changed(battery_j=1e-7, tags=["battery"]), "herald.battery_j: is 1e-07; expected joules from"),
+    "dam": (changed(battery_j=2e9, tags=["battery"]), "herald.battery_j: is 2000000000.0; expected joules from 1e-06"),
+    "far": (changed(route=[(0, 0.0, 0.0), (9, 1e9, 0.0)]), "herald.route: leads to (1000000000.0, 0.0); expected at"),
+    "elsewhere": (changed(route=[(0, 3.0, 0.0)]), "herald.route: begins at (3.0, 0.0); expected its x and y, ("),
+    "fuses list": (changed(fuses=[["n001"]]), "herald.fuses: there is no sensor ['n001']; expected one of n000"),
+    "fuses twice": (changed(fuses=["n001", "n001"]), "herald.fuses: 'n001' is there twice; expected each of them"),
+    "seen twice": (viewed({"base": ["fusion", "fusion"]}), "views.base: 'fusion' is there twice; expected each of"),
+    "seen list": (viewed({"base": [["fusion"]]}), "views.base: there is no process ['fusion']; expected one of"),
     "clock": (changed(asks="nobody"), "herald.asks: there is no other process 'nobody'; expected one of herald"),
     "circle": (changed(asks="fusion"), "herald asks fusion asks herald for the time, so none of them ever learns it"),
     "tag": (changed(tags={"track"}), "there is no tag 'track'; did you mean tracks?; expected one of tracks, bat"),
@@ -132,6 +154,31 @@ def test_too_many_processes_are_refused(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("launcher.plan.architectures.checks.MOST_NODES", 10)
     with pytest.raises(tf.ScenarioError, match="returned 11 processes; expected at most 10"):
         planned(own(Heralded))
+
+
+def test_what_is_given_as_generators_is_used() -> None:
+    """A generator can be read only once."""
+
+    def arrange(field: tf.Field) -> tf.Arranged:
+        arranged = Heralded().arrange(field)
+        herald, centre, *nodes = arranged.processes
+        herald = replace(herald, sends={"hello": (id for id in ["fusion", "n001"])})
+        fuses = (id for id, *_ in field.sensors)
+        centre = replace(centre, fuses=fuses, tags=(tag for tag in ["tracks", "battery"]), battery_j=3.0)
+        return tf.Arranged((one for one in [herald, centre, *nodes]), {"base": (id for id in ["fusion"])})
+
+    plan = planned(own(built_by(arrange)))
+    assert [len(flow.pairs) for flow in plan.flows if kind_of(flow.message).name == "hello"] == [2]
+    assert plan.views[0].sources == ("fusion",)
+    assert plan.info.places[1].tags == {"tracks", "battery"}
+    assert len(plan.tracking["sensors"]) == 9
+
+
+def test_a_radio_may_acknowledge_messages_of_ones_own() -> None:
+    plan = planned(own(Heralded, **{"link.model": "lognormal_prr", "link.acks": {"hello": 2}}))
+    assert plan.run.link["acks"] == {"hello": 2}
+    with pytest.raises(tf.ScenarioError, match=r"link\.acks: there is no message 'helo'; did you mean hello"):
+        planned(own(Heralded, **{"link.model": "lognormal_prr", "link.acks": {"helo": 2}}))
 
 
 def test_a_centre_needs_sensors() -> None:
@@ -274,3 +321,11 @@ def test_a_role_sends_to_those_that_its_architecture_names(tmp_path: Path) -> No
         tf.run(scenario, out=tmp_path / "virtual")
     with pytest.raises(tf.RunFailed, match="3 frames never reached the recorder"):
         tf.run(scenario, driver="processes", speed=2.0, out=tmp_path / "processes")
+
+
+def test_a_run_in_which_a_role_made_tracks_in_its_own_way_is_not_replayed(tmp_path: Path) -> None:
+    run = tf.run(own(Merged), out=tmp_path / "run")
+    assert {row["source"] for row in run.tracks.to_pylist()} == {"a", "b", "base"}
+    with pytest.raises(tf.ScenarioError, match="source: base made tracks in a way of its own, which a replay cannot"):
+        tf.replay(run, out=tmp_path / "again")
+    assert not (tmp_path / "again").exists()

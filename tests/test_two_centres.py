@@ -136,6 +136,17 @@ def test_a_replay_is_equal_to_the_run(tmp_path: Path) -> None:
     assert origins(tf.replay(run, ["spcpf"], out=tmp_path / "other"), "spcpf") == origins(run)
 
 
+@pytest.mark.parametrize("until_s", [9.3, 14.01, 20.0])
+def test_a_centre_that_returned_and_set_its_clock_first_is_replayed_as_well(until_s: float, tmp_path: Path) -> None:
+    """It publishes where it resumes when its first round of asking is over, not as it starts."""
+    fault = {"kind": "restart", "nodes": ["west"], "at_s": 8.1, "until_s": until_s}
+    settings = HARD | {"faults": [fault], "fusion.smooth_lag": 3, "link.tx_dbm": 20.0}
+    run = tf.run(scenario(**settings), out=tmp_path / "run")
+    again = tf.replay(run, out=tmp_path / "again")
+    assert list(differences(run.path, again.path, 1e-9)) == []
+    assert {row["incarnation"] for row in run.tracks.to_pylist() if row["source"] == "west"} == {0, 1}
+
+
 def test_report_and_timeline_show_all_who_track(tmp_path: Path) -> None:
     run = tf.run(scenario(**HARD), out=tmp_path / "run")
     page = run.report().read_text()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from launcher.plan.architectures import Built, Process
 from launcher.plan.hardware import FJ_PER_MJ, clock_of, power_of, sync_of
-from launcher.plan.messages import longest
+from launcher.plan.messages import check_sent, longest
 from launcher.plan.roles import Roles
 from launcher.plan.tracking import if_used, tracking_of
 from launcher.records import Flow
@@ -36,7 +36,11 @@ def assembled(built: Built) -> Assembled:
     """The processes of a run. Raises ``ScenarioError`` if trackers and sensors do not fit, or a role cannot be made."""
     tracking = tracking_of(built.site, built.first)
     banks = {p.id: _bank(built, p, tracking) for p in built.processes if p.fuses}
-    processes = _Assembly(built, tracking, banks).processes()  # which loads the kinds of message of users' own roles
+    key = f"architecture '{built.site.scenario.architecture.kind}'"
+    processes = _Assembly(
+        built, tracking, banks, key
+    ).processes()  # which loads the kinds of message of users' own roles
+    check_sent(built.processes, key)
     sent = {kind for process in built.processes if process.senses for kind in process.sends}
     end_ns = built.site.end_ns
     flows = [Flow(longest(kind, tracking, end_ns), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
@@ -57,11 +61,13 @@ def _bank(built: Built, process: Process, tracking: Mapping[str, Any]) -> dict[s
 class _Assembly:
     """Makes specifications; values that are the same for many processes are shared."""
 
-    def __init__(self, built: Built, tracking: Mapping[str, Any], banks: Mapping[str, Mapping[str, Any]]) -> None:
+    def __init__(
+        self, built: Built, tracking: Mapping[str, Any], banks: Mapping[str, Mapping[str, Any]], key: str
+    ) -> None:
         self._built, self._scenario = built, built.site.scenario
         self._tracking, self._banks = tracking, banks
         self._numbers = {id: index for index, (id, *_) in enumerate(built.site.sensors)}
-        self._roles = Roles(f"architecture '{self._scenario.architecture.kind}'")
+        self._roles = Roles(key)
         self._powers: dict[tuple[float | None, bool], dict[str, Any]] = {}
 
     def processes(self) -> list[ProcessSpec]:
@@ -115,7 +121,7 @@ def _pairs(built: Built) -> dict[str, dict[Pair, None]]:
 
 def _enter(pairs: dict[str, dict[Pair, None]], process: Process) -> None:
     for kind, ids in process.sends.items():
-        for id in sorted(ids) if isinstance(ids, Set) else ids:
+        for id in ids:
             pairs[kind][process.id, id] = None
 
 

@@ -29,10 +29,10 @@ def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioErro
         found.extend(wrong or [])
         return wrong == []
 
-    look({"link"}, partial(check_link, scenario))
     look({"fusion", "sensor", "sensors", "faults"}, partial(check_tracking, scenario))
     if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: field.append(built(survey(scenario)))):
         look({"faults"}, lambda: planned_faults(field[0]))
+    look({"link"}, partial(check_link, scenario))
     return found
 
 

@@ -1,26 +1,29 @@
-"""A message of each kind that is as long as any, for what radios may be expected to deliver."""
+"""The kinds of messages that processes send, and a message of each as long as any, for what radios may deliver."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from launcher.plan.architectures import Process
 from trackfield.errors import ScenarioError
 from trackfield.filters.measurement import STATE
 from trackfield.scenario.nearest import suggestion
 from trackfield.sensing.kinds import make_sensor
+from trackfield.tracking.forwarding import sent_dimension
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import SyncReply, SyncRequest, Threshold, Track
 from trackfield.wire.registry import kind_of_class, kinds
+from trackfield.words import quoted
 
 SENSORS: Final = 4
 """How many sensors report in a step, as a rule."""
 
 
 def longest(kind: str, tracking: Mapping[str, Any], end_ns: int) -> Any:
-    """A message of this kind in a run that ends then, by sensors as in ``tracking``, the arguments of a ``Bank``.
+    """A message of this kind, which is known, in a run that ends then; ``tracking`` are the arguments of a ``Bank``.
 
-    Raises ``ScenarioError`` for an unknown kind.
+    It is as long as any, as a rule: a track is a Gaussian, and names the sensors of an ordinary step.
     """
     now_us = end_ns // 1000
     sensing = [make_sensor(**arguments) for arguments in tracking["sensing"].values()]
@@ -35,10 +38,19 @@ def longest(kind: str, tracking: Mapping[str, Any], end_ns: int) -> Any:
         case "threshold":
             return Threshold(65535, 70.0)
         case "track":  # of a Gaussian, and the sensors of an ordinary step
-            n = STATE + sum(len(one.unknowns) for one in sensing)
+            n = sent_dimension(STATE + sum(len(one.unknowns) for one in sensing))
             return Track(now_us, 1000, 255, 1, n, bytes(4 * (n + n * (n + 1) // 2)), bytes(2 * SENSORS))
-    known = {one.name: one for one in kinds()}
-    if kind not in known:
-        what = f"there is no message {kind!r}{suggestion(kind, known)}"
-        raise ScenarioError(what, key="sends", expected=f"one of {', '.join(known)}, or one that its role's module has")
-    return known[kind].longest()
+    return {one.name: one for one in kinds()}[kind].longest()
+
+
+def check_sent(processes: Iterable[Process], key: str) -> None:
+    """Raise ``ScenarioError`` if one of them sends messages of an unknown kind, under the ``key`` of the architecture.
+
+    The roles are loaded by then, and with them the kinds that their modules define.
+    """
+    known = [one.name for one in kinds()]
+    for process in processes:
+        for kind in process.sends.keys() - set(known):
+            what = f"there is no message {quoted(kind)}{suggestion(kind, known)}"
+            expected = f"one of {', '.join(known)}, or one that its role's module has"
+            raise ScenarioError(what, key=f"{key}: {process.id}.sends", expected=expected)

@@ -19,7 +19,7 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
 from trackfield.scenario.links import GilbertElliott
 from trackfield.scenario.nearest import suggestion
-from trackfield.wire.registry import product_kinds
+from trackfield.wire.registry import kinds
 from trackfield.words import quoted
 from trackfield.world.path import Path
 
@@ -41,10 +41,10 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     end_ns = site.end_ns
     queue = {key: value for key, value in scenario.plain()["link"].items() if key == "queue"}
     spec = RunSpec(run, scenario.seed, end_ns, link_of(scenario), speed, faults.partitions, **queue)
-    check_link(scenario)
     check_bursts(site, end_ns)
     places = own_places(scenario)
-    whole = assembled(field)
+    whole = assembled(field)  # with the kinds of message of users' own roles
+    check_link(scenario)
     processes = tuple(life for process in whole.processes for life in _lives(process, faults))
     return Plan(
         spec,
@@ -78,8 +78,11 @@ def lost_of(scenario: Scenario) -> Lost:
 
 
 def check_link(scenario: Scenario) -> None:
-    """Raise ``ScenarioError`` unless the link can be made; the scenario checked all but its file and ``acks``."""
-    link, known = link_of(scenario), [one.name for one in product_kinds()]
+    """Raise ``ScenarioError`` unless the link can be made; the scenario checked all but its file and ``acks``.
+
+    The kinds of message that users' own roles define are known once these are loaded.
+    """
+    link, known = link_of(scenario), [one.name for one in kinds()]
     wrong = [kind for kind in link.get("acks", {}) if kind not in known]
     if wrong:
         what = f"there is no message {quoted(wrong[0])}{suggestion(wrong[0], known)}"

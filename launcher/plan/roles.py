@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from functools import cache
 from importlib.metadata import entry_points
 from typing import Any, Final
@@ -13,6 +13,7 @@ from launcher.plan.architectures import Process
 from trackfield.drivers.spec import role_factory
 from trackfield.errors import ScenarioError
 from trackfield.plugins import brought
+from trackfield.words import quoted
 
 METHODS: Final = ("kinds", "begin", "handle")
 """What every role has."""
@@ -74,6 +75,10 @@ class Roles:
         if missing := [name for name in METHODS if not hasattr(role, name)]:
             what = f"what {place} makes has no {', '.join(missing)}"
             raise self._error(process, "factory", what, f"a role: with {', '.join(METHODS)} (trackfield.role.Role)")
+        kinds = role.kinds
+        if not (isinstance(kinds, Set) and all(isinstance(kind, str) for kind in kinds)):
+            what = f"the kinds of what {place} makes are {quoted(kinds)}"
+            raise self._error(process, "factory", what, "a frozenset of the names of messages that it takes")
 
     def _error(self, process: Process, name: str, what: str, expected: str) -> ScenarioError:
         return ScenarioError(what, key=f"{self._key}: {process.id}.{name}", expected=expected)

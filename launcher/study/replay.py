@@ -3,7 +3,8 @@
 Each process that tracked repeats the steps for which it published points, with the reports that its tracks used; a
 later life continues from the estimates of the life before it. A process that published points of others, which it had
 by radio, publishes those that the same origins now have for the same instants. Points are published at the times of the
-run. No messages are sent.
+run. No messages are sent. A process that neither fuses reports nor hands points on computes its tracks in a way that
+only its role knows: a run with such a process cannot be replayed.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ def replay(
     """Fuse the reports of a run folder with these trackers (none: its own) and leave a folder of the same kind.
 
     With ``drop_late``, reports that came after their deadline are left out. Raises ``ScenarioError`` if the folder is
-    not that of a finished run by this version, for an unknown tracker, and if ``out`` is not empty.
+    not that of a finished run by this version, for an unknown tracker, if ``out`` is not empty, and for a run in which
+    a process made tracks in a way of its own.
     """
     begun, cpu_s = time.monotonic(), time.process_time()
     check_run(run)
@@ -67,6 +69,7 @@ def replay(
     jumps = (p.jumps for p in plan.processes)
     check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
+    _check_repeatable(run, plan)
     fusions, handed = read_points(run)
     _check_usable(run, plan, fusions, rows)
     folder = prepare_folder(out, scenario.name, scenario.seed)
@@ -94,6 +97,15 @@ def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
             f"{late} events were handled out of order in the run (timing.host_late); the replay has all in order"
         )
     return said
+
+
+def _check_repeatable(run: Path, plan: Plan) -> None:
+    """Raise ``ScenarioError`` for tracks that neither came by radio nor are of a process that fuses reports."""
+    for row in read_table(run, TRACKS_TABLE, ("source", "step", "origin")).to_pylist():
+        if not row["origin"] and (row["source"] not in plan.banks or row["step"] is None):
+            what = f"{row['source']} made tracks in a way of its own, which a replay cannot repeat"
+            expected = "processes that fuse the reports of steps (fuses), or hand on the tracks of others (origin)"
+            refuse(run / TRACKS_TABLE, "source", what, expected)
 
 
 def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> None:
@@ -174,21 +186,22 @@ def read_points(run: Path) -> tuple[list[Fusion], list[Handed]]:
 
 
 class _Source:
-    """Repeats a process that tracked; ``starts`` has the beginnings of its planned later lives, by their names."""
+    """Repeats a process that tracked; ``starts`` has the beginnings of its planned later lives, by their names.
 
-    def __init__(self, bank: Bank, starts: Mapping[str, int]) -> None:
-        self.bank, self._starts = bank, starts
+    Its tracks of a step are due ``deadline_ns`` after it.
+    """
+
+    def __init__(self, bank: Bank, starts: Mapping[str, int], deadline_ns: int) -> None:
+        self.bank, self._starts, self._deadline_ns = bank, starts, deadline_ns
         self._tracks: tuple[Any, ...] = ()
         self._stored: tuple[int, bytes] | None = None
         self._life, self._step, self._phase = "", 0, ""
 
     def fuse(self, one: Fusion, heard: Mapping[str, Any], *, early: bool) -> Iterator[tuple[int, State | Publish]]:
         """(time, effect) published for a step; ``early`` says that some of what it ``heard`` had come by then."""
-        resumed = (
-            self._starts.get(one.life) == one.told_ns
-        )  # it published this step when it returned, not at a deadline
+        resumed = self._resumes(one)
         if one.life != self._life:
-            yield from self._begin(one, resumed=resumed)
+            yield from self._begin(one)
         for step in range(self._step + 1, one.step):
             self._tracks = self.bank.advance(self._tracks, step, {}).tracks
         self._tracks, points, earlier = self.bank.advance(self._tracks, one.step, heard)
@@ -200,7 +213,20 @@ class _Source:
             status = next(iter(points.values())).status
             yield from self._enter(one.told_ns, "coasting" if status == "tracking" and not early else status)
 
-    def _begin(self, one: Fusion, *, resumed: bool) -> Iterator[tuple[int, State | Publish]]:
+    def _resumes(self, one: Fusion) -> bool:
+        """Whether a later life published this step as it began, at once or when its clock was set, not at a deadline.
+
+        It does so for the last step that was due by then, if it knows the target and missed that step.
+        """
+        if one.life == self._life or not one.incarnation or self._stored is None:
+            return False
+        since, kept = self._stored
+        if one.sensors or all(belief is None for belief in unpack(kept).beliefs.values()):
+            return False
+        start_ns = self._starts.get(one.life, one.told_ns)
+        return one.step > since + 1 or self.bank.at_ns(one.step) + self._deadline_ns <= start_ns
+
+    def _begin(self, one: Fusion) -> Iterator[tuple[int, State | Publish]]:
         """A life begins, from what the life before it stored, if anything."""
         until, self._life, self._phase = one.step - 1, one.life, ""
         if self._stored is None:
@@ -225,10 +251,11 @@ def fused(
     """(fusion, time in ns, effect) of what all tracking processes publish, with the reports in these messages."""
     reports = _reports(rows)
     starts = {life.name: life.start_ns for life in plan.processes if life.incarnation}
+    deadline_ns = round(plan.deadline_s * NS)
     sources: dict[str, _Source] = {}
     for one in fusions:
         if one.source not in sources:
-            sources[one.source] = _Source(Bank(**plan.bank_of(one.source)), starts)
+            sources[one.source] = _Source(Bank(**plan.bank_of(one.source)), starts, deadline_ns)
         came = {sensor: reports[sensor, one.step] for sensor in one.sensors if (sensor, one.step) in reports}
         heard = {sensor: decode(row.payload) for sensor, row in came.items()}
         early = any(row.due_ns is not None and row.due_ns <= one.told_ns for row in came.values())

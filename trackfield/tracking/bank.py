@@ -155,7 +155,7 @@ class Bank:
         """The reports of a step, kind by kind."""
         ids, readings = list[str](), list[Readings]()
         for name, kind in self.sensing.items():
-            mine = sorted(id for id in heard if not self.kind_of or self.kind_of[id] == name)
+            mine = sorted(id for id in heard if self.kind_of[id] == name) if self.kind_of else sorted(heard)
             values = np.array([kind.values(heard[id]) for id in mine], float).reshape(-1, kind.n)
             ids += mine
             early_s = np.array([kind.early_s(heard[id]) for id in mine]) if kind.timed else None

@@ -29,7 +29,8 @@ from trackfield.filters.types import Gaussian
 from trackfield.role import Ignored, Send, TrackPoint
 from trackfield.tracking.bank import Bank
 from trackfield.wire.keys import Medium
-from trackfield.wire.messages import Track
+from trackfield.wire.messages import MOST_US, Track
+from trackfield.words import quoted
 
 MOST_NUMBERS: Final = 16
 """The longest state in a message; of a longer one only x, y, vx, vy are sent."""
@@ -81,15 +82,21 @@ class Numbering:
         return (step_ns, step) if _microseconds(step_ns) == at_us else (at_us * 1000, None)
 
 
+def sent_dimension(dimension: int) -> int:
+    """How many numbers are sent of a state that has so many."""
+    return dimension if dimension <= MOST_NUMBERS else 4
+
+
 def message_of(point: TrackPoint, numbering: Numbering, now: int) -> Track | None:
     """The message that hands a point on at ``now`` (ns, the sender's clock).
 
-    None for a point that is not sent: without a track, of a smoothed track, or not finite. What is unknown besides
-    x, y, vx, vy is sent as if it were independent of these.
+    None for a point that is not sent: without a track, of a smoothed track, not finite, of a tracker or with a sensor
+    that is not numbered, or of an instant that no message can have. What is unknown besides x, y, vx, vy is sent as if
+    it were independent of these.
     """
-    if not point.mean or point.lag:
+    if not point.mean or point.lag or not _numbered(point, numbering):
         return None
-    more = point.unknowns if 4 + len(point.unknowns) <= MOST_NUMBERS else ()
+    more = point.unknowns[: sent_dimension(4 + len(point.unknowns)) - 4]
     covariance = np.zeros((4 + len(more),) * 2)
     covariance[:4, :4] = np.reshape(point.covariance, (4, 4))
     covariance[range(4, len(covariance)), range(4, len(covariance))] = np.square(point.unknown_sds[: len(more)])
@@ -166,9 +173,18 @@ class Forwarding:
 def forwarding(
     bank: Bank, to: str | Collection[str], *, sensors: Sequence[str] = (), medium: Medium = "field"
 ) -> Forwarding:
-    """Hands on what the trackers of a ``bank`` know. ``sensors`` are all of the field (none: those of the bank)."""
+    """Hands on what the trackers of a ``bank`` know. ``sensors`` are all of the field (none: those of the bank).
+
+    Raises ``ScenarioError`` if a sensor of the bank is not among them.
+    """
     receivers = to if isinstance(to, str) else frozenset(to)
-    return Forwarding(receivers, Numbering.of(bank, sensors), medium)
+    numbering = Numbering.of(bank, sensors)
+    if unlisted := [id for id in bank.positions if id not in numbering.sensor_numbers]:
+        raise ScenarioError(
+            f"the sensors of a track that is handed on do not list {quoted(unlisted[0])}",
+            expected="all sensors of the field",
+        )
+    return Forwarding(receivers, numbering, medium)
 
 
 Gathered = Map[tuple[int, str], Map[str, tuple[int, TrackPoint]]]
@@ -211,6 +227,12 @@ class Gathering:
         for old in [one for one in kept if one[0] < oldest_ns]:
             kept = kept.delete(old)
         return kept, tuple(points[one][1] for one in sorted(points))
+
+
+def _numbered(point: TrackPoint, numbering: Numbering) -> bool:
+    """Whether its tracker, its instant and the sensors that its message names have numbers."""
+    known = point.tracker in numbering.tracker_numbers and abs(_microseconds(point.at_ns)) <= MOST_US
+    return known and all(id in numbering.sensor_numbers for id in point.sensors[:MOST_SENSORS])
 
 
 def _microseconds(at_ns: int) -> int:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Set
+from dataclasses import replace
 from itertools import pairwise
 from math import isfinite
 from numbers import Real
@@ -24,10 +25,16 @@ from trackfield.words import quoted
 TAGS: Final = (TRACKS, BATTERY, BACKBONE, SENSES)
 MOST_COMPARED: Final = 10_000
 """Of more ids, none is suggested for an unknown one: it takes long."""
+LEAST_J: Final = 1e-6
+MOST_J: Final = 1e9
+"""The capacity of a battery, as in ``[energy]``."""
 
 
 def checked(kind: str, arranged: Any, site: Site) -> Arranged:
-    """What the architecture ``kind`` arranged. Raises ``ScenarioError`` if it is none, or contradicts itself."""
+    """What the architecture ``kind`` arranged, with tuples and dicts for whatever it used in their place.
+
+    Raises ``ScenarioError`` if it is none, or contradicts itself.
+    """
     return _Check(f"architecture '{kind}'", site).arranged(arranged)
 
 
@@ -42,19 +49,18 @@ class _Check:
     def arranged(self, given: Any) -> Arranged:
         if not isinstance(given, Arranged) or not isinstance(given.views, Mapping):
             raise self._error("arrange", f"returned {quoted(given)}", "an Arranged of processes and views")
-        processes = self._listed("arrange", given.processes, "processes")
-        if len(processes) > MOST_NODES:
-            raise self._error("arrange", f"returned {len(processes)} processes", f"at most {MOST_NODES}")
-        for process in processes:
+        listed = self._listed("arrange", given.processes, "processes")
+        if len(listed) > MOST_NODES:
+            raise self._error("arrange", f"returned {len(listed)} processes", f"at most {MOST_NODES}")
+        for process in listed:
             self._identity(process)
             self._processes[process.id] = process
-        for process in processes:
-            self._process(process)
+        processes = tuple(self._process(process) for process in listed)
+        self._processes = {process.id: process for process in processes}
         if not any(process.senses for process in processes):
             raise self._error("arrange", "no process has a sensor", "processes that sense (field.sensor_nodes)")
         check_references({process.id: process.asks or None for process in processes}, self._key)
-        self._views(given.views)
-        return given
+        return Arranged(processes, self._views(given.views))
 
     def _error(self, where: str, what: str, expected: str) -> ScenarioError:
         return ScenarioError(what, key=f"{self._key}: {where}", expected=expected)
@@ -72,7 +78,7 @@ class _Check:
         if id in self._processes:
             raise self._error(id, "two processes have this id", "an id of its own for each")
 
-    def _process(self, process: Process) -> None:
+    def _process(self, process: Process) -> Process:
         id = process.id
         for name in ("x", "y"):
             value = getattr(process, name)
@@ -81,57 +87,85 @@ class _Check:
         if process.senses and self._sensors.get(id) != (process.x, process.y):
             known = "has another place" if id in self._sensors else "is not in this field"
             raise self._error(f"{id}.senses", f"the sensor {id} {known}", "the id and place of one of field.sensors")
-        for sensor in self._listed(f"{id}.fuses", process.fuses, "ids of sensors"):
-            if sensor not in self._sensors:
-                raise self._unknown(f"{id}.fuses", "sensor", sensor, self._sensors)
-        self._sends(process)
-        self._tags(process)
-        if process.asks and (process.asks not in self._processes or process.asks == id):
-            raise self._unknown(f"{id}.asks", "other process", process.asks, self._processes)
-        self._route(process)
+        self._config(process)
+        tags = self._names(f"{id}.tags", process.tags, "tag", TAGS)
+        self._battery(process, tags)
+        asks = process.asks
+        if asks != "" and (not isinstance(asks, str) or asks not in self._processes or asks == id):
+            raise self._unknown(f"{id}.asks", "other process", asks, self._processes)
+        return replace(
+            process,
+            sends=self._sends(process),
+            fuses=self._names(f"{id}.fuses", process.fuses, "sensor", self._sensors),
+            tags=tags,
+            route=self._route(process),
+        )
 
-    def _sends(self, process: Process) -> None:
-        if not isinstance(process.sends, Mapping):
-            raise self._error(
-                f"{process.id}.sends", f"is {quoted(process.sends)}", "lists of ids by the kind of message"
-            )
-        for kind, ids in process.sends.items():
-            for id in self._listed(f"{process.id}.sends", ids, f"ids that get its messages of kind {kind}"):
-                if id not in self._processes or id == process.id:
-                    raise self._unknown(f"{process.id}.sends", "other process", id, self._processes)
+    def _config(self, process: Process) -> None:
+        config = process.config
+        if not (isinstance(config, Mapping) and all(isinstance(name, str) for name in config)):
+            raise self._error(f"{process.id}.config", f"is {quoted(config)}", "a dict of its role's arguments by name")
 
-    def _tags(self, process: Process) -> None:
-        for tag in self._listed(f"{process.id}.tags", process.tags, "tags"):
-            if tag not in TAGS:
-                raise self._unknown(f"{process.id}.tags", "tag", tag, TAGS)
-        battery_j = process.battery_j
-        if battery_j is not None and not (_number(battery_j) and battery_j > 0):
-            raise self._error(f"{process.id}.battery_j", f"is {quoted(battery_j)}", "joules, above 0; or None")
-        if battery_j is not None and BATTERY not in process.tags:
-            raise self._error(f"{process.id}.battery_j", "is given without the tag 'battery'", "both, or none of them")
+    def _sends(self, process: Process) -> dict[str, tuple[str, ...]]:
+        given, where = process.sends, f"{process.id}.sends"
+        if not (isinstance(given, Mapping) and all(isinstance(kind, str) for kind in given)):
+            raise self._error(where, f"is {quoted(given)}", "lists of ids by the kind of message, a text")
+        sends = {kind: self._names(where, ids, "other process", self._processes) for kind, ids in given.items()}
+        if any(process.id in ids for ids in sends.values()):
+            raise self._unknown(where, "other process", process.id, self._processes)
+        return sends
 
-    def _route(self, process: Process) -> None:
+    def _battery(self, process: Process, tags: Collection[str]) -> None:
+        battery_j, where = process.battery_j, f"{process.id}.battery_j"
+        if battery_j is None:
+            return
+        if not (_number(battery_j) and LEAST_J <= battery_j <= MOST_J):
+            raise self._error(where, f"is {quoted(battery_j)}", f"joules from {LEAST_J:g} to {MOST_J:g}, or None")
+        if BATTERY not in tags:
+            raise self._error(where, "is given without the tag 'battery'", "both, or none of them")
+
+    def _route(self, process: Process) -> tuple[tuple[int, float, float], ...]:
         legs = self._listed(f"{process.id}.route", process.route, "legs (t ns, x m, y m)")
-        good = [isinstance(leg, tuple) and len(leg) == 3 and all(map(_number, leg)) for leg in legs]
+        good = [isinstance(leg, tuple | list) and len(leg) == 3 and all(map(_number, leg)) for leg in legs]
         if not all(good) or any(b[0] <= a[0] for a, b in pairwise(legs)):
             expected = "legs (t ns, x m, y m) in increasing time"
             raise self._error(f"{process.id}.route", f"is {quoted(process.route)}", expected)
+        if far := [leg for leg in legs if max(abs(leg[1]), abs(leg[2])) > FAR_M]:
+            raise self._error(
+                f"{process.id}.route", f"leads to {quoted(far[0][1:])}", f"at most {FAR_M:g} m from (0, 0)"
+            )
+        if legs and tuple(legs[0][1:]) != (process.x, process.y):
+            expected = f"its x and y, ({process.x:g}, {process.y:g})"
+            raise self._error(f"{process.id}.route", f"begins at {quoted(tuple(legs[0][1:]))}", expected)
+        return tuple((t, x, y) for t, x, y in legs)
 
-    def _views(self, views: Mapping[Any, Any]) -> None:
+    def _views(self, views: Mapping[Any, Any]) -> dict[str, tuple[str, ...]]:
         if not views:
             raise self._error("views", "there is none", "at least one: the headline, such as {'base': ['fusion']}")
-        for name, sources in views.items():
-            if not (isinstance(name, str) and re.fullmatch(ID, name)):
-                raise self._error("views", f"the name of a view is {quoted(name)}", ID_WORDS)
-            ids = self._listed(f"views.{name}", sources, "ids of processes that track")
-            if not ids:
-                raise self._error(f"views.{name}", "is empty", "the id of at least one process that tracks")
-            for id in ids:
-                if id not in self._processes:
-                    raise self._unknown(f"views.{name}", "process", id, self._processes)
-                if TRACKS not in self._processes[id].tags:
-                    what = f"{id} publishes no tracks"
-                    raise self._error(f"views.{name}", what, f"processes with the tag '{TRACKS}'")
+        return {name: self._view(name, sources) for name, sources in views.items()}
+
+    def _view(self, name: Any, sources: Any) -> tuple[str, ...]:
+        if not (isinstance(name, str) and re.fullmatch(ID, name)):
+            raise self._error("views", f"the name of a view is {quoted(name)}", ID_WORDS)
+        ids = self._names(f"views.{name}", sources, "process", self._processes)
+        if not ids:
+            raise self._error(f"views.{name}", "is empty", "the id of at least one process that tracks")
+        for id in ids:
+            if TRACKS not in self._processes[id].tags:
+                what = f"{id} publishes no tracks"
+                raise self._error(f"views.{name}", what, f"processes with the tag '{TRACKS}'")
+        return ids
+
+    def _names(self, where: str, given: Any, what: str, known: Collection[str]) -> tuple[str, ...]:
+        """The entries of a list of names that are known, each of them once; of a set, in their order."""
+        names = self._listed(where, given, f"names, each that of one {what}")
+        for name in names:
+            if not isinstance(name, str) or name not in known:
+                raise self._unknown(where, what, name, known)
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise self._error(where, f"{quoted(twice)} is there twice", "each of them once")
+        return tuple(sorted(names) if isinstance(given, Set) else names)
 
     def _listed(self, where: str, given: Any, what: str) -> list[Any]:
         """The entries of a list, tuple or set; a text would be a list of its letters."""
