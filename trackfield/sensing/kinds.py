@@ -73,12 +73,27 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
             raise ScenarioError(f"'{kind}' is called otherwise now", key="sensor.kind", expected=f"'{FORMER[kind]}'")
         raise SENSORS.unknown(kind, "sensor.kind")
     own = made(SENSORS[kind], options, "sensor")
+    _check_members(kind, own)
+    _check_counts(kind, own)
+    made_kind = Kind(kind, own)
+    if made_kind.adaptive and made_kind.rhythm == "events":
+        what = f"'{kind}' has {made_kind.thresholds}, which differ, and its sensors report by themselves"
+        raise ScenarioError(what, key="sensor.thresholds", expected="one level, twice, or the rhythm steps")
+    return made_kind
+
+
+def _check_members(kind: str, own: Any) -> None:
+    """Raise ``ScenarioError`` for a member that no kind can have, by itself."""
     for name, fine, expected in _RULES:
         value = getattr(own, name, None)
         if not fine(value) and not (name in _OPTIONAL and not hasattr(own, name)):
             setting = name in _OPTIONAL and name in getattr(own, "__dataclass_fields__", ())
             rename = f"; a setting of another meaning needs another name than '{name}'" if setting else ""
             raise ScenarioError(f"'{kind}' has {quoted(value)}", key=f"sensor.{name}", expected=expected + rename)
+
+
+def _check_counts(kind: str, own: Any) -> None:
+    """Raise ``ScenarioError`` for members that do not go together."""
     if not len(own.sd) <= len(own.resolution) <= MAX_VALUES:
         what = f"'{kind}' has {len(own.sd)} sd and {len(own.resolution)} resolutions"
         raise ScenarioError(what, key="sensor.sd", expected=f"one of each per number, at most {MAX_VALUES}")
@@ -95,11 +110,6 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
         raise ScenarioError(what, key=f"sensor '{kind}': simulate", expected=expected)
     if getattr(own, "thresholds", None) is not None and not (hasattr(own, "level") or hasattr(own, "reading")):
         raise ScenarioError(f"'{kind}' has none", key="sensor.level", expected="a method level: it has thresholds")
-    made_kind = Kind(kind, own)
-    if made_kind.adaptive and made_kind.rhythm == "events":
-        what = f"'{kind}' has {made_kind.thresholds}, which differ, and its sensors report by themselves"
-        raise ScenarioError(what, key="sensor.thresholds", expected="one level, twice, or the rhythm steps")
-    return made_kind
 
 
 def _metres(value: object) -> bool:
