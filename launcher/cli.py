@@ -28,7 +28,7 @@ from launcher.commands import (
 )
 from launcher.files import check_text
 from launcher.processes.garbage import look_seldom
-from launcher.signals import ENDING, handling
+from launcher.signals import ENDING, Interrupted, handling
 from trackfield.errors import ScenarioError, TrackfieldError
 from trackfield.streams import steady, unheard
 
@@ -79,7 +79,7 @@ def main() -> NoReturn:
 
     def interrupt(number: int) -> None:
         came.append(number)
-        raise KeyboardInterrupt
+        raise Interrupted
 
     with handling(interrupt, (signal.SIGTERM, signal.SIGHUP)):
         code = _called()

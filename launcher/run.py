@@ -28,7 +28,7 @@ from launcher.record.ledger import Ledger
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE_END, Metrics, ended_because
 from launcher.record.words import interference
 from launcher.records import RECORDER, SENSES, Plan
-from launcher.signals import handling
+from launcher.signals import Interrupted, handling
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import RunFailed
 from trackfield.role import NS
@@ -302,11 +302,11 @@ def _until_signal() -> Iterator[list[int]]:
 
 @contextmanager
 def _interruptible(came: list[int]) -> Iterator[None]:
-    """A signal that asks the program to end raises ``KeyboardInterrupt``, and is noted."""
+    """A signal that asks the program to end raises ``Interrupted``, and is noted."""
 
     def interrupt(number: int) -> None:
         came.append(number)
-        raise KeyboardInterrupt
+        raise Interrupted
 
     with handling(interrupt):
         yield

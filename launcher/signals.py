@@ -11,6 +11,14 @@ ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, a plain kill, and a terminal that is closed."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """A signal asks the program to end.
+
+    A class of its own: once a plain ``KeyboardInterrupt`` has left ``exec``, as in the making of a dataclass,
+    ``python -m`` kills itself by SIGINT at its end, even if the program caught it.
+    """
+
+
 @contextmanager
 def handling(handle: Callable[[int], object], numbers: Iterable[signal.Signals] = ENDING) -> Iterator[None]:
     """Call ``handle`` with the number of each of these signals that comes.

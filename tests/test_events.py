@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, replace
 from math import hypot
 from pathlib import Path as FilePath
 from typing import Any
@@ -11,9 +12,12 @@ import numpy as np
 import pytest
 
 import trackfield as tf
+from launcher.plan.forecast.heard import Heard
 from launcher.plan.prepare import planned, warned
+from launcher.record import bounds
 from node.role import Node, Phase
 from tests.running import METRICS, SPEEDS, kept_up
+from tests.sensing import registered
 from tests.tripwire import Trip
 from trackfield.filters.measurement import expected, jacobians, log_likelihood, sensing_information
 from trackfield.filters.types import Model, Readings, Reports
@@ -61,7 +65,7 @@ def test_each_pass_is_one_report() -> None:
         | {"target": {"path": "waypoints", "waypoints": [[0, -200, 50], [40, 600, 50], [80, -200, 50]]}},
     )
     site = survey(scenario)
-    passes = [times for times in site.passes.values() if times]
+    passes = [list(times.values()) for times in site.passes.values() if times]
     assert passes and all(len(times) == 2 for times in passes)
     assert all(sum(times) == pytest.approx(80 * NS, abs=4000) for times in passes)
 
@@ -206,7 +210,7 @@ def test_passes_are_what_a_track_is_expected_at() -> None:
 def test_a_field_with_sensors_that_are_read_at_steps_expects_all_steps() -> None:
     kinds = [{"kind": "trip", "share": 0.5}]
     plan = planned(tf.Scenario.load("zhai-spcpf", {"sensors": kinds, "fusion.trackers": ["ekf"]}))
-    assert not plan.passes
+    assert plan.passes and plan.pass_steps is None
 
 
 def test_both_drivers_agree(tmp_path: FilePath) -> None:
@@ -228,3 +232,126 @@ def test_a_replay_is_the_run() -> None:
     again = tf.replay(result.path)
     columns = ["tracker", "at_ns", "x", "y", "vx", "vy", "covariance"]
     assert again.tracks.select(columns).equals(result.tracks.select(columns))
+
+
+# --- several passes ---------------------------------------------------------------------------------------------------
+
+LATER = Path.of([(4.0, -100.0, 5.0, 10.0, 0.0), (40.0, 260.0, 5.0, 10.0, 0.0)])
+"""East at 10 m/s, 4 s behind ``STRAIGHT`` and beside it."""
+BACK = Path.of(
+    [
+        (0.0, -40.0, 0.0, 10.0, 0.0),
+        (8.0, 40.0, 0.0, 10.0, 0.0),
+        (8.0, 40.0, 0.0, -10.0, 0.0),
+        (16.0, -40.0, 0.0, -10.0, 0.0),
+    ]
+)
+"""East, and back at once, within the range of a sensor near the origin."""
+
+
+def test_each_of_two_targets_in_one_window_is_an_event() -> None:
+    assert placed(0.0, 20.0, STRAIGHT, LATER).events() == pytest.approx([10 * NS, 14 * NS], abs=2000)
+
+
+def test_a_target_that_turns_within_range_passes_twice() -> None:
+    sensor = placed(0.0, 20.0, BACK)
+    assert sensor.events() == pytest.approx([4 * NS, 12 * NS], abs=2000)
+    assert sensor.next_window(5 * NS) == sensor.events()[1]
+
+
+def test_a_target_at_rest_passes_once_and_one_that_appears_never() -> None:
+    rests = Path.of(
+        [
+            (0.0, -40.0, 0.0, 10.0, 0.0),
+            (4.0, 0.0, 0.0, 0.0, 0.0),
+            (9.0, 0.0, 0.0, 0.0, 0.0),
+            (20.0, 50.0, 0.0, 9.0, 0.0),
+        ]
+    )
+    assert len(placed(0.0, 20.0, rests).events()) == 1
+    appears = Path.of([(6.0, 5.0, 0.0, 10.0, 0.0), (20.0, 145.0, 0.0, 10.0, 0.0)])
+    assert placed(0.0, 20.0, appears, STRAIGHT).events() == placed(0.0, 20.0, STRAIGHT).events()
+
+
+@dataclass(frozen=True)
+class Told(Trip):
+    """Says itself when."""
+
+    when: str = "none"
+
+    def event(self, scene: Any, window: tuple[int, int], place: Any) -> Any:
+        middle = sum(window) / 2
+        return {
+            "none": None,
+            "float": middle,
+            "numpy": np.int64(middle),
+            "several": (np.int64(middle), 1e9),
+            "array": np.array([middle, 1e9]),
+            "outside": window[1] + 1,
+            "nan": np.nan,
+            "text": ["now"],
+        }[self.when]
+
+
+@pytest.mark.parametrize(
+    ("when", "expected"), [("none", []), ("float", [20]), ("numpy", [20]), ("several", [1, 20]), ("array", [1, 20])]
+)
+def test_a_kind_says_itself_when(when: str, expected: list[int]) -> None:
+    found = replace(placed(0.0, 20.0, STRAIGHT), kind=Kind("told", Told(when=when))).events()
+    assert found == [s * NS for s in expected]
+    assert all(type(at) is int for at in found)
+
+
+@pytest.mark.parametrize("when", ["outside", "nan", "text"])
+def test_what_is_no_instant_of_the_window_is_told(when: str) -> None:
+    with pytest.raises(tf.RunFailed, match=r"the sensor of n1: event returned .*; expected None, or one or several"):
+        replace(placed(0.0, 20.0, STRAIGHT), kind=Kind("told", Told(when=when))).events()
+    with registered(told=Told), pytest.raises(tf.ScenarioError, match="sensor 'told': event"):
+        planned(tf.Scenario.load("zhai-spcpf", FIELD | {"sensor.kind": "told", "sensor.when": when}))
+
+
+# --- bounds and forecasts ---------------------------------------------------------------------------------------------
+
+
+def test_the_bound_takes_readings_at_their_instants() -> None:
+    """Against Fisher's matrix of distances to a target that moved on for ``early`` seconds, by differences."""
+    plan = planned(tf.Scenario.load("zhai-spcpf", FIELD))
+    (path,), places = plan.paths.values(), {place.id: (place.x, place.y) for place in plan.info.tagged("senses")}
+    id, step, at_ns = next((id, k, t) for id, all_ in plan.passes.items() for k, t in all_.items() if t % NS)
+    t_ns = plan.origin_ns + step * NS
+    early_s = (t_ns - at_ns) / NS
+    state = np.array(path.at(t_ns / NS))
+
+    def away(x: Any) -> float:
+        return hypot(*(x[:2] - early_s * x[2:] - places[id]))
+
+    slopes = np.array([(away(state + d) - away(state - d)) / 2e-4 for d in 1e-4 * np.eye(4)])
+    expected = np.outer(slopes, slopes) / KIND.sd[0] ** 2
+    assert 0.0 < early_s < 1.0
+    found = bounds._information(plan, t_ns, state, [id], places, Model({"trip": KIND}))
+    assert found == pytest.approx(expected, abs=1e-6)
+    assert np.abs(found[2:, 2:]).max() > 1e-4, "it tells of the velocity"
+
+
+@dataclass(frozen=True)
+class Half:
+    """The first half of the sensors reports to nobody."""
+
+    def arrange(self, field: Any) -> Any:
+        ids = [id for id, *_ in sorted(field.sensors)]
+        told, silent = ids[len(ids) // 2 :], ids[: len(ids) // 2]
+        centre = field.fusion_centre("fusion", 0.0, 0.0, told)
+        idle = (replace(one, sends={}) for one in field.sensor_nodes("fusion", silent))
+        return tf.Arranged([centre, *field.sensor_nodes("fusion", told), *idle], {"base": ["fusion"]})
+
+
+def test_a_forecast_is_of_the_sensors_that_report_to_somebody() -> None:
+    tf.register_architecture("half", Half)
+    plan = planned(tf.Scenario.load("zhai-spcpf", FIELD | {"architecture.kind": "half"}))
+    told = {src for flow in plan.reports for src, _ in flow.pairs}
+    ids = sorted(told & plan.passes.keys())
+    places = {place.id: (place.x, place.y) for place in plan.info.tagged("senses")}
+    heard = Heard.of(plan, ids, np.array([places[id] for id in ids]))
+    rows = {(ids[i], t // NS) for i, t in zip(heard.sensor.tolist(), heard.t_ns.tolist(), strict=True)}
+    assert rows == {(id, k) for id in ids for k in plan.passes[id]}
+    assert warned(plan) is not None

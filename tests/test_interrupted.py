@@ -120,6 +120,23 @@ def test_a_closed_terminal_ends_a_run_as_any_other_signal_does(number: int, tmp_
     assert (tmp_path / "mine" / "report.html").exists()
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_one_while_a_class_is_made_ends_the_program_with_its_own_code(number: int, tmp_path: Path) -> None:
+    """Dataclasses are made by ``exec``, most of them as the program starts."""
+    (tmp_path / "program.py").write_text(
+        "import os\n"
+        "from launcher import cli\n"
+        f"cli.app = lambda **_: exec('os.kill(os.getpid(), {number:d})')\n"
+        "cli.main()\n"
+    )
+    paths = os.pathsep.join((str(Path(__file__).parents[1]), str(tmp_path)))
+    command = [sys.executable, "-m", "program"]
+    said = subprocess.run(
+        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": paths}, capture_output=True, text=True, check=False
+    )
+    assert (said.returncode, said.stderr) == (128 + number, "")
+
+
 def test_a_closed_terminal_that_is_ignored_stays_ignored() -> None:
     """As under nohup."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)

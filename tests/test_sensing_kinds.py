@@ -68,7 +68,7 @@ UNKNOWNS = "expected a tuple of Unknown(name, sd, walk_sd, mean), at most 8, sd 
         *(("report_m", value, METRES) for value in (0.0, NAN, "far")),
         *(("fix_sensors", value, "expected a whole number of at least 1") for value in (0, -1, 1.5, "two")),
         *(("units", value, "expected a tuple of texts") for value in ("mm", ("m", 1), ["m", "m"])),
-        *(("layer", value, "expected one of rays") for value in ("arrows", 1)),
+        *(("layer", value, "expected one of rays, or an empty text") for value in ("arrows", 1)),
         *(("rhythm", value, "expected steps or events") for value in ("step", None)),
         *(("thresholds", value, LEVELS) for value in ((2.0, 1.0), (1.0,), 3)),
         *(("speed_m_s", value, "expected metres per second, above 0") for value in (0.0, -343.0, NAN, "fast")),

@@ -55,7 +55,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         field.views,
         whole.flows,
         {id: kind.report_m for id, kind in site.sensing.items()},
-        {id: tuple(map(site.step_after, times)) for id, times in site.passes.items()},
+        site.passes,
         scenario.restart == "on-death",
         lost_of(scenario),
         scenario.fusion.deadline_s,

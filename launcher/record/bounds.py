@@ -24,6 +24,7 @@ from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.following import ANYWHERE
 
+Point = tuple[float, float]
 Key = tuple[str, str, str, int]
 """(source, tracker, target, instant) of a point."""
 Reporting = Mapping[int, Collection[str]]
@@ -128,20 +129,18 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
     sensors, truth = _sensors(plan), _truth(plan)
     if not sensors or not truth:
         return heard
-    if plan.passes:
-        told = {t: {id for id, steps in plan.passes.items() if plan.step_of(t) in steps} for t in truth}
-        return {t: ids | set(heard.get(t, ())) for t, ids in told.items()}
     ids, times = list(sensors), list(truth)
     near = cKDTree(list(sensors.values())).query_ball_point([truth[t][:2] for t in times], plan.reach_m)
+    told = {t: {id for id, steps in plan.passes.items() if plan.step_of(t) in steps} for t in times}
     return {
-        t: {id for i in found if _reports(plan, id := ids[i], sensors[id], truth[t])} | set(heard.get(t, ()))
+        t: {id for i in found if _reports(plan, id := ids[i], sensors[id], truth[t])} | told[t] | set(heard.get(t, ()))
         for t, found in zip(times, near, strict=True)
     }
 
 
-def _reports(plan: Plan, id: str, place: tuple[float, float], state: Array) -> bool:
-    """Whether a sensor reports a target in this state."""
-    return bool(np.hypot(*(state[:2] - place)) <= plan.reaches[id])
+def _reports(plan: Plan, id: str, place: Point, state: Array) -> bool:
+    """Whether a sensor that is read at steps reports a target in this state."""
+    return id not in plan.passes and bool(np.hypot(*(state[:2] - place)) <= plan.reaches[id])
 
 
 def _series(plan: Plan, reporting: Reporting) -> Series:
@@ -152,7 +151,7 @@ def _series(plan: Plan, reporting: Reporting) -> Series:
     if first is None or model is None:
         return {}
     times = [t for t in truth if t >= first]
-    informations = np.stack([_information(plan, truth[t], reporting.get(t, ()), sensors, model) for t in times])
+    informations = np.stack([_information(plan, t, truth[t], reporting.get(t, ()), sensors, model) for t in times])
     begin = ANYWHERE if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
     begin = extended(Gaussian(np.zeros(4), begin), model.unknowns).covariance
     bounds = position_sd(trajectory_crlb(begin, _motions(truth, times, plan.step_ns, model), informations))
@@ -168,15 +167,22 @@ def _model(plan: Plan) -> Model | None:
 
 
 def _information(
-    plan: Plan, state: Array, ids: Collection[str], places: Mapping[str, tuple[float, float]], model: Model
+    plan: Plan, t_ns: int, state: Array, ids: Collection[str], places: Mapping[str, Point], model: Model
 ) -> Array:
-    """That of the reports of these sensors, at the true ``state`` (4,); unknowns are taken at their means."""
+    """That of the reports of these sensors for a step, at the true ``state`` (4,); unknowns are taken at their means.
+
+    What a sensor reports by itself it measured at its planned instant, or at the step's if none is planned.
+    """
+    step = plan.step_of(t_ns)
     kinds: Mapping[str, Collection[str]] = plan.tracking.get("kinds", dict.fromkeys(model.kinds, places))
     known, readings = list[str](), list[Readings]()
     for name, kind in model.kinds.items():
         mine = sorted(id for id in ids if id in places and id in kinds[name])
         known += mine
-        readings.append(Readings(name, np.zeros((len(mine), len(kind.sd)))))
+        early_s = [(t_ns - plan.passes.get(id, {}).get(step, t_ns)) / NS for id in mine]
+        readings.append(
+            Readings(name, np.zeros((len(mine), len(kind.sd))), np.array(early_s) if any(early_s) else None)
+        )
     positions = np.reshape([places[id] for id in known], (-1, 2))
     x = np.append(state, [one.mean for one in model.unknowns])
     return sensing_information(model, x, Reports(0, tuple(known), positions, tuple(readings)))
@@ -194,7 +200,7 @@ def _motions(truth: Mapping[int, Array], times: Collection[int], step_ns: int, m
     return Motion(wide[0].F, np.stack([one.Q for one in wide]))
 
 
-def _sensors(plan: Plan) -> dict[str, tuple[float, float]]:
+def _sensors(plan: Plan) -> dict[str, Point]:
     return {place.id: (place.x, place.y) for place in plan.info.tagged(SENSES)}
 
 

@@ -308,7 +308,10 @@ def describe(payload: bytes, kind: Kind | None = None) -> Said:
     except WireError as error:
         return Said(f"malformed ({error.reason})")
     if kind is not None and kind.takes(message):
-        return Said(kind.words(message), tuple(kind.values(message)), message.step)
+        try:
+            return Said(kind.words(message), tuple(map(float, kind.values(message))), message.step)
+        except Exception:  # noqa: BLE001  a user's own methods
+            return Said(repr(message), step=message.step)
     match message:
         case Threshold(_, level_db):
             text = f"report from {level_db:.2f} dB on"

@@ -89,8 +89,8 @@ def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int, *, aw
         if row.has_track:
             tracks[round((row.t_ns - plan.origin_ns) / plan.step_ns)].append(row)
     last = last_due(end_ns - plan.origin_ns, plan.step_ns, plan.deadline_s) - lag
-    passes = {k for steps in plan.passes.values() for k in steps if k <= last}
-    steps = sorted(passes) if plan.passes else range(1, last + 1)
+    passes = plan.pass_steps
+    steps = range(1, last + 1) if passes is None else sorted(step for step in passes if step <= last)
     there = {k: recorded for k in steps if awaited and (recorded := _recorded(plan, k)) is not None}
     judged = [k for k, recorded in there.items() if recorded and not _only_guessed(tracks.get(k, ()))]
     errors = np.array([_worst(tracks.get(k, ())) for k in judged]).reshape(-1, 1)

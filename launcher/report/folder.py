@@ -270,8 +270,8 @@ def read_run(folder: Path) -> Run:
 def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:
     """Of which instants a track is expected in a run of this site that has these metrics, whoever told of them."""
     last = _last_step(site, metrics)
-    passes = {site.step_after(t_ns) for times in site.passes.values() for t_ns in times}
-    steps = sorted(step for step in passes if step <= last) if site.passes else range(1, last + 1)
+    passes = site.pass_steps
+    steps = range(1, last + 1) if passes is None else sorted(step for step in passes if step <= last)
     return Course.of(site.paths, steps, site.step_ns, site.origin_ns)
 
 

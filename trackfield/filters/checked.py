@@ -14,6 +14,8 @@ from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, 
 
 S = TypeVar("S")
 
+STATE: Final = 4
+"""The numbers of a state without unknowns."""
 _SHARES: Final = 1e-6
 """How far from 1 the sum of weights may be."""
 
@@ -98,6 +100,17 @@ def checked(name: str, tracker: Tracker[S], n: int) -> Checked[S]:
         raise ScenarioError(f"has a method {has} and no {lacks}", key=f"tracker '{name}'", expected="both or neither")
     kinds = {(False, False): Checked, (True, False): CheckedForesees, (False, True): CheckedBelieves}
     return kinds.get((foresees, believes), CheckedForeseesBelieves)(name, tracker, n)
+
+
+def started(kind: str, fix: object, unknowns: int) -> Gaussian:
+    """The start that a kind's ``fix`` returned. Raises ``RunFailed`` unless it is a belief over a state of the kind."""
+    what = f"sensor '{kind}': fix"
+    if not isinstance(fix, Gaussian):
+        raise RunFailed(f"{what} returned {type(fix).__name__}; expected a Gaussian or None")
+    n = STATE + unknowns if np.shape(fix.mean) == (STATE + unknowns,) else STATE
+    _check(fix.mean, (n,), f"{what}: mean")
+    _check(fix.covariance, (n, n), f"{what}: covariance")
+    return fix
 
 
 def _check_belief(belief: object, n: int, what: str) -> None:

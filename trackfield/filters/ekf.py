@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import log_scale, symmetric
+from trackfield.filters.gaussian import identity, log_scale, symmetric
 from trackfield.filters.types import Array, Gaussian, Update
 
 Map = Callable[[Array], Array]
@@ -58,9 +58,9 @@ def _update(
     difference = z - measure(mean)
     miss = (difference if residual is None else residual(difference)) / sd
     H = jacobian(mean) / (sd if isinstance(sd, float) else np.asarray(sd)[..., None])
-    HT = np.swapaxes(H, -1, -2)
+    HT = H.mT
     system = P @ (HT @ H)
-    system += np.eye(mean.shape[-1])
+    system += identity(mean.shape[-1])
     covariance = symmetric(np.asarray(np.linalg.solve(system, P), np.float64))
     pull = (HT @ miss[..., None])[..., 0]
     moved = (covariance @ pull[..., None])[..., 0]

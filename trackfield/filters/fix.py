@@ -62,13 +62,14 @@ def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     evidence are Laplace's approximation there.
     """
     L, eye = root(prior.covariance), np.eye(prior.mean.shape[-1])
+    bearings, positions = reports.bearings, reports.positions
 
     def at(u: Array) -> _Point:
-        misses = wrap(reports.bearings - doa.measure(prior.mean + L @ u, reports.positions)) / sigma_w
+        misses = wrap(bearings - doa.measure(prior.mean + L @ u, positions)) / sigma_w
         return _Point(u, misses, float(u @ u + misses @ misses))
 
     def slopes(u: Array) -> Array:
-        return doa.jacobian(prior.mean + L @ u, reports.positions) @ (L / sigma_w)
+        return doa.jacobian(prior.mean + L @ u, positions) @ (L / sigma_w)
 
     def descend(point: _Point) -> _Point:
         for _ in range(_STEPS):
@@ -84,7 +85,7 @@ def map_fix(prior: Gaussian, reports: Reports, sigma_w: float) -> Update:
     there = np.linalg.pinv(L[:2]) @ (centroid(reports) - prior.mean[:2])
     best = min((descend(at(u)) for u in (there, np.zeros(len(eye)))), key=lambda point: point.cost)
     mean = prior.mean + L @ best.u
-    J = slopes(best.u) * _trust(slopes(best.u), L, mean[:2] - reports.positions)[:, None]
+    J = slopes(best.u) * _trust(slopes(best.u), L, mean[:2] - positions)[:, None]
     normal = eye + J.T @ J
     scale = len(reports) * np.log(2.0 * np.pi * sigma_w**2)
     log_evidence = -0.5 * (best.cost + np.linalg.slogdet(normal)[1] + scale)

@@ -35,6 +35,14 @@ def constant(rows: motion.Rows) -> Array:
     return matrix
 
 
+@lru_cache(maxsize=64)
+def identity(n: int) -> Array:
+    """The identity matrix (n, n), made once and then shared."""
+    matrix = np.eye(n)
+    matrix.flags.writeable = False
+    return matrix
+
+
 def predict(belief: Gaussian, model: Motion) -> Gaussian:
     """The belief after one step of the motion: F m, F P F^T + Q."""
     F, Q = model

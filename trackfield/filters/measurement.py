@@ -7,7 +7,8 @@ leading batch axes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,8 @@ class _Part(NamedTuple):
     def jacobian(self, states: Array) -> Array:
         """dh/dx (..., k, m, 4 + u), u of all kinds."""
         own = self._at(self.kind.jacobian, states, -3)
+        if self.columns is None and self.early_s is None:
+            return own
         if self.early_s is not None:
             own = own.copy()
             own[..., 2:STATE] -= self.early_s[:, None, None] * own[..., :2]
@@ -60,6 +63,8 @@ class _Part(NamedTuple):
 
     def _at(self, function: Callable[[Array, Array], Array], states: Array, axis: int) -> Array:
         """A function of states and positions, of the states at the instants of the readings."""
+        if self.columns is None and self.early_s is None:
+            return np.asarray(function(states, self.positions), float)
         x = states if self.columns is None else states[..., self.columns]
         if self.early_s is None:
             return np.asarray(function(x, self.positions), float)
@@ -76,7 +81,7 @@ def _before(x: Array, seconds: float) -> Array:
 
 def measured(model: Model, reports: Reports) -> Array:
     """The readings z (K m,)."""
-    return _joined([part.values[:, : part.kind.m].reshape(-1) for part in _parts(model, reports)])
+    return _joined([_flat(part.values[:, : part.kind.m]) for part in _parts(model, reports)])
 
 
 def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Array:
@@ -99,6 +104,7 @@ def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Arr
     return _joined(found)
 
 
+@lru_cache(maxsize=64)
 def varies(model: Model) -> bool:
     """Whether the noise of any kind depends on the state."""
     return any(kind.variance is not None for kind in model.kinds.values())
@@ -111,8 +117,7 @@ def expected(model: Model, states: Array, reports: Reports) -> Array:
 
 def jacobians(model: Model, states: Array, reports: Reports) -> Array:
     """dh/dx (..., K m, 4 + u) at ``states`` (..., 4 + u)."""
-    parts = [part.jacobian(states) for part in _parts(model, reports)]
-    return _joined([one.reshape(*one.shape[:-3], -1, one.shape[-1]) for one in parts], axis=-2)
+    return _joined([_rows(part.jacobian(states)) for part in _parts(model, reports)], axis=-2)
 
 
 def residual(model: Model, reports: Reports, difference: Array) -> Array:
@@ -122,8 +127,8 @@ def residual(model: Model, reports: Reports, difference: Array) -> Array:
         count = len(part.values) * part.kind.m
         apart = difference if count == difference.shape[-1] else difference[..., first : first + count]
         first += count
-        wrapped = part.kind.residual(apart.reshape(*apart.shape[:-1], -1, part.kind.m))
-        parts.append(np.asarray(wrapped, float).reshape(apart.shape))
+        each = apart[..., None] if part.kind.m == 1 else apart.reshape(*apart.shape[:-1], -1, part.kind.m)
+        parts.append(_flat(np.asarray(part.kind.residual(each), float)))
     return _joined(parts)
 
 
@@ -157,11 +162,12 @@ def log_ratios(model: Model, belief: Gaussian, reports: Reports) -> Array:
         if kind.log_clutter is None or not len(at):
             continue
         H, miss = part.jacobian(belief.mean), part.misses(belief.mean)
-        R = np.square(np.asarray(kind.sd, float)) if kind.variance is None else part.variance(belief.mean)
         if kind.m == 1:  # in numbers, which takes half the time
-            S = np.vecdot(H[:, 0] @ belief.covariance, H[:, 0]) + R[..., 0]
+            R = kind.sd[0] ** 2 if kind.variance is None else part.variance(belief.mean)[:, 0]
+            S = np.vecdot(H[:, 0] @ belief.covariance, H[:, 0]) + R
             cost = np.square(miss[:, 0]) / S + np.log(2.0 * np.pi * S)
         else:
+            R = np.square(np.asarray(kind.sd, float)) if kind.variance is None else part.variance(belief.mean)
             S = H @ belief.covariance @ H.mT + R[..., None] * np.eye(kind.m)
             square = np.vecdot(miss, np.linalg.solve(S, miss[..., None])[..., 0])
             cost = square + np.linalg.slogdet(2.0 * np.pi * S)[1]
@@ -189,6 +195,7 @@ def sensing_information(model: Model, state: Array, reports: Reports) -> Array:
 # --- unknowns of the sensing ------------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=64)
 def moving(model: Model, dt: float, sigma_v: float | None = None) -> Motion:
     """Nearly constant velocity over ``dt`` seconds, the unknowns of the sensing as random walks beside it."""
     motion = constant_velocity(dt, model.sigma_v if sigma_v is None else sigma_v)
@@ -220,17 +227,18 @@ def _beside(a: Array, b: Array) -> Array:
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
-def _parts(model: Model, reports: Reports) -> Iterator[_Part]:
-    """The reports kind by kind."""
+@lru_cache(maxsize=8)
+def _parts(model: Model, reports: Reports) -> tuple[_Part, ...]:
+    """The reports kind by kind; a filter asks for those of one step several times."""
     if len(reports.readings) == 1 and len(model.kinds) == 1:
         ((name, values, early_s),) = reports.readings
-        yield _Part(model.kinds[name], values, reports.positions, None, early_s)
-        return
-    columns, first = _columns(model), 0
+        return (_Part(model.kinds[name], values, reports.positions, None, early_s),)
+    columns, first, parts = _columns(model), 0, list[_Part]()
     for name, values, early_s in reports.readings:
         positions = reports.positions[first : first + len(values)]
-        yield _Part(model.kinds[name], values, positions, columns[name], early_s)
+        parts.append(_Part(model.kinds[name], values, positions, columns[name], early_s))
         first += len(values)
+    return tuple(parts)
 
 
 def _columns(model: Model) -> dict[str, list[int]]:
@@ -244,7 +252,12 @@ def _columns(model: Model) -> dict[str, list[int]]:
 
 def _flat(values: Array) -> Array:
     """(..., k, m) as (..., k m)."""
-    return values.reshape(*values.shape[:-2], -1)
+    return values[..., 0] if values.shape[-1] == 1 else values.reshape(*values.shape[:-2], -1)
+
+
+def _rows(slopes: Array) -> Array:
+    """(..., k, m, n) as (..., k m, n)."""
+    return slopes[..., 0, :] if slopes.shape[-2] == 1 else slopes.reshape(*slopes.shape[:-3], -1, slopes.shape[-1])
 
 
 def _joined(parts: list[Array], axis: int = -1) -> Array:

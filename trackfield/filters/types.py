@@ -56,36 +56,48 @@ class Reports:
     """(K, 2) m, the assumed places of the sensors."""
     readings: tuple[Readings, ...]
     """What they read, by kind; together as many as there are sensors."""
+    m: int | None = None
+    """How many of a reading's numbers ``h`` predicts, if there is one kind; None: all."""
+    directional: bool = True
+    """Whether sensors of all kinds report bearings and levels."""
 
     def __len__(self) -> int:
         return len(self.sensors)
 
     @property
     def values(self) -> Array:
-        """(K, n) the readings of sensors of one kind. Raises ``ValueError`` if there are several kinds."""
+        """(K, m) what ``h`` predicts, in its units, of sensors of one kind. Raises ``ValueError`` for several."""
         if len(self.readings) != 1:
             raise ValueError(f"reports of {len(self.readings)} kinds of sensing; expected those of one")
-        return self.readings[0].values
+        return self.readings[0].values[..., : self.m]
 
     @property
     def bearings(self) -> Array:
-        """(K,) rad, the directions from sensors to the target, of sensors that report them: their first number."""
-        return self.values[..., 0]
+        """(K,) rad, the directions from sensors to the target; NaN in a field with sensors that report none."""
+        return self._column(0)
 
     @property
     def levels(self) -> Array:
-        """(K,) dB, the received sound, of sensors that report bearings: their second number."""
-        return self.values[..., 1]
+        """(K,) dB, the received sound; NaN in a field with sensors that report no bearings."""
+        return self._column(1)
+
+    def _column(self, number: int) -> Array:
+        if not self.directional:
+            return np.full(len(self), math.nan)
+        if len(self.readings) == 1:
+            return self.readings[0].values[..., number]
+        return np.concatenate([one.values[..., number] for one in self.readings], axis=-1)
 
     def only(self, which: npt.NDArray[np.intp]) -> Reports:
         """The reports at these indices, which are ascending."""
         sensors, found, first = tuple(self.sensors[i] for i in which), list[Readings](), 0
         if len(self.readings) == 1:
-            return Reports(self.step, sensors, self.positions[which], (_at(self.readings[0], which),))
+            alone = (_at(self.readings[0], which),)
+            return Reports(self.step, sensors, self.positions[which], alone, self.m, self.directional)
         for one in self.readings:
             found.append(_at(one, which[(which >= first) & (which < first + len(one.values))] - first))
             first += len(one.values)
-        return Reports(self.step, sensors, self.positions[which], tuple(found))
+        return Reports(self.step, sensors, self.positions[which], tuple(found), self.m, self.directional)
 
 
 def _at(readings: Readings, which: npt.NDArray[np.intp]) -> Readings:
@@ -96,7 +108,7 @@ def _at(readings: Readings, which: npt.NDArray[np.intp]) -> Readings:
 
 def of_bearings(step: int, sensors: tuple[str, ...], positions: Array, bearings: Array, levels: Array) -> Reports:
     """Reports of arrays of microphones: ``positions`` (K, 2) m, ``bearings`` (K,) rad, ``levels`` (K,) dB."""
-    return Reports(step, sensors, positions, (Readings("doa", np.array((bearings, levels)).T),))
+    return Reports(step, sensors, positions, (Readings("doa", np.array((bearings, levels)).T),), 1)
 
 
 class Sensing(Protocol):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import log_scale, root, symmetric
+from trackfield.filters.gaussian import identity, log_scale, root, symmetric
 from trackfield.filters.types import Array, Gaussian, Update
 
 _KAPPA = 1.0
@@ -29,7 +29,7 @@ def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
 
 def _offsets(belief: Gaussian) -> Array:
     """The offsets of the points from the mean."""
-    axes = np.sqrt(belief.mean.shape[-1] + _KAPPA) * np.swapaxes(root(belief.covariance), -1, -2)
+    axes = np.sqrt(belief.mean.shape[-1] + _KAPPA) * root(belief.covariance).mT
     return np.concatenate((np.zeros_like(axes[..., :1, :]), axes, -axes), axis=-2)
 
 
@@ -51,7 +51,7 @@ class _Ensemble(NamedTuple):
 
     @property
     def precision(self) -> Array:
-        return np.eye(self.A.shape[-2]) + self.A @ np.swapaxes(self.A, -1, -2)
+        return identity(self.A.shape[-2]) + self.A @ self.A.mT
 
 
 Map = Callable[[Array], Array]
@@ -89,19 +89,19 @@ def _update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual
     """Solves the smaller of I + A A^T and I + A^T A, which have the same determinant (Woodbury)."""
     ensemble = _ensemble(prior, z, sd, measure, residual)
     A, B, innovation = ensemble
-    AT = np.swapaxes(A, -1, -2)
+    AT = A.mT
     if A.shape[-1] < A.shape[-2]:
         system = AT @ A
-        system += np.eye(system.shape[-1])
+        system += identity(system.shape[-1])
         AB = AT @ B
         solved = np.linalg.solve(system, np.concatenate((innovation[..., None], AB), axis=-1))
-        moved = np.swapaxes(AB, -1, -2) @ solved
+        moved = AB.mT @ solved
         nis = (innovation * solved[..., 0]).sum(axis=-1)
         return Gaussian(prior.mean + moved[..., 0], symmetric(prior.covariance - moved[..., 1:])), _Told(nis, system)
     system = ensemble.precision
     shadow = A @ innovation[..., None]
     solved = np.linalg.solve(system, np.concatenate((shadow, B), axis=-1))
-    moved = np.swapaxes(B, -1, -2) @ solved
+    moved = B.mT @ solved
     nis = np.square(innovation).sum(axis=-1) - (shadow * solved[..., :1]).sum(axis=(-2, -1))
     return Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:])), _Told(nis, system)
 
@@ -130,5 +130,5 @@ def _ensemble(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residu
     around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
     centre = weights @ around
     A = around - centre[..., None, :]
-    A *= share / np.broadcast_to(sd, z.shape)[..., None, :]
+    A *= share / np.asarray(sd)[..., None, :] if np.ndim(sd) else share / sd
     return _Ensemble(A, share * offsets, residual(z - predicted[..., 0, :] - centre) / sd)

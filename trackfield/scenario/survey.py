@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import count
 from math import ceil, isinf
 from typing import Final
 
 import numpy as np
 
 from trackfield.draw import bits, normal
-from trackfield.errors import ScenarioError, together
+from trackfield.errors import RunFailed, ScenarioError, together
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
@@ -67,14 +68,32 @@ class Site:
         return next(name for name, members in self.kinds.items() if index in members)
 
     @cached_property
-    def passes(self) -> dict[str, tuple[int, ...]]:
-        """When (ns) each sensor, by its id, reports by itself; empty if there are sensors that are read at steps.
+    def passes(self) -> dict[str, dict[int, int]]:
+        """For which steps, and when (ns), each sensor that reports by itself does so, by its id; the first for a step.
 
-        Then a track is expected at the steps that these reports are for, not at each.
+        Raises ``ScenarioError`` for instants of a user's kind outside of the window that it was asked for.
         """
-        if any(section.sensing.rhythm == "steps" for section in self.sections.values()):
-            return {}
-        return {id: tuple(self.sensor(index).events()) for index, (id, *_) in enumerate(self.sensors)}
+        found = dict[str, dict[int, int]]()
+        for name, section in self.sections.items():
+            if section.sensing.rhythm == "events":
+                for index in sorted(self.kinds[name]):
+                    found[self.sensors[index][0]] = self._passes(index)
+        return found
+
+    def _passes(self, index: int) -> dict[int, int]:
+        try:
+            times = self.sensor(index).events()
+        except RunFailed as error:
+            raise ScenarioError(str(error), key=f"sensor '{self.kind_of(index)}': event") from None
+        steps = {self.step_after(t_ns): t_ns for t_ns in reversed(times)}
+        return {step: t_ns for step, t_ns in sorted(steps.items()) if 1 <= step <= self.steps}
+
+    @property
+    def pass_steps(self) -> set[int] | None:
+        """The steps of passes, if all sensors report by themselves: a track is expected at these alone."""
+        if len(self.passes) < len(self.sensors):
+            return None
+        return {step for steps in self.passes.values() for step in steps}
 
     def step_after(self, t_ns: int) -> int:
         """The first step that is not before this time."""
@@ -118,6 +137,7 @@ def survey(scenario: Scenario) -> Site:
     kinds = assigned(scenario, sensors)
     sections = {name: section for name, section in named(scenario).items() if name in kinds}
     check(sections, kinds, sensors, tuple(found.values()))
+    check_speeds(sections, found)
     positions = np.array([place[1:] for place in sensors])
     setup_s = scenario.run.setup_s
     origin_ns = round(setup_s * _NS)
@@ -151,11 +171,17 @@ def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Po
 
 
 def named(scenario: Scenario) -> dict[str, SensorSection]:
-    """The kinds of sensors by name; of several sections of one kind, the later ones are ``kind-2``, ``kind-3``, ..."""
+    """The kinds of sensors by name; of several sections of one kind, the later ones are ``kind-2``, ``kind-3``, ...
+
+    A number is left out where a kind is called so.
+    """
     found: dict[str, SensorSection] = {}
-    for _, section in scenario.keyed_sensors:
-        same = sum(one.kind == section.kind for one in found.values())
-        found[f"{section.kind}-{same + 1}" if same else section.kind] = section
+    sections = [section for _, section in scenario.keyed_sensors]
+    kinds = {section.kind for section in sections}
+    for section in sections:
+        more = (f"{section.kind}-{number}" for number in count(2))
+        free = (name for name in more if name not in found and name not in kinds)
+        found[next(free) if section.kind in found else section.kind] = section
     return found
 
 
@@ -277,6 +303,18 @@ def check(
     expected = f"a path within the {radius:.0f} m in which a sensor hears a target"
     key = f"sensor.{next(iter(sections.values())).reach_key}" if len(sections) == 1 else "sensors"
     raise ScenarioError(f"{what} {nearest}", key=key, expected=expected)
+
+
+def check_speeds(sections: Mapping[str, SensorSection], paths: Mapping[str, Path]) -> None:
+    """Raise ``ScenarioError`` if what a sensor senses is as slow as a target: it would not arrive in order."""
+    slowest = min(sections, key=lambda name: sections[name].sensing.speed_m_s)
+    speed_m_s = sections[slowest].sensing.speed_m_s
+    if isinf(speed_m_s):
+        return
+    fastest_m_s, target = max((path.fastest_m_s, id) for id, path in paths.items())
+    if speed_m_s <= fastest_m_s:
+        what = f"'{slowest}' has {speed_m_s:g} m/s, and {target} moves at {fastest_m_s:.3g} m/s"
+        raise ScenarioError(what, key="sensor.speed_m_s", expected="more than the speed of any target")
 
 
 def _step_ns(scenario: Scenario) -> int:

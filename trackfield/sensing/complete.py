@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
-from math import inf, isfinite
+from math import dist, inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
 from trackfield.models.unknowns import Unknown
@@ -20,12 +20,20 @@ MOST_STEPS: Final = 10**15
 LAST_STEP: Final = 65535
 """The highest step that a report can hold."""
 SEARCHED: Final = 200
-"""Instants of a window that are looked at for the closest one."""
+"""Instants of a window, at least, that are looked at for the closest ones."""
+SEARCHED_NS: Final = 250_000_000
+"""How far apart they are at most."""
 SETTLED_NS: Final = 1000
+TURNED_M: Final = 0.001
+"""By how much a target comes nearer, and goes away again, when it passes."""
 FIELD: Final = 4
 """The arguments of ``simulate`` for a kind that gets the whole scene."""
 NEAREST: Final = 3
 """The same for a kind that gets the nearest target alone."""
+METHODS: Final = ("residual", "loudness", "level", "z", "reading", "values", "words", "longest", "event")
+"""Methods that a class may have; there are defaults for them."""
+METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented")
+"""The same, without a default."""
 OPEN: Final = -1
 """Their number if it is open."""
 _VARARGS: Final = 0x04
@@ -54,7 +62,7 @@ class Kind:
     values: Callable[[Any], Numbers]
     words: Callable[[Any], str]
     longest: Callable[[], Any]
-    event: Callable[[Scene, tuple[int, int], Point], int | None]
+    event: Callable[[Scene, tuple[int, int], Point], int | Iterable[int] | None]
 
     def __init__(self, name: str, own: Any) -> None:
         self.name, self.own = name, own
@@ -76,12 +84,21 @@ class Kind:
         self.draws: tuple[str, ...] | None = has("draws", None)
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
-        for name_, default in (
-            ("variance", None), ("residual", _same), ("log_clutter", None), ("fix", None), ("invented", None),
-            ("loudness", _equal), ("level", _unlimited), ("z", _same), ("reading", self._measured),
-            ("values", self._in_units), ("words", self._in_words), ("longest", self._longest), ("event", self._closest),
-        ):  # fmt: skip
-            setattr(self, name_, has(name_, default))
+        defaults = (
+            _same,
+            _equal,
+            _unlimited,
+            _same,
+            self._measured,
+            self._in_units,
+            self._in_words,
+            self._longest,
+            self._passes,
+        )
+        for method, default in zip(METHODS, defaults, strict=True):
+            setattr(self, method, has(method, default))
+        for method in METHODS_OR_NONE:
+            setattr(self, method, has(method, None))
 
     @property
     def threshold(self) -> float:
@@ -140,24 +157,48 @@ class Kind:
     def _longest(self) -> Measurement:
         return Measurement(LAST_STEP, (2**15 - 1,) * self.n + (2**20,) * self.timed)
 
-    def _closest(self, scene: Scene, window: tuple[int, int], place: Point) -> int | None:
-        """When a target is closest to the sensor within a window, to a microsecond, if it comes within range."""
+    def _passes(self, scene: Scene, window: tuple[int, int], place: Point) -> tuple[int, ...]:
+        """When each target is closest to the sensor within a window, to a microsecond: each time that it turns away.
 
-        def square_m2(t_ns: int) -> float:
-            near = [(state[0] - place[0]) ** 2 + (state[1] - place[1]) ** 2 for state in scene.at(t_ns)]
-            return min(near, default=inf)
+        It comes nearer before, and within range. A target that appears or vanishes nearby does not pass.
+        """
+        found = (at for one in scene.alone() for at in _closest(one, window, place, self.range_m))
+        return tuple(sorted(found))
 
-        begin, end = window
-        step = max((end - begin) // SEARCHED, 1)
-        at = min(range(begin, end + 1, step), key=square_m2)
-        low, high = max(at - step, begin), min(at + step, end)
+
+def _closest(scene: Scene, window: tuple[int, int], place: Point, range_m: float) -> Iterator[int]:
+    """When (ns) the only target of a scene is closest to a place, each time that it comes within range."""
+
+    def away_m(t_ns: int) -> float:
+        return min((dist(state[:2], place) for state in scene.at(t_ns)), default=inf)
+
+    begin, end = window
+    step = max(min((end - begin) // SEARCHED, SEARCHED_NS), 1)
+    for at in _lowest((t_ns, away_m(t_ns)) for t_ns in range(begin, end + 1, step)):
+        low, high = at - step, at + step
         while high - low > SETTLED_NS:
             third = (high - low) // 3
-            low, high = (
-                (low, high - third) if square_m2(low + third) <= square_m2(high - third) else (low + third, high)
-            )
-        passed = begin + SETTLED_NS < low < end - SETTLED_NS  # a target that appears or vanishes nearby does not pass
-        return low if passed and square_m2(low) <= self.range_m**2 else None
+            low, high = (low, high - third) if away_m(low + third) <= away_m(high - third) else (low + third, high)
+        if away_m(low) <= range_m:
+            yield low
+
+
+def _lowest(curve: Iterable[tuple[int, float]]) -> Iterator[int]:
+    """Where a curve is lowest between a fall and a rise, both of more than ``TURNED_M``; it begins anew after a gap."""
+    top, low, at, falling = inf, inf, 0, False
+    for t_ns, value in curve:
+        if not isfinite(value):
+            top, falling = inf, False
+        elif not isfinite(top):
+            top = value
+        elif not falling:
+            top = max(top, value)
+            falling, low, at = value < top - TURNED_M, value, t_ns
+        elif value < low:
+            low, at = value, t_ns
+        elif value > low + TURNED_M:
+            yield at
+            top, falling = value, False
 
 
 def arguments(method: Any) -> int:

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 from math import isfinite
+from numbers import Real
 from typing import Any, Final
 
 from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
 from trackfield.models.unknowns import Unknown
 from trackfield.plugins import Maker, Plugins
-from trackfield.sensing.complete import FIELD, NEAREST, OPEN, Kind, arguments
+from trackfield.sensing.complete import FIELD, METHODS, METHODS_OR_NONE, NEAREST, OPEN, Kind, arguments
 from trackfield.sensing.doa import Doa
 from trackfield.sensing.sensing import LAYERS
+from trackfield.wire.registry import known_class
 from trackfield.words import quoted
 
 DEFAULT: Final = "doa"
@@ -74,19 +76,30 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
     for name, fine, expected in _RULES:
         value = getattr(own, name, None)
         if not fine(value) and not (name in _OPTIONAL and not hasattr(own, name)):
-            raise ScenarioError(f"'{kind}' has {quoted(value)}", key=f"sensor.{name}", expected=expected)
+            setting = name in _OPTIONAL and name in getattr(own, "__dataclass_fields__", ())
+            rename = f"; a setting of another meaning needs another name than '{name}'" if setting else ""
+            raise ScenarioError(f"'{kind}' has {quoted(value)}", key=f"sensor.{name}", expected=expected + rename)
     if not len(own.sd) <= len(own.resolution) <= MAX_VALUES:
         what = f"'{kind}' has {len(own.sd)} sd and {len(own.resolution)} resolutions"
         raise ScenarioError(what, key="sensor.sd", expected=f"one of each per number, at most {MAX_VALUES}")
     if len(units := getattr(own, "units", own.resolution)) != len(own.resolution):
         raise ScenarioError(f"'{kind}' has {units!r}", key="sensor.units", expected="a text for each number")
+    if (draws := getattr(own, "draws", None)) is not None and len(draws) != len(own.resolution):
+        raise ScenarioError(f"'{kind}' has {draws!r}", key="sensor.draws", expected="a text for each number, or None")
+    if getattr(own, "bearings", False) and len(own.resolution) < len(_BEARING):
+        expected = f"at least {len(_BEARING)} numbers: {' and '.join(_BEARING)}"
+        raise ScenarioError(f"'{kind}' has one number", key="sensor.bearings", expected=expected)
     if (count := arguments(own.simulate)) not in (FIELD, NEAREST):
         what = "takes any number of arguments" if count == OPEN else f"takes {count} arguments"
         expected = "(scene, t_ns, place, normals), or (target, place, normals), without defaults"
         raise ScenarioError(what, key=f"sensor '{kind}': simulate", expected=expected)
     if getattr(own, "thresholds", None) is not None and not (hasattr(own, "level") or hasattr(own, "reading")):
         raise ScenarioError(f"'{kind}' has none", key="sensor.level", expected="a method level: it has thresholds")
-    return Kind(kind, own)
+    made_kind = Kind(kind, own)
+    if made_kind.adaptive and made_kind.rhythm == "events":
+        what = f"'{kind}' has {made_kind.thresholds}, which differ, and its sensors report by themselves"
+        raise ScenarioError(what, key="sensor.thresholds", expected="one level, twice, or the rhythm steps")
+    return made_kind
 
 
 def _metres(value: object) -> bool:
@@ -94,7 +107,11 @@ def _metres(value: object) -> bool:
 
 
 def _positive(values: object) -> bool:
-    return isinstance(values, tuple) and bool(values) and all(FINEST <= v <= COARSEST for v in values)
+    return isinstance(values, tuple) and bool(values) and all(_number(v) and FINEST <= v <= COARSEST for v in values)
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, Real)
 
 
 def _count(value: object) -> bool:
@@ -108,6 +125,8 @@ def _unknowns(values: object) -> bool:
 def _unknown(one: object) -> bool:
     return (
         isinstance(one, Unknown)
+        and isinstance(one.name, str)
+        and all(map(_number, (one.sd, one.walk_sd, one.mean)))
         and FINEST <= one.sd <= COARSEST
         and 0.0 <= one.walk_sd <= COARSEST
         and isfinite(one.mean)
@@ -119,7 +138,33 @@ def _texts(values: object) -> bool:
 
 
 def _ordered(value: object) -> bool:
-    return value is None or (isinstance(value, tuple) and len(value) == 2 and value[0] <= value[1])
+    if not (isinstance(value, tuple) and len(value) == 2 and all(map(_number, value))):
+        return value is None
+    return bool(value[0] <= value[1])
+
+
+def _names(values: object) -> bool:
+    return values is None or _texts(values)
+
+
+def _flag(value: object) -> bool:
+    return isinstance(value, bool)
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _layer(value: object) -> bool:
+    return value in ("", *LAYERS)
+
+
+def _message(value: object) -> bool:
+    return isinstance(value, type) and known_class(value)
+
+
+def _method_or_none(value: object) -> bool:
+    return value is None or callable(value)
 
 
 def _speed(value: object) -> bool:
@@ -128,6 +173,7 @@ def _speed(value: object) -> bool:
 
 _SMALL: Final = f"a tuple of numbers above 0: from {FINEST:g} to {COARSEST:g}"
 _FAR: Final = f"metres, above 0: from {NEAREST_M:g} to {FAR_M:g}"
+_BEARING: Final = ("a bearing (rad)", "a level (dB)")
 _RULES: Final = (
     ("range_m", _metres, _FAR),
     ("sd", _positive, _SMALL),
@@ -137,8 +183,14 @@ _RULES: Final = (
     ("unknowns", _unknowns, f"a tuple of Unknown(name, sd, walk_sd, mean), at most {MOST_UNKNOWNS}, sd above 0"),
     ("units", _texts, "a tuple of texts"),
     ("rhythm", ("steps", "events").__contains__, "steps or events"),
-    ("layer", LAYERS.__contains__, f"one of {', '.join(LAYERS)}"),
+    ("layer", _layer, f"one of {', '.join(LAYERS)}, or an empty text"),
     ("thresholds", _ordered, "None, or the lowest and the highest level"),
     ("speed_m_s", _speed, "metres per second, above 0"),
+    ("summary", _text, "a text"),
+    ("bearings", _flag, "True or False"),
+    ("draws", _names, "a tuple of texts, or None"),
+    ("message", _message, "a class of messages of trackfield/wire"),
+    *((name, callable, "a method") for name in METHODS),
+    *((name, _method_or_none, "a method") for name in METHODS_OR_NONE),
 )
 _OPTIONAL: Final = frozenset(name for name, _, _ in _RULES) - {"range_m", "sd", "resolution"}

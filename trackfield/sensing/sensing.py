@@ -7,7 +7,7 @@ numpy for it; trackers, bounds and pictures call the rest. Trackfield's own kind
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
 from trackfield.models.unknowns import Unknown
@@ -43,6 +43,10 @@ class Scene(Protocol):
 
     def retarded(self, t_ns: int, place: Point, speed_m_s: float) -> Sequence[State]:
         """Where they were when what arrives at ``place`` now left them, at ``speed_m_s``."""
+        ...
+
+    def alone(self) -> Sequence[Scene]:
+        """The scene of each target, as if there were no other."""
         ...
 
 
@@ -97,7 +101,7 @@ class Full(Sensing, Protocol):
     speed_m_s: float
     """How fast what it senses travels, if ``simulate`` uses ``Scene.retarded``; infinite: at once."""
     rhythm: Literal["steps", "events"]
-    """Whether it is read at each step, or reports by itself, once for each pass of a target (``event``)."""
+    """Whether it is read at each step, or reports by itself, at each pass of a target (``event``)."""
     summary: str
     """What it measures, in a few words for reports."""
     layer: str
@@ -127,8 +131,11 @@ class Full(Sensing, Protocol):
         """What of a reading is compared with the threshold."""
         ...
 
-    def event(self, scene: Scene, window: tuple[int, int], place: Point) -> int | None:
-        """When (true ns) in a window, in which a target may be within range, a sensor reports by itself; or None."""
+    def event(self, scene: Scene, window: tuple[int, int], place: Point) -> int | Iterable[int] | None:
+        """When (true ns) in a window, in which a target may be within range, a sensor reports by itself.
+
+        An instant, several, or None. Of several for one step a node reports the first.
+        """
         ...
 
     def reading(self, values: Numbers) -> Reading:

@@ -73,6 +73,8 @@ class Bank:
         self.step_ns, self.origin_ns, self.seed, self.target, self.draws = step_ns, origin_ns, seed, target, draws
         self.positions = {id: (x, y) for id, x, y in sensors}
         self.sensing = {name: make_sensor(**arguments) for name, arguments in sensing.items()}
+        self.m = next(iter(self.sensing.values())).m if len(self.sensing) == 1 else None
+        self.directional = all(kind.bearings for kind in self.sensing.values())
         self.kind_of = {id: name for name, ids in (kinds or {}).items() for id in ids}
         self.messages = frozenset(kind_of_class(one.message).name for one in self.sensing.values())
         model, options = Model(self.sensing, sigma_v), options or {}
@@ -153,10 +155,10 @@ class Bank:
         """The reports of a step, kind by kind."""
         ids, readings = list[str](), list[Readings]()
         for name, kind in self.sensing.items():
-            mine = sorted(id for id in heard if not self.kind_of or self.kind_of[id] == name)
+            mine = sorted(id for id in heard if self.kind_of[id] == name) if self.kind_of else sorted(heard)
             values = np.array([kind.values(heard[id]) for id in mine], float).reshape(-1, kind.n)
             ids += mine
             early_s = np.array([kind.early_s(heard[id]) for id in mine]) if kind.timed else None
             readings.append(Readings(name, kind.z(values), early_s))
         positions = np.array([self.positions[id] for id in ids], float).reshape(-1, 2)
-        return Reports(step, tuple(ids), positions, tuple(readings))
+        return Reports(step, tuple(ids), positions, tuple(readings), self.m, self.directional)

@@ -18,6 +18,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from trackfield.filters.belief import Belief, Believes, dimension, moments
+from trackfield.filters.checked import started
 from trackfield.filters.gate import CLUTTER
 from trackfield.filters.gaussian import extent
 from trackfield.filters.measurement import extended, log_ratios
@@ -105,10 +106,12 @@ class Following(Generic[S]):
 
     def _fix(self, reports: Reports) -> Gaussian | None:
         """A belief from the readings of one step alone: as their kind finds it, or by the general search."""
-        kinds = tuple(self.model.kinds.values())
-        if len(kinds) == 1 and kinds[0].fix is not None:
-            fix = kinds[0].fix(reports.values, reports.positions, ANYWHERE)
-            return None if fix is None else extended(fix, self.model.unknowns)
+        if not len(reports):
+            return None
+        ((name, kind), *more) = self.model.kinds.items()
+        if kind.fix is not None and not more:
+            fix = kind.fix(reports.readings[0].values, reports.positions, ANYWHERE)
+            return None if fix is None else extended(started(name, fix, len(kind.unknowns)), self.model.unknowns)
         return searched(ANYWHERE, self.model, reports, self.lost_m)
 
 

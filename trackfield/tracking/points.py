@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final, Literal
 
 import numpy as np
@@ -27,18 +28,8 @@ def track_point(
         thin = estimate.particles[:: -(-len(estimate.particles) // MAX_PARTICLES)]
         particles = thin.astype("<f4").tobytes()
     mean, covariance = estimate.mean[:STATE].tolist(), estimate.covariance[:STATE, :STATE].ravel().tolist()
+    point = TrackPoint(tracker, target, at_ns, status, tuple(mean), tuple(covariance), sensors, particles, lag, step)
+    if len(estimate.mean) == STATE:
+        return point
     sds = np.sqrt(np.maximum(estimate.covariance.diagonal()[STATE:], 0.0))
-    return TrackPoint(
-        tracker,
-        target,
-        at_ns,
-        status,
-        tuple(mean),
-        tuple(covariance),
-        sensors,
-        particles,
-        lag,
-        step,
-        unknowns=tuple(estimate.mean[STATE:].tolist()),
-        unknown_sds=tuple(sds.tolist()),
-    )
+    return replace(point, unknowns=tuple(estimate.mean[STATE:].tolist()), unknown_sds=tuple(sds.tolist()))

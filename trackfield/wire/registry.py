@@ -240,6 +240,11 @@ def kind_of_class(cls: type) -> Kind:
     return _by_class[cls]
 
 
+def known_class(cls: type) -> bool:
+    """Whether messages are of this class."""
+    return cls in _by_class
+
+
 def kind_by_number(number: object) -> Kind:
     """The kind registered under a number; raises ``WireError`` (``type``, ``kind``)."""
     if type(number) is not int:

@@ -10,6 +10,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import hypot
 from typing import Any, Final, Self
 
 Knot = tuple[float, float, float, float, float]
@@ -73,6 +74,13 @@ class Path:
         if i in self.missing:
             return None
         return _hermite(self._knot(i), self._knot(i + 1), t_s)
+
+    @property
+    def fastest_m_s(self) -> float:
+        """The target's highest speed, of those at knots and midway between them."""
+        knots = [self._knot(i) for i in range(len(self.t))]
+        middles = [_hermite(a, b, (a[0] + b[0]) / 2.0) for a, b in pairwise(knots) if b[0] > a[0]]
+        return max(hypot(vx, vy) for *_, vx, vy in (*knots, *middles))
 
     def interpolated(self, t_s: float) -> bool:
         """Whether this time lies inside a gap, where a straight line stands in for the truth."""

@@ -14,6 +14,7 @@ from trackfield.sensing.kinds import known_sensor
 from trackfield.sensing.readings import Reading, Window, window_at
 from trackfield.sensing.sensing import Numbers
 from trackfield.sensing.sensing import Scene as AnyScene
+from trackfield.words import quoted
 from trackfield.world.path import Path
 from trackfield.world.scene import Scene, Still, left_at
 
@@ -51,13 +52,11 @@ class Placed:
         if self.kind.rhythm == "steps":
             return window_at(self.windows, t_ns)
         coming = (window for window in self.windows if window[1] > t_ns)
-        events = (self.kind.event(self.scene, window, self.position) for window in coming)
-        return next((at for at in events if at is not None and at > t_ns), None)
+        return next((at for window in coming for at in self._events(window) if at > t_ns), None)
 
     def events(self) -> list[int]:
-        """The instants (ns) at which a sensor reports by itself."""
-        found = (self.kind.event(self.scene, window, self.position) for window in self.windows)
-        return [at for at in found if at is not None]
+        """The instants (ns) at which a sensor reports by itself. Raises ``RunFailed`` for any outside its window."""
+        return [at for window in self.windows for at in self._events(window)]
 
     def elsewhere(self, purpose: str, t_ns: int) -> Reading | None:
         """The reading of a target at rest at a random place in range, drawn for each purpose and instant."""
@@ -77,6 +76,14 @@ class Placed:
     def uniform(self, purpose: str, what: str, t_ns: int) -> float:
         """A draw from [0, 1) that is its own."""
         return uniform(self.seed, self.id, self.incarnation, purpose, what, t_ns)
+
+    def _events(self, window: Window) -> list[int]:
+        """Those of a window, in order."""
+        found = self.kind.event(self.scene, window, self.position)
+        try:
+            return instants(found, window)
+        except ValueError as error:
+            raise RunFailed(f"the sensor of {self.id}: event {error}") from None
 
     def _reading(self, scene: AnyScene, purpose: str, t_ns: int) -> Reading | None:
         values = self.kind.simulate(scene, t_ns, self.position, self._normals(purpose, t_ns))
@@ -125,3 +132,19 @@ class Placed:
             plain["seed"],
             plain["incarnation"],
         )
+
+
+def instants(found: Any, window: Window) -> list[int]:
+    """What a kind's ``event`` returned for a window, in order. Raises ``ValueError`` for anything outside of it."""
+    try:
+        several = () if found is None else tuple(found)
+    except TypeError:  # a single number
+        several = (found,)
+    try:
+        times = sorted({int(at) for at in several})
+    except (TypeError, ValueError, OverflowError):
+        times = [window[0] - 1]
+    if not times or window[0] <= times[0] <= times[-1] <= window[1]:
+        return times
+    what = f"returned {quoted(found)} for the window {window}"
+    raise ValueError(f"{what}; expected None, or one or several instants (ns) in it")

@@ -41,6 +41,10 @@ class Scene:
                 found.append(state)
         return found
 
+    def alone(self) -> list[Scene]:
+        """The scene of each target, as if there were no other."""
+        return [Scene((path,)) for path in self.paths]
+
 
 def left_at(path: Path, t_s: float, place: tuple[float, float], speed_m_s: float) -> float:
     """When what arrives at ``place`` at ``t_s`` left the target; the start or the end of the path if none of it does.
@@ -87,3 +91,7 @@ class Still:
     def retarded(self, t_ns: int, place: tuple[float, float], speed_m_s: float) -> Sequence[State]:
         """The same."""
         return (self.state,)
+
+    def alone(self) -> Sequence[Still]:
+        """It."""
+        return (self,)

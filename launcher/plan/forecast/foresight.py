@@ -130,7 +130,7 @@ def foresee(plan: Plan) -> Foresight:
     sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways]
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
-    heard = Heard.of(plan, positions, np.array([plan.reaches[id] for id in ids]))
+    heard = Heard.of(plan, ids, positions)
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
     rows = len(heard.sensor) if ways else 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.records import SENSES, Plan
+from launcher.records import Plan
 from trackfield.role import NS
 from trackfield.world.path import Path
 
@@ -37,10 +37,11 @@ class Heard:
     steps: int
 
     @classmethod
-    def of(cls, plan: Plan, positions: Array, reaches: Array) -> Heard:
-        """Those of a plan, by sensors at ``positions`` (n, 2) that report as far as their ``reaches`` (n,)."""
-        if plan.passes:
-            return cls._of_passes(plan, positions)
+    def of(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:
+        """Those of a plan, by the n sensors of these ``ids`` at ``positions`` (n, 2)."""
+        if plan.pass_steps is not None:
+            return cls._of_passes(plan, ids, positions)
+        reaches = np.array([plan.reaches[id] for id in ids])
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
         from scipy.spatial import cKDTree
 
@@ -56,14 +57,17 @@ class Heard:
         return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
 
     @classmethod
-    def _of_passes(cls, plan: Plan, positions: Array) -> Heard:
+    def _of_passes(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:
         """Those of sensors that report by themselves."""
-        number = {place.id: i for i, place in enumerate(plan.info.tagged(SENSES))}
-        told = sorted((plan.origin_ns + k * plan.step_ns, number[id]) for id, ks in plan.passes.items() for k in ks)
-        times = tuple(sorted({t for t, _ in told}))
+        told = sorted(
+            (plan.origin_ns + k * plan.step_ns, i, at_ns)
+            for i, id in enumerate(ids)
+            for k, at_ns in plan.passes[id].items()
+        )
+        times = tuple(sorted({t for t, _, _ in told}))
         paths = list(plan.paths.values())
-        target = np.array([_nearest(paths, t / NS, positions[i]) for t, i in told], np.intp)
-        t_ns, sensor = np.array([t for t, _ in told], np.int64), np.array([i for _, i in told], np.intp)
+        target = np.array([_nearest(paths, at_ns / NS, positions[i]) for _, i, at_ns in told], np.intp)
+        t_ns, sensor = np.array([t for t, _, _ in told], np.int64), np.array([i for _, i, _ in told], np.intp)
         return cls(t_ns, target, sensor, times, 1, len(times))
 
 
