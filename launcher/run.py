@@ -106,7 +106,7 @@ def run_virtual(
         tick(None)
         ledger.end(virtual.end_ns)
         metrics = journal.tables([], messages=sum(ledger.sent_kinds.values()))
-        metrics["recorder"]["complaints"] = list(filter(None, [journal.draw()]))
+        metrics["recorder"]["complaints"] += filter(None, [journal.draw()])
         metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
         metrics |= ended_because(_why(plan, metrics, ended))
         metrics["timing"]["speed"] = None

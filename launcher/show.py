@@ -283,7 +283,8 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
     """Clock errors and the energy from batteries, if there are any."""
     clock, energy, lifetime = metrics["clock_error_ms"], metrics["energy_j"], metrics["lifetime_s"]
     if clock["rms"] is not None:
-        yield f"clock error of sensor nodes when they sent: {clock['rms']:.2f} ms rms, {clock['max']:.2f} ms at most"
+        figures = f"{clock['rms']:.2f} ms rms, {clock['max']:.2f} ms at most"
+        yield f"clock error of the processes that set their clocks, when they sent: {figures}"
     if refused := metrics["frames"]["refused"]:
         yield f"refused, as no frames of this field: {', '.join(f'{n} ({why})' for why, n in refused.items())}"
     if energy["total"] is not None:

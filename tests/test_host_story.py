@@ -156,7 +156,15 @@ class Centre:
                 return state, (SetTimer("step", NS // 2),)
             case Timer(now):
                 state = replace(state, step=state.step + 1)
-                point = TrackPoint("centre", "t", state.step * NS, "tracking", (state.total,), step=state.step)
+                point = TrackPoint(
+                    "centre",
+                    "t",
+                    state.step * NS,
+                    "tracking",
+                    (state.total, 0.0, 0.0, 0.0),
+                    (0.0,) * 16,
+                    step=state.step,
+                )
                 broadcast = Send(Feedback(state.step, int(state.total)), NEIGHBOURHOOD)
                 return state, (Publish(point), broadcast, SetTimer("step", now + NS))
             case Received(_, Doa(_, bearing_deg, level_db), sender):
@@ -182,7 +190,15 @@ class Listener:
                 return Sum(state.total + chain, step), (Send(Request(chain % 100), "centre"),)
             case Received(_, Reply(chain)):
                 state = replace(state, total=state.total + 3 * chain)
-                point = TrackPoint("listener", "t", state.step * NS, "tracking", (state.total,), step=state.step)
+                point = TrackPoint(
+                    "listener",
+                    "t",
+                    state.step * NS,
+                    "tracking",
+                    (state.total, 0.0, 0.0, 0.0),
+                    (0.0,) * 16,
+                    step=state.step,
+                )
                 return state, (Publish(point),)
         return state, ()
 

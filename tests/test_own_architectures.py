@@ -20,6 +20,7 @@ from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 from tests.running import SPEEDS, kept_up
 from tests.strangers import Herald, Heralded, Merged
+from trackfield.role import NS, Publish, Started, Timer, TrackPoint
 from trackfield.scenario import names
 from trackfield.wire.registry import kind_of
 
@@ -329,3 +330,68 @@ def test_a_run_in_which_a_role_made_tracks_in_its_own_way_is_not_replayed(tmp_pa
     with pytest.raises(tf.ScenarioError, match="source: base made tracks in a way of its own, which a replay cannot"):
         tf.replay(run, out=tmp_path / "again")
     assert not (tmp_path / "again").exists()
+
+
+POINT = TrackPoint("spcpf", "target", 5 * NS, "tracking", (1.0, 2.0, 3.0, 4.0), (1.0,) * 16, step=5)
+STRAYS: dict[str, tuple[Any, frozenset[str], str]] = {
+    "tracker": (replace(POINT, tracker="other"), frozenset({"tracks"}), "herald published points of 'other'"),
+    "tag": (POINT, frozenset(), "herald published points without the tag 'tracks' (1 times)"),
+}  # fmt: skip
+
+
+class Stray(Herald):
+    """A herald that publishes a point as it starts."""
+
+    def __init__(self, *, case: str) -> None:
+        super().__init__(to=["fusion"])
+        self.case = case
+
+    def handle(self, state: Any, event: Any) -> tuple[Any, tuple[Any, ...]]:
+        after, effects = super().handle(state, event)
+        if isinstance(event, Started):
+            return after, (*effects, Publish(STRAYS[self.case][0]))
+        return after, effects
+
+
+@pytest.mark.parametrize("driver", ["virtual", "processes"])
+@pytest.mark.parametrize("case", STRAYS)
+def test_points_that_belong_to_no_track_fail_the_run(case: str, driver: Any, tmp_path: Path) -> None:
+    _, tags, said = STRAYS[case]
+    scenario = own(changed(factory=Stray, config={"case": case}, tags=tags))
+    with pytest.raises(tf.RunFailed) as caught:
+        tf.run(scenario, driver=driver, speed=4.0 if driver == "processes" else None, out=tmp_path / "run")
+    assert said in str(caught.value)
+    run = tf.open(tmp_path / "run")
+    assert {row["source"] for row in run.tracks.to_pylist()} == {"fusion"}
+    assert run.report().is_file()
+
+
+class Faulty(Herald):
+    """A herald that does something wrong after a second."""
+
+    def __init__(self, *, case: str) -> None:
+        super().__init__(to=["fusion"])
+        self.case = case
+
+    def handle(self, state: Any, event: Any) -> tuple[Any, tuple[Any, ...]]:
+        if not isinstance(event, Timer):
+            return super().handle(state, event)
+        if self.case == "raises":
+            raise KeyError("mine")
+        return state, {"shape": (Publish(replace(POINT, mean=(1.0, 2.0))),), "effect": ("x",)}[self.case]
+
+
+@pytest.mark.parametrize(
+    ("case", "said"),
+    [
+        ("raises", r"KeyError: 'mine' \(test_own_architectures.py, line \d+\)"),
+        ("shape", "ValueError: a point of a track has no state of x, y, vx, vy"),
+        ("effect", "TypeError: 'x' is no effect"),
+    ],
+)
+def test_a_role_that_fails_is_told_with_its_process_and_time(case: str, said: str, tmp_path: Path) -> None:
+    scenario = own(changed(factory=Faulty, config={"case": case}))
+    told = rf"herald \(role herald\) failed 1\.000 s after the start of the run: {said}"
+    with pytest.raises(tf.RunFailed, match=told) as caught:
+        tf.run(scenario, out=tmp_path / "run")
+    assert caught.value.process == "herald"

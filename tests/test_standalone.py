@@ -56,6 +56,7 @@ def test_bad_arguments_have_one_message(arguments: tuple[str, ...], says: str) -
         (("herald", "tests.strangers:Heral"), "tests.strangers:Heral cannot be loaded (AttributeError: "),
         (("herald", "nothing.there:Herald"), "nothing.there:Herald cannot be loaded (ModuleNotFoundError: "),
         (("herald",), "the following arguments are required: MODULE:CLASS"),
+        (("her ald", "tests.strangers:Herald"), "argument ROLE: is 'her ald'; expected 1 to 32 of A-Z"),
     ],
 )
 def test_a_role_of_ones_own_needs_its_class(role: tuple[str, ...], says: str) -> None:

@@ -147,6 +147,15 @@ def test_a_centre_that_returned_and_set_its_clock_first_is_replayed_as_well(unti
     assert {row["incarnation"] for row in run.tracks.to_pylist() if row["source"] == "west"} == {0, 1}
 
 
+def test_who_hands_tracks_on_has_no_smoothed_ones_to_lose(tmp_path: Path) -> None:
+    settings = {"target.steps": 10, "fusion.trackers": ["ekf"], "fusion.smooth_lag": 3}
+    run = tf.run(scenario(**settings), out=tmp_path / "run")
+    smoothed = run.metrics.trackers["ekf+lag3"]
+    assert (smoothed.verdict, smoothed.steps_expected, smoothed.views["base"].verdict) == (None, 0, None)
+    assert (smoothed.views["in-network"].verdict, smoothed.views["in-network"].steps_expected) == ("tracked", 7)
+    assert run.metrics.trackers["ekf"].verdict == "tracked"
+
+
 def test_report_and_timeline_show_all_who_track(tmp_path: Path) -> None:
     run = tf.run(scenario(**HARD), out=tmp_path / "run")
     page = run.report().read_text()

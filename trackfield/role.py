@@ -160,6 +160,15 @@ class TrackPoint:
         return len(self.sensors)
 
 
+def formed(point: TrackPoint) -> TrackPoint:
+    """The point, if its arrays have their lengths. Raises ``ValueError``."""
+    if (len(point.mean), len(point.covariance)) not in ((0, 0), (4, 16)) or len(point.particles) % 8:
+        raise ValueError("a point of a track has no state of x, y, vx, vy")
+    if len(point.unknowns) != len(point.unknown_sds):
+        raise ValueError("a point of a track has not one sd for each unknown")
+    return point
+
+
 @dataclass(frozen=True, slots=True)
 class Publish:
     """Publish where the target is, as telemetry: it is not impaired and costs no energy."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from errno import ENOSPC
@@ -19,10 +20,11 @@ from launcher.record.diary import Event
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_messages, write_tracks
-from launcher.records import MessageRow, Plan
+from launcher.records import TRACKS, MessageRow, Plan
 from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.errors import RunFailed
-from trackfield.role import NS, Note, Publish, State
+from trackfield.role import NS, Note, Publish, State, TrackPoint
+from trackfield.words import quoted
 
 if TYPE_CHECKING:
     from launcher.timeline.timeline import Timeline
@@ -50,6 +52,13 @@ class Telling:
         self.errors: dict[str, float | None] = {}
         self.outcomes: dict[str, int] = {}
         self._errors_told = 0
+        self._tracking = frozenset(place.id for place in plan.info.tagged(TRACKS))
+
+    def stray(self, point: TrackPoint) -> str:
+        """Why a point belongs to no track of the run; empty if it does."""
+        if point.tracker not in self.plan.info.trackers:
+            return f"{point.source} published points of {quoted(point.tracker)}, which is no tracker of this run"
+        return "" if point.source in self._tracking else f"{point.source} published points without the tag '{TRACKS}'"
 
     def settle(self, until_ns: int) -> None:
         """Write what is settled up to this true time."""
@@ -114,6 +123,8 @@ class Telling:
                 timeline.queue(event.t_ns, event.process, ahead)
             case Note(text):
                 timeline.note(event.t_ns, event.process, text)
+            case Publish(point) if self.stray(point):
+                pass
             case Publish(point) if point.at_ns <= self.plan.run.end_ns:  # its source's clock may be ahead
                 truth, _ = nearest(self.plan.paths, point)
                 late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
@@ -137,16 +148,20 @@ class Journal(Telling):
     def tables(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
         """Write the tables; returns the metrics that are known here. ``messages`` is how many were received.
 
-        Raises ``RunFailed`` if the disk does not take them.
+        Points that belong to no track of the run are left out, with a complaint. Raises ``RunFailed`` if the disk does
+        not take the tables.
         """
         self._rest, self._deaths = self.ledger.close(name for name, *_ in deaths), deaths
         tracks = track_rows(self.ledger.estimates(), self.plan.paths)
+        strays = Counter(why for row in tracks if (why := self.stray(row.point)))
+        tracks = [row for row in tracks if not self.stray(row.point)]
         bounds = run_bounds(self.plan, tracks)
         bound = headline_bound(self.plan, tracks, bounds)
         self._bound = {t_ns: bound[t_ns] for t_ns in sorted({row.t_ns for row in tracks} & bound.keys())}
         patiently(lambda: self._write_tables(tracks, bounds), f"the tables of {self.folder}")
         metrics = run_metrics(self.plan, self.ledger, tracks, bounds)
-        metrics["recorder"]["messages"] = messages
+        complaints = [f"{why} ({count} times)" for why, count in strays.items()]
+        metrics["recorder"] |= {"messages": messages, "complaints": complaints}
         return metrics
 
     def make_room(self) -> None:

@@ -15,7 +15,7 @@ from launcher.record.ledger import Ledger
 from launcher.record.scores import offsets, scored
 from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
-from launcher.records import MessageRow, Plan
+from launcher.records import MessageRow, Plan, View
 from trackfield.drivers.histogram import Histogram
 from trackfield.filters import metrics as score
 from trackfield.role import NS
@@ -99,7 +99,12 @@ def tracker_metrics(
 
 def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, lag: int) -> Metrics:
     views = {view.name: seen(rows, view) for view in plan.views}
-    scores = {name: scored(plan, chosen, end_ns, bounds, lag) for name, chosen in views.items()}
+    scores = {
+        view.name: scored(
+            plan, views[view.name], end_ns, bounds, lag, awaited=bool(views[view.name]) or _smooths(plan, view, lag)
+        )
+        for view in plan.views
+    }
     several = len(plan.paths) > 1
     first = plan.views[0].name
     return {
@@ -109,6 +114,11 @@ def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, 
         "sources": dict(sorted(Counter(row.point.source for row in rows if row.has_track).items())),
         "views": scores,
     }
+
+
+def _smooths(plan: Plan, view: View, lag: int) -> bool:
+    """Whether a view can have this track: one that is smoothed is not handed on, but is of who fuses reports."""
+    return not lag or any(source in plan.banks for source in view.sources)
 
 
 def _target(rows: Sequence[TrackRow], target: str) -> Metrics:

@@ -128,7 +128,7 @@ class Recorder(Listener):
         metrics = self._tables()
         metrics = (metrics if self._told is not None else cut_off(metrics)) | ended_because(LAUNCHER_DIED)
         metrics["driver"] = "processes"
-        metrics["recorder"]["complaints"] = self._outages()
+        metrics["recorder"]["complaints"] += self._outages()
         self._write_metrics(metrics)
         if failure := self.journal.draw():
             log.error("%s", failure, exc_info=self.journal.error)

@@ -13,7 +13,7 @@ from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed,
 from trackfield.drivers.intake import read, unpacked
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.drivers.telemetry import Telemetry
-from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint
+from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint, formed
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import Medium, check_id
 from trackfield.wire.registry import check_size
@@ -116,10 +116,7 @@ def _made(kind: Any, values: list[Any]) -> Any:
 
 
 def _point(point: TrackPoint) -> TrackPoint:
-    if (len(point.mean), len(point.covariance)) not in ((0, 0), (4, 16)) or len(point.particles) % 8:
-        raise WireError("malformed", "no state of x, y, vx, vy")
-    if len(point.unknowns) != len(point.unknown_sds):
-        raise WireError("malformed", "not one sd for each unknown")
+    formed(point)
     if point.origin:
         check_id(point.origin)
     return point

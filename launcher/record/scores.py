@@ -25,12 +25,14 @@ _NOTHING: Final = {
 }
 
 
-def scored(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, lag: int = 0) -> dict[str, Any]:
+def scored(
+    plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, lag: int = 0, *, awaited: bool = True
+) -> dict[str, Any]:
     """The figures of one tracker in one view, of a run that ended at ``end_ns``; its points come ``lag`` steps later.
 
     Errors, and the ``bounds`` beside them, are over the instants at which there are both a track
     and a recorded truth; what lies in gaps of the truth stands apart. Each step at which a target is there is expected
-    to have a track, also those for which nothing was published.
+    to have a track, also those for which nothing was published; none is if the track is not ``awaited``.
     """
     known = [row for row in rows if row.has_track and row.truth is not None]
     guessed = [row for row in known if row.interpolated]
@@ -38,7 +40,7 @@ def scored(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, la
     return {
         **(_errors(known) if known else _NOTHING),
         **_beside(known, bounds),
-        **_presence(plan, rows, end_ns, lag),
+        **_presence(plan, rows, end_ns, lag, awaited=awaited),
         "gap": {"rmse": score.rmse(offsets(guessed)[:, :2]) if guessed else None, "steps": len(guessed)},
     }
 
@@ -77,7 +79,7 @@ def _beside(rows: Sequence[TrackRow], bounds: Bounds) -> dict[str, float | None]
     return {"bound_m": bound_m, "times_bound": score.rmse(offsets(bounded)[:, :2]) / bound_m}
 
 
-def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int) -> dict[str, Any]:
+def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int, *, awaited: bool) -> dict[str, Any]:
     """In how many of the expected steps there was a track, and one that was near enough; and the verdict.
 
     Where sensors report by themselves, the passes of targets are expected.
@@ -89,7 +91,7 @@ def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int) -> di
     last = last_due(end_ns - plan.origin_ns, plan.step_ns, plan.deadline_s) - lag
     passes = plan.pass_steps
     steps = range(1, last + 1) if passes is None else sorted(step for step in passes if step <= last)
-    there = {k: recorded for k in steps if (recorded := _recorded(plan, k)) is not None}
+    there = {k: recorded for k in steps if awaited and (recorded := _recorded(plan, k)) is not None}
     judged = [k for k, recorded in there.items() if recorded and not _only_guessed(tracks.get(k, ()))]
     errors = np.array([_worst(tracks.get(k, ())) for k in judged]).reshape(-1, 1)
     share = float((errors <= plan.lost.beyond_m).mean()) if judged else None

@@ -339,5 +339,5 @@ def _fuse(
             t_ns = plan.origin_ns + round(died["t"] * NS)
             journal.show(lambda timeline: timeline.death(t_ns, died["id"].partition("~")[0], died["why"]))  # noqa: B023
     metrics = journal.tables([], messages=0)
-    metrics["recorder"]["complaints"] = list(filter(None, [journal.draw()]))
+    metrics["recorder"]["complaints"] += filter(None, [journal.draw()])
     return metrics

@@ -30,17 +30,19 @@ from trackfield.drivers.frames import (
     Told,
     Wrote,
 )
-from trackfield.drivers.life import Alarm, Handled, Life
+from trackfield.drivers.life import Alarm, Handled, Life, without
 from trackfield.drivers.meter import NOTHING, Activity
 from trackfield.drivers.undo import History, difference
 from trackfield.link.clock import Clock
 from trackfield.role import (
     CancelTimer,
+    Corrected,
     Effect,
     Event,
     Ignored,
     IllegalEvent,
     Late,
+    Note,
     Publish,
     Radio,
     Received,
@@ -50,12 +52,15 @@ from trackfield.role import (
     Send,
     SetTimer,
     Started,
+    State,
     Store,
     Timer,
     Write,
+    formed,
 )
 from trackfield.wire.codec import WireError, decode, encode, kind_name
 from trackfield.wire.keys import Medium
+from trackfield.words import quoted
 
 
 class Core:
@@ -218,7 +223,7 @@ class Core:
         if key[1] == RANK_TIMER:
             name = key[3]
             alarm = life.alarms[name]
-            self._keep_alarms(_without(life.alarms, name))
+            self._keep_alarms(without(life.alarms, name))
             self._feed(Timer(alarm.at if alarm.fires_ns == alarm.due_ns else life.clock.local(t), name), key)
             return None
         arrival = heappop(self._arrivals)[2]
@@ -275,24 +280,27 @@ class Core:
                 alarm = Alarm(self.conditions.thaw_ns(max(due, t)), due, at)
                 self._keep_alarms({**self.life.alarms, name: alarm})
             case CancelTimer(name):
-                self._keep_alarms(_without(self.life.alarms, name))
+                self._keep_alarms(without(self.life.alarms, name))
             case Sample(sensor):
                 self._sample(sensor, key, now)
             case Radio(on, medium):
                 self.life = radio.switch(self.life, on, medium, t)
                 self._outputs.append(Told(key, effect))
-            case Ignored(reason):
-                self._refuse(key, reason)
-            case Late():
-                self._refuse(key, LATE)
+            case Ignored() | Late():
+                self._refuse(key, LATE if isinstance(effect, Late) else effect.reason)
             case Write(port, data):
                 self._outputs.append(Wrote(key, port, data))
+            case Publish() | Store() | State() | Note() | Corrected():
+                self._tell(effect, key)
             case _:
-                if isinstance(effect, Store):
-                    self.life = self.life._replace(stored=effect.data)
-                elif isinstance(effect, Publish):
-                    effect = Publish(replace(effect.estimate, source=self.owner))
-                self._outputs.append(Told(key, effect))
+                raise TypeError(f"{quoted(effect)} is no effect")
+
+    def _tell(self, effect: Publish | Store | State | Note | Corrected, key: EventKey) -> None:
+        if isinstance(effect, Store):
+            self.life = self.life._replace(stored=effect.data)
+        elif isinstance(effect, Publish):
+            effect = Publish(replace(formed(effect.estimate), source=self.owner))
+        self._outputs.append(Told(key, effect))
 
     def _keep_alarms(self, alarms: dict[str, Alarm]) -> None:
         self.life = self.life._replace(alarms=alarms)
@@ -340,7 +348,3 @@ class Core:
         out, mistaken = difference(old, new, since, self._ghosts, self.recall)
         self.host_late += mistaken
         return out
-
-
-def _without(alarms: dict[str, Alarm], name: str) -> dict[str, Alarm]:
-    return {n: a for n, a in alarms.items() if n != name}

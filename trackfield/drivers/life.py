@@ -68,3 +68,8 @@ class Handled:
     before: Life
     arrival: Arrival | None
     outputs: list[Output]
+
+
+def without(alarms: dict[str, Alarm], name: str) -> dict[str, Alarm]:
+    """The alarms but the one of this name."""
+    return {n: a for n, a in alarms.items() if n != name}

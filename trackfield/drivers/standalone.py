@@ -28,7 +28,7 @@ from trackfield.errors import ScenarioError
 from trackfield.plugins import give
 from trackfield.streams import steady
 from trackfield.wire.error import WireError
-from trackfield.wire.keys import check_name
+from trackfield.wire.keys import check_id, check_name
 
 _PLACE: Final = re.compile(r"[\w.]+:[\w.]+")
 _OWN: Final = re.compile(r"(sensor|tracker):[^=:]+=[\w.]+:[\w.]+")
@@ -53,7 +53,7 @@ def own() -> None:
     parser = _parser(
         "python -m trackfield.drivers.standalone", "A process with a role of a user's own that joins a run."
     )
-    parser.add_argument("role", metavar="ROLE", help="the name of the role in the architecture")
+    parser.add_argument("role", type=_role, metavar="ROLE", help="the name of the role in the architecture")
     parser.add_argument("factory", type=_place, metavar="MODULE:CLASS", help="what makes it, like mine.roles:Base")
     arguments = _checked(parser)
     try:
@@ -141,6 +141,14 @@ def _own(text: str) -> tuple[str, str]:
     if not _OWN.fullmatch(text):
         raise argparse.ArgumentTypeError(f"is {text!r}; expected something like sensor:sonar=mine.sonar:Sonar")
     return which, place
+
+
+def _role(text: str) -> str:
+    """The name of a role. Raises ``argparse.ArgumentTypeError``."""
+    try:
+        return check_id(text)
+    except WireError:
+        raise argparse.ArgumentTypeError(f"is {text!r}; expected 1 to 32 of A-Z a-z 0-9 _ . -") from None
 
 
 def _place(text: str) -> str:

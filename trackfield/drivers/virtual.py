@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import traceback
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from heapq import heapify, heappop, heappush
+from pathlib import Path
 from typing import Any, Protocol
 
 from trackfield.drivers.core import Core
@@ -12,7 +14,7 @@ from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused,
 from trackfield.drivers.meter import spent
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
 from trackfield.errors import RunFailed
-from trackfield.role import IllegalEvent
+from trackfield.role import NS, IllegalEvent
 
 
 class Sink(Protocol):
@@ -29,7 +31,9 @@ class Sink(Protocol):
 
 
 class Virtual:
-    """A run in virtual time. Raises ``RunFailed`` for a frame to a process that does not have its sender as a peer.
+    """A run in virtual time.
+
+    Raises ``RunFailed`` for a frame to a process that does not have its sender as a peer, and if a role fails.
 
     ``cores`` holds the engine of each life by its name; ``run`` feeds ``sink`` and returns when nothing is due before
     ``end_ns``. ``now_ns`` is the time. Frames travel as encoded bytes through the same link as under the process
@@ -63,11 +67,21 @@ class Virtual:
                 continue  # an earlier event was added meanwhile, with an entry of its own
             if not core.life.started:
                 self._inherit(core)
-            outputs = core.handle_next()
+            outputs = self._handle_next(core)
             self._schedule(name, core)
             self._release(name, outputs)
         for name, core in self.cores.items():
             self.sink.final(name, core.record(self.end_ns))
+
+    def _handle_next(self, core: Core) -> list[Output]:
+        try:
+            return core.handle_next()
+        except Exception as error:  # a user's role may raise anything
+            at = traceback.extract_tb(error.__traceback__)[-1]
+            process = self._processes[core.owner]
+            what = f"{core.owner} (role {process.role}) failed {self.now_ns / NS:.3f} s after the start of the run"
+            where = f"{Path(at.filename).name}, line {at.lineno}"
+            raise RunFailed(f"{what}: {type(error).__name__}: {error} ({where})", process=core.owner) from error
 
     def _inherit(self, core: Core) -> None:
         """Give a life what the one before it stored last."""

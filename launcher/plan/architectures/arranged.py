@@ -11,14 +11,15 @@ from typing import Any
 class Process:
     """A process of a field, with its ``id`` and the name of its ``role``; it stands at ``x``, ``y`` (m east, north).
 
-    ``factory`` makes its role: a class, or ``module:attribute``; empty: the installed role of that name. ``config`` are
-    its arguments, as far as MessagePack can hold them. ``sends`` says to which ids it sends messages of which kinds;
-    who receives something of it, and who may hear whom, follows. One that ``senses`` has the sensor of its id. One that
-    ``fuses`` gets the reports of these sensors, and its role the arguments of a ``trackfield.tracking.bank.Bank`` for
-    them. Its clock is right, unless it ``asks`` another process for the time: then its clock is off as ``[clock]``
-    says, and its role gets ``sync``, the arguments with which it asks. ``tags`` are ``tracks`` (it publishes tracks),
-    ``battery`` (it runs on one, of ``battery_j``; None: it is never empty), ``backbone``; the tag ``senses`` follows.
-    A process that moves has a ``route``: (t ns, x m, y m) at least once, with straight lines between them.
+    ``factory`` makes its role: a class, or ``module:attribute``; empty: the installed role of that name. ``config``
+    are its arguments, as far as MessagePack can hold them. ``sends`` says to which ids it sends messages of which
+    kinds; who receives something of it, and who may hear whom, follows. One that ``senses`` has the sensor of its id.
+    One that ``fuses`` gets the reports of these sensors, and its role the arguments of a
+    ``trackfield.tracking.bank.Bank`` for them. Its clock is right, unless it ``asks`` another process for the time:
+    then its clock is off as ``[clock]`` says, and if clocks are set, its role gets ``sync``, the arguments with which
+    it asks. ``tags`` are ``tracks`` (it publishes tracks), ``battery`` (it runs on one, of ``battery_j``; None: it is
+    never empty), ``backbone``; the tag ``senses`` follows. A process that moves has a ``route``: (t ns, x m, y m) at
+    least once, with straight lines between them.
     """
 
     id: str

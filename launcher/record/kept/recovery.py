@@ -41,7 +41,7 @@ def recovered(plan: Plan, folder: Path, deaths: Sequence[Unplanned] | None = Non
             part.replace(folder / TIMELINE)
     finally:
         part.unlink(missing_ok=True)
-    metrics["recorder"]["complaints"] = [*said, *filter(None, [failure])]
+    metrics["recorder"]["complaints"] += [*said, *filter(None, [failure])]
     return metrics if intake.deaths is not None else cut_off(metrics)
 
 
