@@ -41,6 +41,7 @@ def test_a_run_as_processes() -> None:
     assert 0.0 < sum(figures["shares"].values()) <= 1.0
 
 
+@pytest.mark.long
 def test_latencies_beside_bare_puts() -> None:
     found = latency.measure(0.75, seconds=11)
     assert found["run"]["frames"] > 33

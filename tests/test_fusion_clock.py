@@ -278,7 +278,9 @@ def test_a_centre_that_asks_another_process_tracks_as_well_as_one_whose_clock_is
     config = {**centre.config, "sync": {**SYNC, "exchanges": 8}}
     clock = {"offset_ns": 250 * MS, "drift_ppb": 15_000}
     root = ProcessSpec("root", "keeper", "tests.test_timesync_strata:Keeper")
-    ledger, found = simulated(replace(plan, processes=(replace(centre, config=config, clock=clock), *nodes, root)))
+    peers = {**centre.peers, "root": (0.0, 0.0)}
+    asking = replace(centre, config=config, clock=clock, peers=peers)
+    ledger, found = simulated(replace(plan, processes=(asking, *nodes, root)))
     _, right = simulated(plan)
     assert ledger.sent_by["root"] > 8
     assert max(map(abs, ledger.clock_errors.values())) < MS

@@ -63,7 +63,7 @@ def test_a_frame_that_arrives_is_delivered_after_its_delay() -> None:
     assert rows == book.rows
     assert rows == [
         MessageRow("doa", "a", "b", "field", 100 * MS, 101 * MS, "delivered", len(frame(0).payload), 0, 0,
-                   "DOA 90.0 deg 60.0 dB", 90.0, 1, 100 * MS, frame(0).payload),
+                   "DOA 90.0 deg 60.0 dB", (90.0, 60.0), 1, 100 * MS, frame(0).payload),
     ]  # fmt: skip
     assert (book.sent_kinds, book.payload_bytes) == ({"doa": 1}, len(frame(0).payload))
 
@@ -324,11 +324,11 @@ def test_frames_that_left_and_were_not_recorded_are_dropped() -> None:
 
 def test_a_payload_in_words() -> None:
     said = describe(encode(Doa(7, 123.4, 55.5)))
-    assert said == ("DOA 123.4 deg 55.5 dB", pytest.approx(123.4), 7)
+    assert said == ("DOA 123.4 deg 55.5 dB", (pytest.approx(123.4), pytest.approx(55.5)), 7)
     for payload in (b"", b"\xff", encode(Doa(7, 123.4, 55.5))[:-1]):
-        text, bearing, step = describe(payload)
+        text, values, step = describe(payload)
         assert text.startswith("malformed (")
-        assert (bearing, step) == (None, None)
+        assert (values, step) == ((), None)
 
 
 @given(st.binary(max_size=40))

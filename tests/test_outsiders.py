@@ -203,11 +203,22 @@ def test_processes_share_a_token(router: str, start: Start, tmp_path: Path, monk
 @pytest.mark.parametrize(
     ("of_run", "of_process", "says"),
     [
-        ("ours", "theirs", "the answers lack the seal of the token in TRACKFIELD_TOKEN: "),
-        ("", "theirs", "the answers lack the seal of the token in TRACKFIELD_TOKEN: "),
-        ("ours", "", "the question lacks the seal of this run: set TRACKFIELD_TOKEN as it is set for the launcher\n"),
+        pytest.param("ours", "theirs", "the answers lack the seal of the token in TRACKFIELD_TOKEN: ", id="another"),
+        pytest.param(
+            "",
+            "theirs",
+            "the answers lack the seal of the token in TRACKFIELD_TOKEN: ",
+            id="too much",
+            marks=pytest.mark.long,
+        ),
+        pytest.param(
+            "ours",
+            "",
+            "the question lacks the seal of this run: set TRACKFIELD_TOKEN as it is set for the launcher\n",
+            id="none",
+            marks=pytest.mark.long,
+        ),
     ],
-    ids=["another", "too much", "none"],
 )
 def test_another_token_is_one_message(
     router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of_run: str, of_process: str, says: str

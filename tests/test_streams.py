@@ -82,6 +82,7 @@ def test_arguments_are_text(arguments: str, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 def test_a_role_that_stands_alone_needs_no_streams_either(tmp_path: Path) -> None:
     command = f"{sys.executable} -m node --connect tcp/127.0.0.1:9 --run r --id n001"
     assert shell(f"{command} >&- 2>&-", tmp_path).returncode == 1

@@ -25,4 +25,4 @@ def check_references(references: Mapping[str, str | None], key: str) -> None:
                 raise ScenarioError(what, key=key, expected=_EXPECTED)
             way[at] = None
             at = references[at]
-        sound |= way.keys()
+        sound.update(way)

@@ -140,7 +140,7 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
 
 def _reports(plan: Plan, id: str, place: Point, state: Array) -> bool:
     """Whether a sensor that is read at steps reports a target in this state."""
-    return id not in plan.passes and bool(np.hypot(*(state[:2] - place)) <= plan.reaches[id])
+    return id not in plan.passes and bool(np.hypot(*(state[:2] - place)) <= plan.reaches.get(id, 0.0))
 
 
 def _series(plan: Plan, reporting: Reporting) -> Series:

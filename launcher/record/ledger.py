@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from heapq import heappop, heappush
 from typing import Any, Final, NamedTuple
 
@@ -20,10 +21,10 @@ from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, To
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
 from trackfield.role import Publish, TrackPoint
 from trackfield.sensing.complete import Kind
-from trackfield.sensing.kinds import known_kind
+from trackfield.sensing.kinds import SENSORS, known_kind
 from trackfield.wire.codec import WireError, decode
 from trackfield.wire.keys import id_of
-from trackfield.wire.messages import SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.messages import Measurement, SyncReply, SyncRequest, Threshold, Track
 
 FRAMES: Final = "frames"
 """Interference: frames in the name of a process that did not send them."""
@@ -301,13 +302,21 @@ def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said
     )  # fmt: skip
 
 
+@cache
+def _own_kinds() -> tuple[Kind, ...]:
+    """Trackfield's own kinds with messages of their own, which need no settings to be told in words."""
+    kinds = (known_kind(name, {}) for name in SENSORS.own)
+    return tuple(kind for kind in kinds if kind.message is not Measurement)
+
+
 def describe(payload: bytes, kind: Kind | None = None) -> Said:
     """The content of a payload in words, if need be those of its sender's ``kind`` of sensing; never raises."""
     try:
         message = decode(payload)
     except WireError as error:
         return Said(f"malformed ({error.reason})")
-    if kind is not None and kind.takes(message):
+    kind = next((one for one in (kind, *_own_kinds()) if one is not None and one.takes(message)), None)
+    if kind is not None:
         try:
             return Said(kind.words(message), tuple(map(float, kind.values(message))), message.step)
         except Exception:  # noqa: BLE001  a user's own methods

@@ -76,11 +76,13 @@ class Virtual:
     def _handle_next(self, core: Core) -> list[Output]:
         try:
             return core.handle_next()
+        except RunFailed:
+            raise
         except Exception as error:  # a user's role may raise anything
             at = traceback.extract_tb(error.__traceback__)[-1]
             process = self._processes[core.owner]
             what = f"{core.owner} (role {process.role}) failed {self.now_ns / NS:.3f} s after the start of the run"
-            where = f"{Path(at.filename).name}, line {at.lineno}"
+            where = "; ".join((f"{Path(at.filename).name}, line {at.lineno}", *getattr(error, "__notes__", ())))
             raise RunFailed(f"{what}: {type(error).__name__}: {error} ({where})", process=core.owner) from error
 
     def _inherit(self, core: Core) -> None:
