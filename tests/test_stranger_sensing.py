@@ -67,7 +67,7 @@ class Campaign:
 def campaign(strength: None) -> Campaign:
     """Runs in which all is as trackers are told: the prior, the target's acceleration, the power and its walk.
 
-    Twenty sensors at a time and a prior of 5 m make it nearly linear: the bound is one for linear problems, as the
+    Twenty sensors at a time and a prior of 3 m make it nearly linear: the bound is one for linear problems, as the
     derivatives are taken at the truth. The two thousand particles that ``bootstrap`` has by default are few for a state
     of five numbers that moves so little by itself.
     """
