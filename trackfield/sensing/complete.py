@@ -84,19 +84,8 @@ class Kind:
         self.draws: tuple[str, ...] | None = has("draws", None)
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
-        defaults = (
-            _same,
-            _equal,
-            _unlimited,
-            _same,
-            self._measured,
-            self._in_units,
-            self._in_words,
-            self._longest,
-            self._passes,
-        )
-        for method, default in zip(METHODS, defaults, strict=True):
-            setattr(self, method, has(method, default))
+        for method in METHODS:
+            setattr(self, method, has(method, None) or getattr(self, f"_{method}"))
         for method in METHODS_OR_NONE:
             setattr(self, method, has(method, None))
 
@@ -125,7 +114,20 @@ class Kind:
             return self.message is Measurement and len(message.values) == self.n + self.timed
         return isinstance(message, self.message)
 
-    # --- defaults ---
+    # --- defaults of METHODS ---
+
+    def _residual(self, difference: Array) -> Array:
+        return difference
+
+    def _z(self, values: Array) -> Array:
+        return values
+
+    def _loudness(self, z: Array) -> Array:
+        """All sensors are equally loud."""
+        return z[..., 0] * 0.0
+
+    def _level(self, values: Numbers) -> float:
+        return inf
 
     def _of_nearest(self, scene: Scene, t_ns: int, place: Point, normals: tuple[float, ...]) -> Numbers | None:
         """For a class whose ``simulate`` takes the nearest target: that, if it is within range."""
@@ -139,7 +141,7 @@ class Kind:
         values: Numbers | None = self.own.simulate(nearest, place, normals)
         return values
 
-    def _measured(self, values: Numbers) -> Measured:
+    def _reading(self, values: Numbers) -> Measured:
         """In steps of the resolution. Raises ``ValueError`` for numbers that cannot be reported."""
         if len(values) == self.n and all(map(isfinite, values)):
             steps = tuple(round(value / step) for value, step in zip(values, self.resolution, strict=True))
@@ -147,17 +149,17 @@ class Kind:
                 return Measured(steps, tuple(values), self.level(values), self.timed)
         raise ValueError(f"{self.n} numbers of at most {MOST_STEPS:.0e} steps of their resolution")
 
-    def _in_units(self, message: Measurement) -> Numbers:
+    def _values(self, message: Measurement) -> Numbers:
         return tuple(number * step for number, step in zip(message.values, self.resolution, strict=False))
 
-    def _in_words(self, message: Any) -> str:
+    def _words(self, message: Any) -> str:
         numbers = zip(self.values(message), self.units, strict=True)
         return f"{self.name} {', '.join(f'{value:.6g} {unit}'.strip() for value, unit in numbers)}"
 
     def _longest(self) -> Measurement:
         return Measurement(LAST_STEP, (2**15 - 1,) * self.n + (2**20,) * self.timed)
 
-    def _passes(self, scene: Scene, window: tuple[int, int], place: Point) -> tuple[int, ...]:
+    def _event(self, scene: Scene, window: tuple[int, int], place: Point) -> tuple[int, ...]:
         """When each target is closest to the sensor within a window, to a microsecond: each time that it turns away.
 
         It comes nearer before, and within range. A target that appears or vanishes nearby does not pass.
@@ -208,16 +210,3 @@ def arguments(method: Any) -> int:
     if code is None or code.co_flags & _VARARGS or function.__defaults__:
         return OPEN
     return int(code.co_argcount) - (function is not method)
-
-
-def _same(values: Any) -> Any:
-    return values
-
-
-def _equal(z: Array) -> Array:
-    """All sensors are equally loud."""
-    return z[..., 0] * 0.0
-
-
-def _unlimited(values: Numbers) -> float:
-    return inf
