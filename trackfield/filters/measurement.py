@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackfield.filters.bounds import information
 from trackfield.filters.gaussian import Motion, constant_velocity
 from trackfield.filters.types import Array, Gaussian, Model, Reports, Sensing
 from trackfield.models.unknowns import Unknown
@@ -181,15 +182,14 @@ def sensing_information(model: Model, state: Array, reports: Reports) -> Array:
     H^T R^-1 H, and half the sum of the squared slopes of log R where the noise depends on the state, by central
     differences (Kay 1993, eq. 3.31).
     """
-    H = jacobians(model, state, reports) / noise_sd(model, reports, state)[:, None]
-    D = H.T @ H
+    D = information(jacobians(model, state, reports), noise_sd(model, reports, state))
     if varies(model):
         step = 1e-5 * np.maximum(np.abs(state), 1.0)
         ends = state + np.stack((np.diag(step), -np.diag(step)))
         up, down = (2.0 * np.log(noise_sd(model, reports, these)) for these in ends)
         slopes = (up - down) / (2.0 * step[:, None])
         D = D + 0.5 * slopes @ slopes.T
-    return np.asarray(D)
+    return D
 
 
 # --- unknowns of the sensing ------------------------------------------------------------------------------------------

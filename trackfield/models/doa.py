@@ -6,7 +6,6 @@ For the filters, so arrays only; a single bearing without numpy is ``sound.beari
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -47,27 +46,3 @@ def _apart(state: Array, sensors: Array) -> tuple[Array, Array]:
     dx = np.subtract(state[..., None, 0], sensors[..., 0], order="F")
     dy = np.subtract(state[..., None, 1], sensors[..., 1], order="F")
     return dx, dy
-
-
-@dataclass(frozen=True, slots=True)
-class Bearings:
-    """The measurement model of bearings with noise of sd ``sigma_w`` (rad): one number (m = 1) a reading."""
-
-    sigma_w: float
-
-    @property
-    def sd(self) -> tuple[float, ...]:
-        """The noise's sd (m,)."""
-        return (self.sigma_w,)
-
-    def h(self, states: Array, positions: Array) -> Array:
-        """Noiseless readings (..., K, 1) of ``states`` (..., 4) from ``positions`` (K, 2)."""
-        return measure(states, positions)[..., None]
-
-    def jacobian(self, states: Array, positions: Array) -> Array:
-        """dh/dx (..., K, 1, 4)."""
-        return jacobian(states, positions)[..., None, :]
-
-    def residual(self, difference: Array) -> Array:
-        """Differences of readings (..., 1), wrapped."""
-        return wrap(difference)
