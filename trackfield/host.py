@@ -77,6 +77,11 @@ class Hosted:
     counts: Mapping[str, Counts] = field(default_factory=dict)
 
 
+def counts_of(state: Hosted) -> dict[str, dict[str, int]]:
+    """The frames of a life by role: how many were ``delivered`` to it, and how many of these it ``ignored``."""
+    return {name: dict(zip(("delivered", "ignored"), counts, strict=True)) for name, counts in state.counts.items()}
+
+
 class Host:
     """The roles of the process ``id``, by name; raises ``WireError`` for an invalid name or id."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from launcher.plan.architectures import Built, Process
-from launcher.plan.hardware import FJ_PER_MJ, clock_of, power_of, sync_of
+from launcher.plan.hardware import FJ_PER_MJ, clock_of, following_of, power_of, sync_of
 from launcher.plan.messages import check_sent, longest
 from launcher.plan.roles import Roles
 from launcher.plan.tracking import if_used, tracking_of
@@ -91,10 +91,16 @@ class _Assembly:
         )
 
     def _config(self, process: Process) -> dict[str, Any]:
-        """The arguments of its role: its own, what it needs to track, how it sets its clock."""
+        """The arguments of its role: its own, what it needs to track, how it sets its clock; by role, of several."""
         bank = {**self._tracking, **self._banks[process.id]} if process.fuses else {}
         sync = sync_of(self._scenario, process.id, process.asks) if process.asks else None
-        return {**bank, **process.config, **if_used(sync=sync)}
+        if not process.roles:
+            return {**bank, **process.config, **if_used(sync=sync)}
+        syncs = {"keeps": sync, "follows": following_of(sync), "": None}
+        return {
+            name: {**(bank if role.fuses else {}), **role.config, **if_used(sync=syncs[role.clock])}
+            for name, role in process.roles.items()
+        }
 
     def _power(self, process: Process) -> dict[str, Any]:
         key = process.battery_j, process.senses

@@ -55,6 +55,7 @@ class Record(BaseModel):
     slip: Buckets
     latency: Buckets
     cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
+    roles: dict[str, dict[Literal["delivered", "ignored"], Count]] = {}
 
 
 class Status(BaseModel):

@@ -33,6 +33,7 @@ from trackfield.drivers.frames import (
 from trackfield.drivers.life import Alarm, Handled, Life, without
 from trackfield.drivers.meter import NOTHING, Activity
 from trackfield.drivers.undo import History, difference
+from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
 from trackfield.role import (
     CancelTimer,
@@ -180,6 +181,7 @@ class Core:
             "activity": [a - b for a, b in zip(meter.activity, self._inherited, strict=True)],
             "inherited": list(self._inherited),
             "metered_ns": meter.since_ns - self.conditions.start_ns,
+            **({"roles": counts_of(life.state)} if isinstance(life.state, Hosted) else {}),
         }
 
     def _push(self, arrival: Arrival) -> None:
