@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from launcher.plan.tracking import if_used, tracking_of
 from launcher.records import Flow
 from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.link.places import Path, Point
+from trackfield.wire.registry import kind_of_class
 
 Pair = tuple[str, str]
 
@@ -41,10 +42,17 @@ def assembled(built: Built) -> Assembled:
         built, tracking, banks, key
     ).processes()  # which loads the kinds of message of users' own roles
     check_sent(built.processes, key)
-    sent = {kind for process in built.processes if process.senses for kind in process.sends}
+    sent = {kind for process in built.processes if process.senses for kind in _reports(built, process)}
     end_ns = built.site.end_ns
     flows = [Flow(longest(kind, tracking, end_ns), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
     return Assembled(_acquainted(processes, flows), tracking, banks, tuple(flows))
+
+
+def _reports(built: Built, process: Process) -> Collection[str]:
+    """The kinds of messages in which a process with a sensor reports; another of its roles may send others."""
+    if not process.roles:
+        return process.sends
+    return process.sends.keys() & {kind_of_class(one.sensing.message).name for one in built.site.sections.values()}
 
 
 def _bank(built: Built, process: Process, tracking: Mapping[str, Any]) -> dict[str, Any]:
