@@ -111,7 +111,7 @@ class Host:
         takers = [state.asked[0]] if state.asked else list(self.roles)
         match event:
             case Started():
-                state = replace(state, stored=_unpacked(event.stored))
+                state = replace(state, stored=self._unpacked(event.stored))
             case Received():
                 takers = self.consumers(event.message)
             case ClockSet():
@@ -123,6 +123,15 @@ class Host:
                 takers = [name]
                 event = replace(event, name=own) if isinstance(event, Timer) else replace(event, port=own)
         return _Turn(self, state, event.now).run(takers, event)
+
+    def _unpacked(self, stored: bytes) -> dict[str, bytes]:
+        """What each role stored; nothing of bytes that no host stored."""
+        try:
+            found = msgpack.unpackb(stored)
+        except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException):
+            return {}
+        known = found if isinstance(found, dict) else {}
+        return {name: data for name, data in known.items() if name in self.roles and isinstance(data, bytes)}
 
     def consumers(self, message: Any) -> list[str]:
         """The names of the roles that consume a message."""
@@ -228,14 +237,3 @@ class _Turn:
         if (everybody <= off) != (everybody <= self.off):
             self.effects.append(Radio(on, medium))
         self.off = off
-
-
-def _unpacked(stored: bytes) -> dict[str, bytes]:
-    """What each role stored; nothing of bytes that no host stored."""
-    try:
-        found = msgpack.unpackb(stored)
-    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException):
-        return {}
-    if not isinstance(found, dict):
-        return {}
-    return {name: data for name, data in found.items() if isinstance(name, str) and isinstance(data, bytes)}
