@@ -121,7 +121,7 @@ class _Check:
                 raise self._error(where, f"the name of a role is {quoted(name)}", ID_WORDS)
             self._config(f"{where}.{name}", role.config)
             if role.clock not in CLOCKS:
-                raise self._error(f"{where}.{name}.clock", f"is {quoted(role.clock)}", f"one of {CLOCKS}")
+                raise self._error(f"{where}.{name}.clock", f"is {quoted(role.clock)}", "keeps, follows, or ''")
         if roles and (process.factory or process.config):
             raise self._error(where, "are given beside a factory or a config", "those of each role in its Hosted")
         return dict(roles)
