@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
 
 from trackfield.link.fate import Fate, Link
-from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store
+from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store, Write
 from trackfield.wire.keys import Medium
 
 RANK_FAULT: Final = 0
 RANK_FRAME: Final = 1
-RANK_TIMER: Final = 2
-RANK_BATTERY: Final = 3
+RANK_PORT: Final = 2
+RANK_TIMER: Final = 3
+RANK_BATTERY: Final = 4
 
 LATE: Final = "late"
 """The reason by which a role says that a frame came after its deadline."""
@@ -23,14 +24,17 @@ EventKey = tuple[Any, ...]
 """The place of an event in the total order of one process.
 
 ``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to, medium)`` for frames,
-``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that falls to the next tenth or is empty; t in ns of
-true time.
+``(t, 2, number, port)`` for bytes at a port, ``(t, 3, original due, name)`` for timers, ``(t, 4)`` for a battery that
+falls to the next tenth or is empty; t in ns of true time.
 """
+
+Identity = tuple[str, int, str, int, int, str, Medium]
+"""What makes two arrivals the same frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``."""
+    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``; one without a payload was taken back."""
 
     src: str
     incarnation: int
@@ -42,9 +46,14 @@ class Frame:
     payload: bytes
 
     @property
-    def identity(self) -> tuple[str, int, str, int, int, str, Medium]:
+    def identity(self) -> Identity:
         """What makes two arrivals the same frame."""
         return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to, self.medium)
+
+    @property
+    def taken_back(self) -> Self:
+        """What says that this frame was taken back."""
+        return replace(self, payload=b"")
 
     @property
     def broadcast(self) -> bool:
@@ -77,11 +86,15 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame that survived the link and is due at this process; ``fate`` gives the cost of receiving it."""
+    """A frame that survived the link and is due at this process; ``fate`` gives the cost of receiving it.
+
+    ``version`` is that of the frame, None if it is final.
+    """
 
     due_ns: int
     frame: Frame
     fate: Fate = FREE
+    version: int | None = None
 
     @property
     def key(self) -> EventKey:
@@ -90,10 +103,36 @@ class Arrival:
 
 
 @dataclass(frozen=True, slots=True)
+class PortInput:
+    """Bytes that are due at a port; ``number`` counts those of this process."""
+
+    due_ns: int
+    number: int
+    port: str
+    data: bytes
+
+    @property
+    def key(self) -> EventKey:
+        """Their place in the order of events."""
+        return (self.due_ns, RANK_PORT, self.number, self.port)
+
+
+Input = Arrival | PortInput
+"""What comes to a process from outside."""
+
+
+@dataclass(frozen=True, slots=True)
 class Sent:
     """A frame leaves."""
 
     key: EventKey
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
+class TakenBack:
+    """A frame that should not have left, or not yet: its hearers go on without it."""
+
     frame: Frame
 
 
@@ -128,7 +167,7 @@ class Overflowed:
     frame: Frame
 
 
-Telling = State | Radio | Publish | Note | Corrected | Store | Died | Charge | Queued | Overflowed
+Telling = State | Radio | Publish | Note | Corrected | Store | Write | Died | Charge | Queued | Overflowed
 """The telemetry of a process: of its role, and of its driver."""
 
 
@@ -155,13 +194,4 @@ class Undone:
     key: EventKey
 
 
-@dataclass(frozen=True, slots=True)
-class Wrote:
-    """Bytes for a device port."""
-
-    key: EventKey
-    port: str
-    data: bytes
-
-
-Output = Sent | Told | Refused | Undone | Wrote
+Output = Sent | TakenBack | Told | Refused | Undone
