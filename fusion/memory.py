@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Final
 
 from trackfield.protocols.timesync import Timekeeping
-from trackfield.role import Received, Started, Timer, Transitions
+from trackfield.role import ClockSet, Received, Started, Timer, Transitions
 from trackfield.tracking.steps import Progress
 
 
@@ -24,7 +24,7 @@ _RUNNING: Final = frozenset({Phase.WAITING, Phase.TRACKING, Phase.COASTING})
 
 TRANSITIONS: Final[Transitions] = {
     (Phase.NEW, Started): frozenset({Phase.WAITING, Phase.COASTING}),
-    **{(phase, Timer): _RUNNING for phase in _RUNNING},
+    **{(phase, event): _RUNNING for phase in _RUNNING for event in (Timer, ClockSet)},
     **{(phase, Received): frozenset({phase}) for phase in _RUNNING},
 }
 

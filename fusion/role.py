@@ -15,8 +15,9 @@ from dataclasses import replace
 from typing import Any
 
 from fusion.memory import TRANSITIONS, Memory, Phase
-from trackfield.protocols.timesync import Rounds, TimeSync
+from trackfield.protocols.timesync import TimeSync
 from trackfield.role import (
+    ClockSet,
     Effect,
     Event,
     Ignored,
@@ -48,8 +49,9 @@ class Fusion:
 
     Late reports up to an age of ``max_age_ns`` are used too. With ``threshold`` (the fields of ``Controller``) the
     centre sets the sensors' threshold. With ``forward`` (the arguments of ``forwarding`` but the bank) it hands its
-    tracks on, as it publishes them, but not the smoothed ones. It tells the time to whoever asks. ``sync`` holds the
-    fields of its ``Rounds``; None: its clock is right.
+    tracks on, as it publishes them, but not the smoothed ones. ``sync`` holds the fields of its ``Rounds`` or, if
+    another role of its process sets the clock, of its ``Following``; None: its clock is right. It tells the time to
+    whoever asks, unless it follows.
     """
 
     def __init__(
@@ -65,7 +67,8 @@ class Fusion:
         self.bank = Bank(**bank)
         self.steps = Steps(self.bank, deadline_ns=deadline_ns, max_age_ns=max_age_ns)
         self.commander = None if threshold is None else Commander(Controller(**threshold), self.bank)
-        self.sync = TimeSync(None if sync is None else Rounds(**sync))
+        self.sync = TimeSync.of(sync)
+        self.follows = self.sync.follows
         self.forwarding = None if forward is None else forwarding(self.bank, **forward)
         self.kinds = self.bank.messages | self.sync.kinds
 
@@ -87,7 +90,7 @@ class Fusion:
                 return self._start(memory, event)
             case Received(_, report, sender) if self.bank.takes(report, sender):
                 return self._collect(memory, event)
-            case Received(_, SyncRequest() | SyncReply()) | Timer(_, "sync"):
+            case Received(_, SyncRequest() | SyncReply()) | Timer(_, "sync") | ClockSet():
                 return self._keep_time(memory, event)
             case Received():
                 return memory, (Ignored("unexpected"),)
@@ -100,15 +103,18 @@ class Fusion:
     def _start(self, memory: Memory, start: Started) -> Step:
         time, effects = self.sync.handle(memory.time, start)
         waiting = replace(memory, phase=Phase.WAITING, time=time, early=(start,))
-        return (waiting, effects) if self.sync.rounds else self._begin(waiting)
+        return (waiting, effects) if self.sync.rounds or time.in_round else self._begin(waiting)
 
-    def _keep_time(self, memory: Memory, event: Received | Timer) -> Step:
-        """Ask for the time, or tell it; after a round the deadline is set anew, or the steps begin."""
+    def _keep_time(self, memory: Memory, event: Received | Timer | ClockSet) -> Step:
+        """Ask for the time, or tell it; after a round the deadline is set anew, or the steps begin.
+
+        If another role does that, the same after each correction.
+        """
         time, effects = self.sync.handle(memory.time, event)
         if time is memory.time:
             return memory, effects
         after = replace(memory, time=time)
-        if time.in_round or not memory.time.in_round:
+        if time.in_round or not (memory.time.in_round or self.follows):
             return after, effects
         after, more = self._begin(after) if after.early else (after, self._deadline(after))
         return after, (*effects, *more)

@@ -21,9 +21,10 @@ from typing import Any, Final
 
 from node.duty import Duty
 from node.spans import Spans, first_absent, insert
-from trackfield.protocols.timesync import Rounds, Timekeeping, TimeSync
+from trackfield.protocols.timesync import Timekeeping, TimeSync
 from trackfield.role import (
     CancelTimer,
+    ClockSet,
     Effect,
     Event,
     Ignored,
@@ -61,7 +62,7 @@ _LISTENED: Final = frozenset({Phase.ASLEEP, Phase.AWAKE, Phase.REPORTING})
 TRANSITIONS: Final[Transitions] = {
     (Phase.NEW, Started): frozenset({Phase.ASLEEP}),
     **{(phase, Sampled): _LISTENED for phase in _LISTENED},
-    **{(phase, event): frozenset({phase}) for phase in _LISTENED for event in (Timer, Received)},
+    **{(phase, event): frozenset({phase}) for phase in _LISTENED for event in (Timer, Received, ClockSet)},
 }
 
 
@@ -89,10 +90,10 @@ class Node:
     Readings of a kind of sensing without thresholds are all reported.
 
     Step k begins at ``origin_ns`` + k ``step_ns``, and is numbered by that time. ``sync`` holds the fields of its
-    ``Rounds``, of which the ``reference`` is the centre if left out; None: its clock is right. ``adaptive`` holds those
-    of its ``Duty`` except ``step_ns``, for a node whose threshold the centre sets; None: its threshold is fixed.
-    A sensor that reports ``by_itself`` is not read at steps: its node sleeps until it does, and reports for the step
-    that comes next.
+    ``Rounds``, of which the ``reference`` is the centre if left out, or of its ``Following``; None: its clock is right.
+    ``adaptive`` holds those of its ``Duty`` except ``step_ns``, for a node whose threshold the centre sets; None: its
+    threshold is fixed. A sensor that reports ``by_itself`` is not read at steps: its node sleeps until it does, and
+    reports for the step that comes next.
     """
 
     def __init__(
@@ -108,10 +109,11 @@ class Node:
     ) -> None:
         self.step_ns, self.origin_ns, self.threshold_db, self.centre = step_ns, origin_ns, threshold_db, centre
         self.by_itself = by_itself
-        self.sync = None if sync is None else TimeSync(Rounds(**{"reference": centre, **sync}))
+        self.sync = None if sync is None else TimeSync.of(sync, reference=centre)
+        self.follows = self.sync is not None and self.sync.follows
         self.duty = None if adaptive is None else Duty(step_ns, **adaptive)
-        replies, thresholds = {"sync-reply"} if self.sync else set[str](), {"threshold"} if self.duty else set[str]()
-        self.kinds = frozenset(replies | thresholds)
+        replies = self.sync.kinds - {"sync-request"} if self.sync else frozenset[str]()
+        self.kinds = replies | (frozenset({"threshold"}) if self.duty else frozenset[str]())
 
     def begin(self) -> Memory:
         """A node that has not started."""
@@ -141,25 +143,25 @@ class Node:
                 return self._told(memory, now, heard)
             case Sampled(now, "sound", heard):
                 return self._hear(replace(memory, done=insert(memory.done, self._step(memory, now))), now, heard)
-            case Timer():
+            case Timer() | ClockSet():
                 return self._ring(memory, event)
             case Received():
                 return self._receive(memory, event)
         raise IllegalEvent(f"a node cannot handle {event}")
 
-    def _ring(self, memory: Memory, timer: Timer) -> Step:
-        match timer:
+    def _ring(self, memory: Memory, event: Timer | ClockSet) -> Step:
+        match event:
             case Timer(now, "step"):
                 return memory, (Sample("sound"),) if self.by_itself else self._listen(memory, now)
             case Timer(now, "command") if self.duty:
                 return self._attend(memory, now)
-            case Timer(now, "sync") if self.sync:
-                return self._keep(memory, now, *self.sync.handle(memory.time, timer))
-        raise IllegalEvent(f"a node cannot handle {timer}")
+            case Timer(now, "sync") | ClockSet(now) if self.sync:
+                return self._keep(memory, now, *self.sync.handle(memory.time, event))
+        raise IllegalEvent(f"a node cannot handle {event}")
 
     def _receive(self, memory: Memory, event: Received) -> Step:
         match event:
-            case Received(now, SyncReply()) if self.sync:
+            case Received(now, SyncReply()) if self.sync and not self.follows:
                 return self._keep(memory, now, *self.sync.handle(memory.time, event))
             case Received(now, Threshold() as threshold, sender) if self.duty:
                 return self._obey(memory, now, threshold, sender)
@@ -218,7 +220,7 @@ class Node:
             step: tuple[Effect, ...] = ()
         else:
             step = (SetTimer("step", at),) if self.by_itself else self._listen_from(memory, max(at, now))
-        if self.sync is None or memory.time.in_round:
+        if self.sync is None or self.follows or memory.time.in_round:
             return step
         if at is None:
             return (CancelTimer("sync"),)
@@ -228,9 +230,9 @@ class Node:
     # --- messages of the centre -----------------------------------------------------------------------------------
 
     def _keep(self, memory: Memory, now: int, time: Timekeeping, effects: tuple[Effect, ...]) -> Step:
-        """Go on with a round of exchanges; after it, all timers are set anew."""
+        """Go on with a round of exchanges; after it, or after one of another role, all timers are set anew."""
         after = replace(memory, time=time)
-        if time.in_round or not memory.time.in_round:
+        if time.in_round or not (memory.time.in_round or self.follows):
             return after, effects
         if memory.phase is Phase.ASLEEP:
             return after, (*effects, Sample("wake-up"))

@@ -22,8 +22,14 @@ Log = tuple[Event, ...]
 class Puppet:
     """Its state is the events so far; ``react`` says what each of them makes it ask for."""
 
-    def __init__(self, react: Callable[[Event], Iterable[Effect]] = lambda _: (), *, kinds: Iterable[str] = ()) -> None:
-        self.react, self.kinds = react, frozenset(kinds)
+    def __init__(
+        self,
+        react: Callable[[Event], Iterable[Effect]] = lambda _: (),
+        *,
+        kinds: Iterable[str] = (),
+        follows: bool = False,
+    ) -> None:
+        self.react, self.kinds, self.follows = react, frozenset(kinds), follows
 
     def begin(self) -> Log:
         return ()
@@ -32,9 +38,9 @@ class Puppet:
         return (*state, event), tuple(self.react(event))
 
 
-def script(answers: Mapping[Event, Iterable[Effect]], *, kinds: Iterable[str] = ()) -> Puppet:
+def script(answers: Mapping[Event, Iterable[Effect]], *, kinds: Iterable[str] = (), follows: bool = False) -> Puppet:
     """A puppet that asks for something when exactly these events happen."""
-    return Puppet(lambda event: answers.get(event, ()), kinds=kinds)
+    return Puppet(lambda event: answers.get(event, ()), kinds=kinds, follows=follows)
 
 
 def blind(name: str, t_ns: int) -> Any:

@@ -33,6 +33,7 @@ from trackfield.role import (
     IllegalEvent,
     Publish,
     Received,
+    Role,
     Send,
     SetTimer,
     Started,
@@ -227,10 +228,11 @@ def live(
     *,
     lost: Callable[[int], bool] = lambda _: False,
     jumps: tuple[tuple[int, int], ...] = (),
+    role: Role[Any] | None = None,
 ) -> list[tuple[int, TrackPoint]]:
     """What a centre with this clock publishes, and when (true time); its root answers, unless a request is ``lost``."""
-    fusion, given = centre("predict-only", prior=PRIOR, sync=SYNC), Conditions(jumps=jumps)
-    core = Core(fusion, owner="fusion", clock=clock, sense=blind, conditions=given)
+    role, given = role or centre("predict-only", prior=PRIOR, sync=SYNC), Conditions(jumps=jumps)
+    core = Core(role, owner="fusion", clock=clock, sense=blind, conditions=given)
     published, asked = list[tuple[int, TrackPoint]](), 0
     while (key := core.next_key()) is not None and key[0] <= seconds * NS:
         outputs = core.handle_next()

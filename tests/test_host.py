@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import msgpack
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from node.role import Node, Phase
 from tests.puppet import Puppet, script
 from tests.toys import Reply, Request
-from trackfield.host import MAX_HANDED, Host, Hosted
+from trackfield.host import MAX_HANDED, Host, Hosted, counts_of
 from trackfield.role import (
     NEIGHBOURHOOD,
     NS,
     CancelTimer,
+    ClockSet,
+    Corrected,
     Effect,
     Event,
     Ignored,
     IllegalEvent,
+    Late,
     Note,
     PortRead,
     Publish,
@@ -29,6 +35,7 @@ from trackfield.role import (
     SetTimer,
     Started,
     State,
+    Store,
     Timer,
     TrackPoint,
     Write,
@@ -105,6 +112,38 @@ def test_a_frame_that_all_takers_ignore_is_ignored_once() -> None:
     a, b = (script({ASK: (Ignored(why), Note(why))}, kinds=["request"]) for why in ("late", "repeated"))
     _, effects = after(host(a=a, b=b), ASK)
     assert effects == (Ignored("late"), Note("late"), Note("repeated"))
+
+
+@pytest.mark.parametrize(
+    ("node", "head", "said"),
+    [
+        ((Late(),), (Late(),), (Late(),)),
+        ((Late(),), (Note("in time"),), (Note("in time"),)),
+        ((Ignored("repeated"),), (Late(),), (Late(),)),
+        ((Late(), Note("used")), (Ignored("repeated"),), (Late(), Note("used"))),
+    ],
+)
+def test_a_frame_is_late_once_and_only_if_nobody_used_it_in_time(
+    node: tuple[Effect, ...], head: tuple[Effect, ...], said: tuple[Effect, ...]
+) -> None:
+    hosting = host(node=script({ASK: node}, kinds=["request"]), head=script({ASK: head}, kinds=["request"]))
+    assert after(hosting, ASK)[1] == said
+
+
+def test_a_message_that_is_handed_over_is_no_late_frame() -> None:
+    """The frame in hand came in time."""
+    head = script({ASK: (Send(Reply(1), "me"),)}, kinds=["request"])
+    node = script({Received(5, Reply(1), "me"): (Late(), Note("used"))}, kinds=["reply"])
+    assert after(host(head=head, node=node), ASK)[1] == (Note("used"),)
+
+
+def test_the_frames_of_each_role_are_counted_and_what_is_handed_over_is_none() -> None:
+    """Delivered to both of those that consume requests, of which one ignores them; an unexpected frame is nobody's."""
+    head = script({ASK: (Send(Reply(1), "me"),)}, kinds=["request"])
+    late = (Ignored("late"),)
+    node = script({ASK: late, Received(5, Reply(1), "me"): late}, kinds=["request", "reply"])
+    state, _ = after(host(head=head, node=node, deaf=Puppet()), START, ASK, ASK, Received(6, Doa(1, 2.0, 3.0), "far"))
+    assert counts_of(state) == {"head": {"delivered": 2, "ignored": 0}, "node": {"delivered": 2, "ignored": 2}}
 
 
 # --- names of roles in front of things ----------------------------------------------------------------------------
@@ -393,3 +432,109 @@ def test_roles_may_talk_for_long_but_not_forever() -> None:
     state, _ = after(hosting, START)
     with pytest.raises(IllegalEvent, match="me: over 1000 messages"):
         hosting.handle(state, Timer(0, "a/t"))
+
+
+# --- what outlives the process ------------------------------------------------------------------------------------
+
+
+def storing(data: bytes) -> Puppet:
+    """Stores this when its timer rings."""
+    return script({Timer(1, "t"): (Store(data),)})
+
+
+def starts(state: Hosted) -> dict[str, bytes]:
+    """What each role was given at its start."""
+    return {name: log[0].stored for name, log in state.states.items()}
+
+
+def stored_by(*effects: Effect) -> bytes:
+    """The bytes that the driver has to keep after these."""
+    return [effect.data for effect in effects if isinstance(effect, Store)][-1]
+
+
+def test_each_role_gets_back_what_it_stored() -> None:
+    hosting = host(a=storing(b"mine"), b=storing(b"yours"), c=Puppet())
+    state, first = after(hosting, START, Timer(1, "a/t"))
+    _, second = hosting.handle(state, Timer(1, "b/t"))
+    assert starts(after(hosting, Started(9, stored_by(*first)))[0]) == {"a": b"mine", "b": b"", "c": b""}
+    assert starts(after(hosting, Started(9, stored_by(*second)))[0]) == {"a": b"mine", "b": b"yours", "c": b""}
+
+
+def test_what_a_role_stored_is_not_lost_in_a_life_in_which_only_others_store() -> None:
+    hosting = host(a=storing(b"mine"), b=storing(b"yours"))
+    _, first = after(hosting, START, Timer(1, "a/t"))
+    _, second = after(hosting, Started(0, stored_by(*first)), Timer(1, "b/t"))
+    assert starts(after(hosting, Started(0, stored_by(*second)))[0]) == {"a": b"mine", "b": b"yours"}
+
+
+def test_a_hosted_host_stores_too() -> None:
+    hosting = Host({"x": host(a=storing(b"mine"), b=Puppet()), "y": Puppet()}, id="me")
+    _, effects = after(hosting, START, Timer(1, "x/a/t"))
+    state, _ = after(hosting, Started(9, stored_by(*effects)))
+    assert starts(state.states["x"]) == {"a": b"mine", "b": b""}
+
+
+@pytest.mark.parametrize(
+    ("stored", "a"),
+    [
+        (b"", b""),
+        (b"\xc1", b""),
+        (msgpack.packb([1, 2]), b""),
+        (msgpack.packb({"a": 3, "b": b"yours"}), b""),
+        (msgpack.packb({"a": "text"}), b""),
+        (msgpack.packb({"a": b"mine", "c": b"nobody's"}), b"mine"),
+        (msgpack.packb({1: b"x", "a": b"mine"}), b""),
+        (msgpack.packb({"a": b"mine"}) + b"x", b""),
+        (b"\x91" * 5000, b""),
+        (b"\xd6\xff" + bytes(3), b""),
+    ],
+)
+def test_bytes_that_no_host_stored_are_none_of_a_roles(stored: bytes, a: bytes) -> None:
+    assert starts(after(host(a=Puppet()), Started(0, stored))[0]) == {"a": a}
+
+
+@given(
+    st.binary(max_size=200)
+    | st.dictionaries(st.sampled_from(["a", "b", "c", 1, b"a"]), st.binary() | st.integers(0, 9)).map(msgpack.packb)
+)
+def test_whatever_was_stored_a_life_begins(stored: bytes) -> None:
+    given = starts(after(host(a=Puppet(), b=Puppet()), Started(0, stored))[0])
+    assert {type(data) for data in given.values()} == {bytes}
+
+
+# --- one clock ----------------------------------------------------------------------------------------------------
+
+RING = Timer(5, "sync")
+SET = ClockSet(5, -3)
+
+
+def test_a_correction_goes_to_the_others_that_follow_and_is_told_once() -> None:
+    """After all else that the event causes, as a message would; the role that found it knows it."""
+    found = {RING: (Corrected(-3), Note("a"), Sample("sound")), Sampled(5, "sound", 1): (Note("heard"),)}
+    a = script(found, follows=True)
+    b = script({SET: (SetTimer("step", 7), Note("b"))}, follows=True)
+    hosting = host(c=script({SET: (Note("c"),)}, follows=True), a=a, b=b, d=Puppet())
+    state, first = after(hosting, START, Timer(5, "a/sync"))
+    state, second = hosting.handle(state, Sampled(5, "sound", 1))
+    assert first == (Corrected(-3), Note("a"), Sample("sound"))
+    assert second == (Note("heard"), Note("c"), SetTimer("b/step", 7), Note("b"))
+    assert {name: SET in log for name, log in state.states.items()} == {"a": False, "b": True, "c": True, "d": False}
+
+
+def test_corrections_and_messages_keep_their_order() -> None:
+    asked = Received(5, Request(1), "me")
+    a = script({RING: (Send(Request(1), "me"), Corrected(-3), Send(Request(1), "me"))})
+    state, _ = after(host(a=a, b=Puppet(kinds=["request"], follows=True)), START, Timer(5, "a/sync"))
+    assert state.states["b"] == (START, asked, SET, asked)
+
+
+@pytest.mark.parametrize("where", ["inside", "outside"])
+def test_a_correction_comes_into_a_hosted_host_and_out_of_it(where: str) -> None:
+    found, used = script({RING: (Corrected(-3),)}), Puppet(follows=True)
+    inner = host(a=found if where == "inside" else Puppet(), b=Puppet(follows=True))
+    hosting = Host({"x": inner, "y": used if where == "inside" else found}, id="me")
+    state, effects = after(hosting, START, Timer(5, "x/a/sync" if where == "inside" else "y/sync"))
+    assert effects == (Corrected(-3),)
+    assert SET in state.states["x"].states["b"]
+    assert (SET in state.states["y"]) is (where == "inside")
+    assert (inner.follows, host(a=found).follows) == (True, False)

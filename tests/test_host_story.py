@@ -9,7 +9,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.puppet import MS, arrival, core_of, frames, run
+from tests.puppet import MS, Puppet, arrival, core_of, frames, run
+from tests.test_core_battery import died_at, powered
 from tests.toys import Feedback, Reply, Request, mix
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Frame, Output, Refused, Told, Undone
@@ -251,3 +252,25 @@ def test_two_roles_in_one_process_tell_the_story_that_they_tell_in_two() -> None
     between = [f for f in two.frames if {f.src, f.to} == {"teller", "centre"}]
     assert len(between) == 20
     assert one.frames == [f for f in two.frames if f not in between]
+
+
+# --- one battery --------------------------------------------------------------------------------------------------
+
+
+def test_roles_share_one_battery() -> None:
+    """Two that send a frame each empty it when one that sends both does; no timer of either rings after that."""
+    send, wake = Send(Reply(1), "hub"), SetTimer("t", NS)
+
+    def starting(*effects: Effect) -> Puppet:
+        return Puppet(lambda event: effects if isinstance(event, Started) else ())
+
+    one, two, half = (
+        powered(300_000, role)
+        for role in (
+            starting(send, send, wake),
+            Host({"a": starting(send, wake), "b": starting(send, wake)}, id="me"),
+            starting(send, wake),
+        )
+    )
+    assert died_at(run(one, NS)) == died_at(run(two, 2 * NS)) < (died_at(run(half, NS)) or 0)
+    assert two.state.states == {"a": (Started(0),), "b": (Started(0),)}

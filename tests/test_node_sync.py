@@ -28,6 +28,7 @@ from trackfield.role import (
     IllegalEvent,
     Radio,
     Received,
+    Role,
     Sample,
     Sampled,
     Send,
@@ -204,7 +205,7 @@ class Life:
 
     def __init__(
         self,
-        node: Node,
+        node: Role[Any],
         clock: Clock,
         windows: list[tuple[int, int]],
         *,

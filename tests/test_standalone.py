@@ -57,6 +57,12 @@ def test_bad_arguments_have_one_message(arguments: tuple[str, ...], says: str) -
         (("herald", "nothing.there:Herald"), "nothing.there:Herald cannot be loaded (ModuleNotFoundError: "),
         (("herald",), "the following arguments are required: MODULE:CLASS"),
         (("her ald", "tests.strangers:Herald"), "argument ROLE: is 'her ald'; expected 1 to 32 of A-Z"),
+        (("head", "a b=tests.pairs:Tally"), "argument MODULE:CLASS: is 'a b'; expected 1 to 32 of A-Z"),
+        (("head", "=tests.pairs:Tally"), "argument MODULE:CLASS: is ''; expected 1 to 32 of A-Z"),
+        (("head", "a=tests.pairs"), "argument MODULE:CLASS: is 'a=tests.pairs'; expected something like mine.roles"),
+        (("head", "a=tests.pairs:Tally", "tests.pairs:Tally"), "of several roles each needs a name of its own, like "),
+        (("head", "a=tests.pairs:Tally", "a=tests.pairs:Tally"), "of several roles each needs a name of its own, "),
+        (("head", "a=tests.pairs:Tally", "b=tests.pairs:Tall"), "tests.pairs:Tall cannot be loaded (AttributeError: "),
     ],
 )
 def test_a_role_of_ones_own_needs_its_class(role: tuple[str, ...], says: str) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from launcher.api import Comparison, Result, compare, open, replay, run, study
-    from launcher.plan.architectures import Arranged, Field, Process, register_architecture
+    from launcher.plan.architectures import Arranged, Field, Hosted, Process, register_architecture
     from launcher.study.studies import Study
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
@@ -26,6 +26,7 @@ _HOMES: Final = {
     "Estimate": "trackfield.filters.types",
     "Field": "launcher.plan.architectures",
     "Gaussian": "trackfield.filters.types",
+    "Hosted": "launcher.plan.architectures",
     "Model": "trackfield.filters.types",
     "Process": "launcher.plan.architectures",
     "Reports": "trackfield.filters.types",
@@ -52,6 +53,7 @@ __all__ = [
     "Estimate",
     "Field",
     "Gaussian",
+    "Hosted",
     "Model",
     "Process",
     "Reports",

@@ -2,28 +2,37 @@
 
 A process has one address, one radio and one set of sensors, however many roles it hosts. Therefore the host
 
-- gives a frame to every role that consumes its kind, in order; it is ignored only if all of them ignore it;
+- gives a frame to every role that consumes its kind, in order; it is ignored only if all of them ignore it, and late
+  only if all that use it do so after its deadline; each role's own count is in ``Hosted.counts``;
 - puts the role's name before its timers, ports and lanes (``node/step``), and takes it off again;
 - keeps the receiver of a medium on while any role wants it on (at first all do);
 - hands a message to the process's own id to the other roles that consume its kind: at the same instant, after all
   other effects of the current event, and whether or not the radio is on. It is still encoded and decoded, so that its
   receiver sees the same numbers as a distant one would. From a set of ids only the own one is removed. A message that
-  no other role consumes is sent like any other. A broadcast is never handed over: a radio does not hear itself.
+  no other role consumes is sent like any other. A broadcast is never handed over: a radio does not hear itself;
+- keeps what each role stores, and gives each of them its own at the start of the next life;
+- hands a correction of the clock (``Corrected``) to the other roles that follow it, as ``ClockSet``, when and in the
+  order in which it would hand over a message. The driver is told of it once.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
+
+import msgpack
 
 from trackfield.role import (
     CancelTimer,
+    ClockSet,
+    Corrected,
     Effect,
     Event,
     Ignored,
     IllegalEvent,
+    Late,
     Note,
     PortRead,
     Radio,
@@ -33,7 +42,9 @@ from trackfield.role import (
     Sampled,
     Send,
     SetTimer,
+    Started,
     State,
+    Store,
     Timer,
     Write,
 )
@@ -44,18 +55,31 @@ MAX_HANDED: Final = 1000
 """The most messages handed over because of one event; more mean that the roles send in an endless loop."""
 
 
+Work = tuple[str, Effect | Received | ClockSet]
+"""An effect that this role asked for, or an event between the roles that it is to handle."""
+Counts = tuple[int, int]
+"""Frames that were delivered to a role, and of these the ones that it ignored."""
+
+
 @dataclass(frozen=True, slots=True)
 class Hosted:
     """The states of the roles, and the (role, medium) of receivers that they switched off.
 
-    While a sensor is read: the role that asked, the sensor, and the ``work`` that waits for the answer: effects that
-    roles asked for and messages to hand over to them.
+    While a sensor is read: the role that asked, the sensor, and the ``work`` that waits for the answer. ``stored`` is
+    what each role stored last, in this life or an earlier one; ``counts`` are the frames of this life, by role.
     """
 
     states: Mapping[str, Any]
     off: frozenset[tuple[str, Medium]] = frozenset()
     asked: tuple[str, str] | None = None
-    work: tuple[tuple[str, Effect | Received], ...] = ()
+    work: tuple[Work, ...] = ()
+    stored: Mapping[str, bytes] = field(default_factory=dict)
+    counts: Mapping[str, Counts] = field(default_factory=dict)
+
+
+def counts_of(state: Hosted) -> dict[str, dict[str, int]]:
+    """The frames of a life by role: how many were ``delivered`` to it, and how many of these it ``ignored``."""
+    return {name: dict(zip(("delivered", "ignored"), counts, strict=True)) for name, counts in state.counts.items()}
 
 
 class Host:
@@ -64,6 +88,12 @@ class Host:
     def __init__(self, roles: Mapping[str, Role[Any]], *, id: str) -> None:
         self.id, self.roles = check_id(id), {check_id(name): role for name, role in roles.items()}
         self.kinds = frozenset(kind for role in roles.values() for kind in role.kinds)
+        self.followers = [name for name, role in roles.items() if getattr(role, "follows", False)]
+
+    @property
+    def follows(self) -> bool:
+        """Whether any of its roles follows the clock, so that a host of this one hands it ``ClockSet``."""
+        return bool(self.followers)
 
     def begin(self) -> Hosted:
         """Every role's state before ``Started``."""
@@ -80,8 +110,12 @@ class Host:
             raise IllegalEvent(f"{event} while sensor {asked!r} is read")
         takers = [state.asked[0]] if state.asked else list(self.roles)
         match event:
+            case Started():
+                state = replace(state, stored=self._unpacked(event.stored))
             case Received():
                 takers = self.consumers(event.message)
+            case ClockSet():
+                takers = self.followers
             case Timer(name=prefixed) | PortRead(port=prefixed):
                 name, _, own = prefixed.partition("/")
                 if name not in self.roles:
@@ -89,6 +123,15 @@ class Host:
                 takers = [name]
                 event = replace(event, name=own) if isinstance(event, Timer) else replace(event, port=own)
         return _Turn(self, state, event.now).run(takers, event)
+
+    def _unpacked(self, stored: bytes) -> dict[str, bytes]:
+        """What each role stored; nothing of bytes that no host stored."""
+        try:
+            found = msgpack.unpackb(stored)
+        except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException):
+            return {}
+        known = found if isinstance(found, dict) else {}
+        return {name: data for name, data in known.items() if name in self.roles and isinstance(data, bytes)}
 
     def consumers(self, message: Any) -> list[str]:
         """The names of the roles that consume a message."""
@@ -100,33 +143,58 @@ class _Turn:
 
     def __init__(self, host: Host, state: Hosted, now: int) -> None:
         self.host, self.now, self.states, self.off = host, now, dict(state.states), state.off
+        self.stored, self.counts = state.stored, state.counts
         self.work, self.effects, self.handed = deque(state.work), list[Effect](), 0
 
     def run(self, takers: list[str], event: Event) -> tuple[Hosted, tuple[Effect, ...]]:
         self._feed(takers, event, on_air=isinstance(event, Received))
         while self.work:
             name, item = self.work.popleft()
-            if isinstance(item, Received):
+            if isinstance(item, Received | ClockSet):
                 self._feed([name], item, on_air=False)
             elif isinstance(item, Sample):
-                waiting = Hosted(self.states, self.off, (name, item.sensor), tuple(self.work))
-                return waiting, (*self.effects, item)
+                return self._after(asked=(name, item.sensor)), (*self.effects, item)
             else:
                 self._do(name, item)
-        return Hosted(self.states, self.off), tuple(self.effects)
+        return self._after(), tuple(self.effects)
+
+    def _after(self, asked: tuple[str, str] | None = None) -> Hosted:
+        return Hosted(self.states, self.off, asked, tuple(self.work), self.stored, self.counts)
 
     def _feed(self, takers: list[str], event: Event, *, on_air: bool) -> None:
         """Let roles handle an event; their effects come before all other work."""
-        asked: list[tuple[str, Effect]] = []
+        asked, verdicts = list[tuple[str, Effect]](), dict[str, Ignored | Late]()
         for name in takers:
-            self.states[name], effects = self.host.roles[name].handle(self.states[name], event)
-            asked += [(name, effect) for effect in effects]
-        reasons = [(name, effect.reason) for name, effect in asked if isinstance(effect, Ignored)]
-        if on_air and len(reasons) == len(takers):
-            self.effects.append(Ignored(reasons[0][1] if reasons else "unexpected"))
-        else:  # another role uses the frame, or it was handed over
-            self.effects += [Note(f"{name} ignored a message: {reason}") for name, reason in reasons]
-        self.work.extendleft(item for item in reversed(asked) if not isinstance(item[1], Ignored))
+            own = replace(event, stored=self.stored.get(name, b"")) if isinstance(event, Started) else event
+            self.states[name], effects = self.host.roles[name].handle(self.states[name], own)
+            asked += [(name, effect) for effect in effects if not isinstance(effect, Ignored | Late)]
+            for verdict in effects:
+                if isinstance(verdict, Ignored | Late):
+                    verdicts[name] = verdict
+        if on_air:
+            self._count(takers, verdicts)
+        self._judge(takers, verdicts, on_air=on_air)
+        self.work.extendleft(reversed(asked))
+
+    def _judge(self, takers: list[str], verdicts: Mapping[str, Ignored | Late], *, on_air: bool) -> None:
+        """Say of a frame that it is of no use, or late, if that is so of all takers; else only note it.
+
+        What was handed over is no frame.
+        """
+        if on_air and len(verdicts) == len(takers):
+            late = [verdict for verdict in verdicts.values() if isinstance(verdict, Late)]
+            self.effects.append(next(iter((*late, *verdicts.values())), Ignored("unexpected")))
+            return
+        for name, verdict in verdicts.items():
+            if isinstance(verdict, Ignored):
+                self.effects.append(Note(f"{name} ignored a message: {verdict.reason}"))
+
+    def _count(self, takers: list[str], verdicts: Mapping[str, Ignored | Late]) -> None:
+        counts = dict(self.counts)
+        for name in takers:
+            delivered, ignored = counts.get(name, (0, 0))
+            counts[name] = delivered + 1, ignored + isinstance(verdicts.get(name), Ignored)
+        self.counts = counts
 
     def _do(self, name: str, effect: Effect) -> None:
         match effect:
@@ -140,6 +208,13 @@ class _Turn:
                 self.effects.append(replace(effect, port=f"{name}/{effect.port}"))
             case State(lane=lane):
                 self.effects.append(replace(effect, lane=f"{name}/{lane}" if lane else name))
+            case Store(data):
+                self.stored = {**self.stored, name: data}
+                self.effects.append(Store(msgpack.packb(self.stored)))
+            case Corrected(correction_ns):
+                self.effects.append(effect)
+                told = ClockSet(self.now, correction_ns)
+                self.work.extend((follower, told) for follower in self.host.followers if follower != name)
             case _:
                 self.effects.append(effect)
 

@@ -67,7 +67,17 @@ class PortRead:
     data: bytes
 
 
-Event = Started | Received | Timer | Sampled | PortRead
+@dataclass(frozen=True, slots=True)
+class ClockSet:
+    """Another role of the process reported ``Corrected``: local time + ``correction_ns`` is reference time for this
+    role, too. Only a ``Host`` gives it, to the roles that follow the clock (``Role``).
+    """
+
+    now: int
+    correction_ns: int
+
+
+Event = Started | Received | Timer | Sampled | PortRead | ClockSet
 
 
 # --- effects: what a role asks of its driver -------------------------------------------------------------------
@@ -230,7 +240,8 @@ S = TypeVar("S")
 class Role(Protocol[S]):
     """A pure state machine; see the module's docstring.
 
-    ``kinds`` names the message kinds that the role consumes; a ``Host`` dispatches by them.
+    ``kinds`` names the message kinds that the role consumes; a ``Host`` dispatches by them. A role with an attribute
+    ``follows`` that is true is given ``ClockSet`` by its host.
     """
 
     @property

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 from launcher.plan.architectures import Built, Process
-from launcher.plan.hardware import FJ_PER_MJ, clock_of, power_of, sync_of
+from launcher.plan.hardware import FJ_PER_MJ, clock_of, following_of, power_of, sync_of
 from launcher.plan.messages import check_sent, longest
 from launcher.plan.roles import Roles
 from launcher.plan.tracking import if_used, tracking_of
 from launcher.records import Flow
 from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.link.places import Path, Point
+from trackfield.wire.registry import kind_of_class
 
 Pair = tuple[str, str]
 
@@ -41,10 +42,17 @@ def assembled(built: Built) -> Assembled:
         built, tracking, banks, key
     ).processes()  # which loads the kinds of message of users' own roles
     check_sent(built.processes, key)
-    sent = {kind for process in built.processes if process.senses for kind in process.sends}
+    sent = {kind for process in built.processes if process.senses for kind in _reports(built, process)}
     end_ns = built.site.end_ns
     flows = [Flow(longest(kind, tracking, end_ns), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
     return Assembled(_acquainted(processes, flows), tracking, banks, tuple(flows))
+
+
+def _reports(built: Built, process: Process) -> Collection[str]:
+    """The kinds of messages in which a process with a sensor reports; another of its roles may send others."""
+    if not process.roles:
+        return process.sends
+    return process.sends.keys() & {kind_of_class(one.sensing.message).name for one in built.site.sections.values()}
 
 
 def _bank(built: Built, process: Process, tracking: Mapping[str, Any]) -> dict[str, Any]:
@@ -91,10 +99,16 @@ class _Assembly:
         )
 
     def _config(self, process: Process) -> dict[str, Any]:
-        """The arguments of its role: its own, what it needs to track, how it sets its clock."""
+        """The arguments of its role: its own, what it needs to track, how it sets its clock; by role, of several."""
         bank = {**self._tracking, **self._banks[process.id]} if process.fuses else {}
         sync = sync_of(self._scenario, process.id, process.asks) if process.asks else None
-        return {**bank, **process.config, **if_used(sync=sync)}
+        if not process.roles:
+            return {**bank, **process.config, **if_used(sync=sync)}
+        syncs = {"keeps": sync, "follows": following_of(sync), "": None}
+        return {
+            name: {**(bank if role.fuses else {}), **role.config, **if_used(sync=syncs[role.clock])}
+            for name, role in process.roles.items()
+        }
 
     def _power(self, process: Process) -> dict[str, Any]:
         key = process.battery_j, process.senses

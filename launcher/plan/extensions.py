@@ -9,6 +9,7 @@ from typing import Any
 from launcher.plan.hardware import adaptive
 from launcher.plan.probe import biases, probe
 from launcher.records import Plan
+from trackfield.drivers.spec import role_places
 from trackfield.errors import ScenarioError, together
 from trackfield.filters.needs import unmet
 from trackfield.filters.trackers import TRACKERS, make_tracker
@@ -85,8 +86,13 @@ def check_sensing(scenario: Scenario, sections: Mapping[str, SensorSection]) -> 
 
 def check_importable(plan: Plan) -> None:
     """Raise ``ScenarioError`` for a tracker, a sensor or a role that the processes of a run could not import."""
-    roles = {f"role:{process.role}": process.factory for process in plan.processes}
-    for which, place in {**plan.own_places, **roles}.items():
+    factories = {process.factory: process.role for process in plan.processes}
+    roles = (
+        (f"role:{name or role}", place)
+        for factory, role in factories.items()
+        for name, place in role_places(factory).items()
+    )
+    for which, place in (*plan.own_places.items(), *roles):
         if not importable(place):
             kind, _, name = which.partition(":")
             module, _, attribute = place.partition(":")

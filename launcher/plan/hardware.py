@@ -10,6 +10,7 @@ from trackfield.draw import normal
 from trackfield.errors import ScenarioError
 from trackfield.link.energy import DEVICES
 from trackfield.link.radios import RADIOS
+from trackfield.protocols.timesync import SPREAD_NS
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
@@ -64,6 +65,14 @@ def sync_of(scenario: Scenario, id: str, reference: str) -> dict[str, Any] | Non
         "seed": scenario.seed,
         "id": id,
     }
+
+
+def following_of(sync: Mapping[str, Any] | None) -> dict[str, int]:
+    """How roles follow the clock of their process, which another one sets by asking in this way (None: it is right).
+
+    These are the fields of ``Following``: by then its first round is over.
+    """
+    return {"follows_ns": 0 if sync is None else SPREAD_NS + sync["exchanges"] * sync["timeout_ns"]}
 
 
 def duty_of(site: Site) -> dict[str, int] | None:

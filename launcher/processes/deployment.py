@@ -31,7 +31,7 @@ from launcher.records import RECORDER, Plan
 from trackfield.drivers.intake import opened
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import client_settings
-from trackfield.drivers.spec import ProcessSpec
+from trackfield.drivers.spec import ProcessSpec, role_places
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
@@ -100,7 +100,7 @@ class Deployment(Logged):
 
     def _make_children(self) -> Children:
         light = {life.factory for life in self.plan.processes if not life.sink}
-        preload = sorted({factory.partition(":")[0] for factory in light})
+        preload = sorted({place.partition(":")[0] for one in light for place in role_places(one).values()})
         return Children(len(self.plan.processes) + 2, [*preload, *([REHEARSAL] if NODE in light else [])])
 
     @property

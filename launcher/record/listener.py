@@ -17,7 +17,7 @@ from launcher.records import RECORDER, Plan
 from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.seal import Seal
-from trackfield.drivers.spec import role_factory
+from trackfield.drivers.spec import role_factories
 from trackfield.role import NS
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
@@ -54,7 +54,7 @@ class Intake:
         self.plan = plan
         self._factories = {p.id: p.factory for p in plan.processes}
         for factory in set(self._factories.values()):
-            role_factory(factory)  # to know the message kinds that it defines
+            role_factories(factory)  # to know the message kinds that it defines
         self.ledger = Ledger(plan.run, plan.processes)
         self.deaths: list[Unplanned] | None = None
         self._start_ns: int | None = None

@@ -131,8 +131,17 @@ class Kind(_Figures):
     payload_bytes_max: Count
 
 
+class RoleFrames(_Figures):
+    """The frames of one role, of processes that have several."""
+
+    delivered: Count
+    ignored: Count
+
+
 class Frames(_Figures):
-    """What became of the frames; ``by_kind`` by the name of the message, ``refused`` by the reason."""
+    """What became of the frames; ``by_kind`` by the name of the message, ``refused`` by the reason, ``by_role`` by the
+    name of the role in processes that have several.
+    """
 
     sent: Count
     expected: Count
@@ -144,6 +153,7 @@ class Frames(_Figures):
     host_lost: Signed | None
     refused: Mapping[str, Count]
     by_kind: Mapping[str, Kind]
+    by_role: Mapping[str, RoleFrames] | None
 
 
 class Bytes(_Figures):

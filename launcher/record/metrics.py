@@ -17,8 +17,10 @@ from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan, View
 from trackfield.drivers.histogram import Histogram
+from trackfield.drivers.spec import role_places
 from trackfield.filters import metrics as score
 from trackfield.role import NS
+from trackfield.wire.keys import id_of
 
 CAUSES: Final = ("radio", "partition", "in_flight", "asleep", "frozen", "dead", "overflow")
 NEAREST: Final = "nearest"
@@ -49,7 +51,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bounds),
         "bound": bound_metrics(plan, headline(plan, tracks), headline_bound(plan, tracks, bounds)),
         "processes": _processes(len(plan.processes)),
-        "frames": _frames(ledger),
+        "frames": _frames(plan, ledger),
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
         "latency_ms": _latencies(ledger.rows, tracks),
         "host_latency_ms": _quantiles(_merged(ledger, "latency")),
@@ -70,7 +72,7 @@ def ended_because(why: str) -> Metrics:
 def cut_off(metrics: Metrics) -> Metrics:
     """The metrics of a record that broke off: without all that final records or the launcher tell, null and not 0."""
     known = {
-        "frames": ("duplicate", "host_lost"),
+        "frames": ("duplicate", "host_lost", "by_role"),
         "processes": ("died", "stopped"),
         "timing": ("inversions", "host_late"),
         "lifetime_s": ("first_death", "half_dead", "coverage_lost", "extrapolated"),
@@ -141,7 +143,7 @@ def _timing(plan: Plan, ledger: Ledger) -> Metrics:
     }
 
 
-def _frames(ledger: Ledger) -> Metrics:
+def _frames(plan: Plan, ledger: Ledger) -> Metrics:
     outcomes = Counter(r.outcome for r in ledger.rows)
     sums = ledger.sums()
     return {
@@ -158,7 +160,20 @@ def _frames(ledger: Ledger) -> Metrics:
             kind: {"sent": n, "payload_bytes_max": ledger.payload_max[kind]}
             for kind, n in sorted(ledger.sent_kinds.items())
         },
+        "by_role": _by_role(plan, ledger),
     }
+
+
+def _by_role(plan: Plan, ledger: Ledger) -> Metrics:
+    """The frames of each role by name, of processes with several; their records may name no others."""
+    roles = {process.id: list(filter(None, role_places(process.factory))) for process in plan.processes}
+    names = sorted({name for several in roles.values() for name in several})
+    figures: Metrics = {name: {"delivered": 0, "ignored": 0} for name in names}
+    for life, record in ledger.finals.items():
+        for name in roles.get(id_of(life), ()):
+            for what, count in record.get("roles", {}).get(name, {}).items():
+                figures[name][what] += count
+    return figures
 
 
 def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metrics:

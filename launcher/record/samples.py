@@ -57,6 +57,7 @@ class Record(BaseModel):
     lag: Buckets = {}
     latency: Buckets
     cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
+    roles: dict[str, dict[Literal["delivered", "ignored"], Count]] = {}
 
 
 class Status(BaseModel):

@@ -101,7 +101,10 @@ def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
 
 def _check_repeatable(run: Path, plan: Plan) -> None:
     """Raise ``ScenarioError`` for tracks that neither came by radio nor are of a process that fuses reports."""
-    for row in read_table(run, TRACKS_TABLE, ("source", "step", "origin")).to_pylist():
+    for row in read_table(run, TRACKS_TABLE, ("source", "step", "origin", "sensors")).to_pylist():
+        if not row["origin"] and row["source"] in row["sensors"]:
+            what = f"{row['source']} used readings of its own sensor, which no message holds"
+            refuse(run / TRACKS_TABLE, "sensors", what, "processes that fuse the reports of others")
         if not row["origin"] and (row["source"] not in plan.banks or row["step"] is None):
             what = f"{row['source']} made tracks in a way of its own, which a replay cannot repeat"
             expected = "processes that fuse the reports of steps (fuses), or hand on the tracks of others (origin)"

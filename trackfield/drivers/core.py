@@ -17,6 +17,7 @@ from trackfield.drivers.life import Handled
 from trackfield.drivers.living import Living
 from trackfield.drivers.meter import NOTHING, Activity
 from trackfield.drivers.undo import History, difference
+from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
 from trackfield.role import IllegalEvent, Role
 
@@ -164,6 +165,7 @@ class Core(Living):
             "activity": [a - b for a, b in zip(meter.activity, self._inherited, strict=True)],
             "inherited": list(self._inherited),
             "metered_ns": meter.since_ns - self.conditions.start_ns,
+            **({"roles": counts_of(life.state)} if isinstance(life.state, Hosted) else {}),
         }
 
     # --- one event ---------------------------------------------------------------------------------------------

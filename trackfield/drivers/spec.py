@@ -9,6 +9,7 @@ from typing import Any, Self
 from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
 from trackfield.drivers.core import Core
 from trackfield.drivers.ports import Port, inputs
+from trackfield.host import Host
 from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
 from trackfield.link.fate import Link
@@ -46,7 +47,9 @@ class RunSpec:
 class ProcessSpec:
     """One process: the name of its role, the ``module:attribute`` and arguments that make it, and its surroundings.
 
-    The ``factory`` is never sent: a process knows its own, from its parent or as the program that it is.
+    The ``factory`` is never sent: a process knows its own, from its parent or as the program that it is. Of a process
+    with several roles it is ``name=module:attribute,name=module:attribute``, and ``config`` has the arguments of each
+    role by its name, in the order in which they get events.
 
     ``sound`` is the plain form of its sensor (``world/placed.py``); empty: none. ``cell`` is where its broadcasts go,
     ``cells`` those it listens to (none if none of its roles consumes broadcasts). ``media`` are the radios and wires it
@@ -147,10 +150,30 @@ def _legs(plain: Iterable[Sequence[Any]]) -> Path:
     return tuple((t, x, y) for t, x, y in plain)
 
 
-def role_factory(place: str) -> Callable[..., Role[Any]]:
-    """The maker of a role at ``module:attribute``; loading it registers the message kinds that its module defines."""
-    factory: Callable[..., Role[Any]] = load(place)
-    return factory
+def role_places(factory: str) -> dict[str, str]:
+    """The ``module:attribute`` of each role of a process by its name; of a single role without a name, by ``""``."""
+    parts = (part.rpartition("=") for part in factory.split(","))
+    return {name: place for name, _, place in parts}
+
+
+def factory_of(places: Mapping[str, str]) -> str:
+    """The inverse of ``role_places``."""
+    return ",".join(f"{name}={place}" if name else place for name, place in places.items())
+
+
+def role_factories(factory: str) -> dict[str, Callable[..., Role[Any]]]:
+    """What makes each role of a process; loading it registers the message kinds that its module defines."""
+    return {name: load(place) for name, place in role_places(factory).items()}
+
+
+def make_role(factory: str, config: Mapping[str, Any], id: str) -> Role[Any]:
+    """The role of process ``id``; of several, their host. Raises ``ValueError`` if ``config`` is for other roles."""
+    makers = role_factories(factory)
+    if "" in makers:
+        return makers[""](**config)
+    if config.keys() != makers.keys():
+        raise ValueError(f"its roles are {', '.join(makers)}, not {', '.join(config)}")
+    return Host({name: makers[name](**arguments) for name, arguments in config.items()}, id=id)
 
 
 def link_of(run: RunSpec, places: Places) -> Link:
@@ -163,7 +186,7 @@ def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int =
     """A process's engine with its sensors, clock, battery and faults; ``link`` tells what its frames cost."""
     clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at <= spec.start_ns))
     core = Core(
-        role_factory(spec.factory)(**spec.config),
+        make_role(spec.factory, spec.config, spec.id),
         owner=spec.id,
         clock=clock,
         sense=_senses(spec),

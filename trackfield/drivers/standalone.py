@@ -1,6 +1,7 @@
 """A role that is started by hand or in a container, and gets all its parameters from the launcher.
 
-``python -m trackfield.drivers.standalone ROLE MODULE:CLASS`` does that for a role of a user's own architecture.
+``python -m trackfield.drivers.standalone ROLE MODULE:CLASS`` does that for a role of a user's own architecture, and
+``python -m trackfield.drivers.standalone ROLE NAME=MODULE:CLASS NAME=MODULE:CLASS`` for a process with several roles.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from trackfield.drivers.intake import Refusals, printable
 from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
-from trackfield.drivers.spec import role_factory
+from trackfield.drivers.spec import factory_of, role_factories
 from trackfield.errors import ScenarioError
 from trackfield.plugins import give
 from trackfield.streams import steady
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import check_id, check_name
 
-_PLACE: Final = re.compile(r"[\w.]+:[\w.]+")
+_PLACE: Final = re.compile(r"(?:(?P<name>[^=]*)=)?(?P<place>[\w.]+:[\w.]+)")
 _OWN: Final = re.compile(r"(sensor|tracker):[^=:]+=[\w.]+:[\w.]+")
 RETRY_S: Final = 1.0
 """How often a waiting process looks for a run with a free place."""
@@ -39,7 +40,7 @@ TRIES: Final = 5
 
 
 def main(role: str, factory: str, description: str | None, *, installed: bool = False) -> None:
-    """Join a run as one of its processes and live its life; ``factory`` (``module:attribute``) makes its role.
+    """Join a run as one of its processes and live its life; ``factory`` (as in ``ProcessSpec``) makes its role.
 
     ``installed``: users' own classes are also looked for among installed packages, which takes memory. Exit 2 for bad
     arguments, 1 if it cannot join.
@@ -49,18 +50,28 @@ def main(role: str, factory: str, description: str | None, *, installed: bool = 
 
 
 def own() -> None:
-    """As ``main``, for the role and the class that the command line names."""
+    """As ``main``, for the role and the classes that the command line names."""
     parser = _parser(
         "python -m trackfield.drivers.standalone", "A process with a role of a user's own that joins a run."
     )
     parser.add_argument("role", type=_role, metavar="ROLE", help="the name of the role in the architecture")
-    parser.add_argument("factory", type=_place, metavar="MODULE:CLASS", help="what makes it, like mine.roles:Base")
+    parser.add_argument(
+        "places",
+        type=_place,
+        nargs="+",
+        metavar="MODULE:CLASS",
+        help="what makes it, like mine.roles:Base; of a process with several roles NAME=MODULE:CLASS for each",
+    )
     arguments = _checked(parser)
-    try:
-        role_factory(arguments.factory)
-    except Exception as error:  # noqa: BLE001  a user's module: its import may raise anything
-        parser.error(f"{arguments.factory} cannot be loaded ({type(error).__name__}: {error})")
-    _live(arguments.role, arguments.factory, arguments, installed=True)
+    places = dict(arguments.places)
+    if len(places) < len(arguments.places) or (len(places) > 1 and "" in places):
+        parser.error("of several roles each needs a name of its own, like node=node.role:Node head=mine.roles:Head")
+    for place in places.values():
+        try:
+            role_factories(place)
+        except Exception as error:  # noqa: BLE001  a user's module: its import may raise anything
+            parser.error(f"{place} cannot be loaded ({type(error).__name__}: {error})")
+    _live(arguments.role, factory_of(places), arguments, installed=True)
 
 
 def _live(role: str, factory: str, arguments: argparse.Namespace, *, installed: bool) -> NoReturn:
@@ -151,11 +162,12 @@ def _role(text: str) -> str:
         raise argparse.ArgumentTypeError(f"is {text!r}; expected 1 to 32 of A-Z a-z 0-9 _ . -") from None
 
 
-def _place(text: str) -> str:
-    """``module:attribute``. Raises ``argparse.ArgumentTypeError``."""
-    if not _PLACE.fullmatch(text):
+def _place(text: str) -> tuple[str, str]:
+    """The name of a role, or none, and ``module:attribute``. Raises ``argparse.ArgumentTypeError``."""
+    found = _PLACE.fullmatch(text)
+    if not found:
         raise argparse.ArgumentTypeError(f"is {text!r}; expected something like mine.roles:Base")
-    return text
+    return "" if found["name"] is None else _role(found["name"]), found["place"]
 
 
 def _parser(program: str, description: str) -> argparse.ArgumentParser:

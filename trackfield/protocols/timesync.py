@@ -15,17 +15,23 @@ Any other answers by its corrected time, and not before it has set its clock onc
 each other in a circle never set theirs. The references of a run form trees: a root is of stratum 0, any other process
 of one more than its reference. At stratum n the error is at most the sum of delta / 2 over the n exchanges between it
 and the root, plus what the clocks in between have drifted since each was set.
+
+The roles of one process (``trackfield.host``) share its clock. One of them asks and tells; the others follow: they are
+given each correction that it finds, and say nothing.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Final
+from typing import Any, Final, Self
 
 from trackfield.draw import uniform
 from trackfield.role import (
     NS,
+    CancelTimer,
+    ClockSet,
     Corrected,
     Effect,
     Event,
@@ -61,22 +67,27 @@ def offset(t0: int, t1: int, t2: int, t3: int) -> Offset:
 
 
 class Phase(Enum):
-    """``RESTING``: between rounds; ``ASKING``: a request waits for its reply; ``ANSWERED``: the rest of its slot."""
+    """``RESTING``: between rounds; ``ASKING``: a request waits for its reply; ``ANSWERED``: the rest of its slot.
+
+    ``FOLLOWING``: another role of the process asks.
+    """
 
     NEW = "new"
     RESTING = "resting"
     ASKING = "asking"
     ANSWERED = "answered"
+    FOLLOWING = "following"
 
 
 TRANSITIONS: Final[Transitions] = {
-    (Phase.NEW, Started): frozenset({Phase.RESTING}),
+    (Phase.NEW, Started): frozenset({Phase.RESTING, Phase.FOLLOWING}),
     (Phase.RESTING, Timer): frozenset({Phase.ASKING}),
     (Phase.ASKING, Timer): frozenset({Phase.ASKING, Phase.RESTING}),
     (Phase.ANSWERED, Timer): frozenset({Phase.ASKING, Phase.RESTING}),
     (Phase.RESTING, Received): frozenset({Phase.RESTING}),
     (Phase.ASKING, Received): frozenset({Phase.ASKING, Phase.ANSWERED}),
     (Phase.ANSWERED, Received): frozenset({Phase.ANSWERED}),
+    **{(Phase.FOLLOWING, event): frozenset({Phase.FOLLOWING}) for event in (Timer, Received, ClockSet)},
 }
 
 
@@ -105,7 +116,7 @@ class Timekeeping:
 
     @property
     def in_round(self) -> bool:
-        """Whether a round is under way."""
+        """Whether a round is under way; of a role that follows, whether it waits for the first correction."""
         return self.slots > 0
 
     def corrected(self, local_ns: int) -> int:
@@ -141,17 +152,47 @@ class Rounds:
         return self.exchanges * self.timeout_ns
 
 
+@dataclass(frozen=True, slots=True)
+class Following:
+    """How a role uses the clock that another role of its process sets, which has set it after ``follows_ns``, as a
+    rule.
+    """
+
+    follows_ns: int
+
+
 class TimeSync:
     """A protocol piece, in the form of a role: asks as ``rounds`` say, and tells the time to whoever asks.
 
     Without ``rounds`` it is the root. The role that it is part of keeps its ``Timekeeping``, gives it ``Started``, the
     timer ``sync`` and the frames of its ``kinds``, and passes its effects on. Between rounds the role may set the timer
     to another time, or cancel it. ``Corrected`` ends a round that succeeded.
+
+    With ``Following`` it neither asks nor tells. The role that it is part of must have an attribute ``follows`` that is
+    true, too, and gives it ``ClockSet``, which holds from then on. Until the first one, or until the timer if none
+    comes in time, it is ``in_round``.
     """
 
-    def __init__(self, rounds: Rounds | None = None) -> None:
-        self.rounds = rounds
-        self.kinds = frozenset({"sync-request"} | ({"sync-reply"} if rounds else set()))
+    def __init__(self, rounds: Rounds | Following | None = None) -> None:
+        self.following = rounds if isinstance(rounds, Following) else None
+        self.rounds = rounds if isinstance(rounds, Rounds) else None
+        told = set[str]() if self.following else {"sync-request"}
+        self.kinds = frozenset(told | ({"sync-reply"} if self.rounds else set()))
+
+    @classmethod
+    def of(cls, sync: Mapping[str, Any] | None, **rounds: Any) -> Self:
+        """From the argument ``sync`` of a role: the fields of ``Following`` or of its ``Rounds``, or None.
+
+        ``rounds`` are fields of ``Rounds`` that may be left out.
+        """
+        if sync is None:
+            return cls()
+        return cls(Following(**sync) if "follows_ns" in sync else Rounds(**{**rounds, **sync}))
+
+    @property
+    def follows(self) -> bool:
+        """Whether another role of the process sets the clock."""
+        return self.following is not None
 
     @property
     def lead_ns(self) -> int:
@@ -171,14 +212,16 @@ class TimeSync:
     def _react(self, time: Timekeeping, event: Event) -> Step:
         match event:
             case Started(now):
-                return self._start(replace(time, phase=Phase.RESTING), now)
+                return self._start(time, now)
+            case ClockSet() | Timer(_, "sync") if self.following:
+                return _follow(time, event)
             case Timer(now, "sync") if self.rounds:
                 left = time.slots - 1 if time.slots else self.rounds.exchanges
                 time = replace(time, slots=left)
                 return _ask(self.rounds, time, now) if left else _conclude(self.rounds, time, now)
             case Received(now, SyncReply() as reply, sender) if self.rounds:
                 return _learn(self.rounds, time, now, reply, sender)
-            case Received(now, SyncRequest() as request, sender):
+            case Received(now, SyncRequest() as request, sender) if not self.following:
                 return time, (self._tell(time, now, request, sender),)
             case Received():
                 return time, (Ignored("unexpected"),)
@@ -186,6 +229,11 @@ class TimeSync:
 
     def _start(self, time: Timekeeping, now: int) -> Step:
         """A life begins; the first round does so within ``SPREAD_NS``."""
+        if self.following:
+            due, waits = now + self.following.follows_ns, self.following.follows_ns > 0
+            after = replace(time, phase=Phase.FOLLOWING, slots=int(waits), due_ns=due)
+            return after, (SetTimer("sync", due),) if waits else ()
+        time = replace(time, phase=Phase.RESTING)
         if self.rounds is None:
             return time, ()
         due = now + int(SPREAD_NS * uniform(self.rounds.seed, self.rounds.id, "sync", "start"))
@@ -199,6 +247,14 @@ class TimeSync:
         if abs(at_us) > MOST_US:  # its reference may have told it any time
             return Ignored("out of range")
         return Send(SyncReply(request.exchange, request.sent_us, at_us, at_us), sender)
+
+
+def _follow(time: Timekeeping, event: ClockSet | Timer) -> Step:
+    """Another role has set the clock, or has not done so in time."""
+    if isinstance(event, Timer):
+        return replace(time, slots=0), ()
+    after = replace(time, correction_ns=event.correction_ns, known=True, slots=0)
+    return after, (CancelTimer("sync"),) if time.in_round else ()
 
 
 def _ask(rounds: Rounds, time: Timekeeping, now: int) -> Step:

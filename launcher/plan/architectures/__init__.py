@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from launcher.plan.architectures.arranged import Arranged, Process
+from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.architectures.built import (
     ARCHITECTURES,
     Architecture,
@@ -19,6 +19,7 @@ __all__ = [
     "Arranged",
     "Built",
     "Field",
+    "Hosted",
     "Process",
     "built",
     "make_architecture",

@@ -4,7 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class Hosted:
+    """One of the roles of a process with several: ``factory`` and ``config`` as in ``Process``.
+
+    The one that ``fuses`` is given the arguments of a ``Bank``, if the process fuses reports. The one whose ``clock``
+    is ``"keeps"`` asks for the time, if the process does, and gets ``sync``. Those whose ``clock`` is ``"follows"`` use
+    its corrections: each gets ``sync``, the fields of a ``trackfield.protocols.timesync.Following``.
+    """
+
+    factory: str | Callable[..., Any] = ""
+    config: Mapping[str, Any] = field(default_factory=dict)
+    fuses: bool = False
+    clock: Literal["", "keeps", "follows"] = ""
 
 
 @dataclass(frozen=True)
@@ -20,6 +35,9 @@ class Process:
     it asks. ``tags`` are ``tracks`` (it publishes tracks), ``battery`` (it runs on one, of ``battery_j``; None: it is
     never empty), ``backbone``; the tag ``senses`` follows. A process that moves has a ``route``: (t ns, x m, y m) at
     least once, with straight lines between them.
+
+    A process may have several ``roles`` by name, in place of ``factory`` and ``config``, with one sensor, battery,
+    radio, clock and address for all (``trackfield.host``). Its ``role`` is then the name of all of them together.
     """
 
     id: str
@@ -35,6 +53,7 @@ class Process:
     tags: Collection[str] = ()
     battery_j: float | None = None
     route: Sequence[tuple[int, float, float]] = ()
+    roles: Mapping[str, Hosted] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from math import isfinite
 from numbers import Real
 from typing import Any, Final
 
-from launcher.plan.architectures.arranged import Arranged, Process
+from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.references import check_references
 from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS
 from trackfield.errors import ScenarioError
@@ -23,6 +23,7 @@ from trackfield.scenario.section import ID, ID_WORDS
 from trackfield.words import quoted
 
 TAGS: Final = (TRACKS, BATTERY, BACKBONE, SENSES)
+CLOCKS: Final = ("", "keeps", "follows")
 MOST_COMPARED: Final = 10_000
 """Of more ids, none is suggested for an unknown one: it takes long."""
 LEAST_J: Final = 1e-6
@@ -87,24 +88,56 @@ class _Check:
         if process.senses and self._sensors.get(id) != (process.x, process.y):
             known = "has another place" if id in self._sensors else "is not in this field"
             raise self._error(f"{id}.senses", f"the sensor {id} {known}", "the id and place of one of field.sensors")
-        self._config(process)
+        self._config(id, process.config)
+        roles = self._roles(process)
         tags = self._names(f"{id}.tags", process.tags, "tag", TAGS)
         self._battery(process, tags)
         asks = process.asks
         if asks != "" and (not isinstance(asks, str) or asks not in self._processes or asks == id):
             raise self._unknown(f"{id}.asks", "other process", asks, self._processes)
-        return replace(
+        checked = replace(
             process,
             sends=self._sends(process),
             fuses=self._names(f"{id}.fuses", process.fuses, "sensor", self._sensors),
             tags=tags,
             route=self._route(process),
+            roles=roles,
         )
+        if roles:
+            self._shared(checked)
+        return checked
 
-    def _config(self, process: Process) -> None:
-        config = process.config
+    def _config(self, where: str, config: Any) -> None:
         if not (isinstance(config, Mapping) and all(isinstance(name, str) for name in config)):
-            raise self._error(f"{process.id}.config", f"is {quoted(config)}", "a dict of its role's arguments by name")
+            raise self._error(f"{where}.config", f"is {quoted(config)}", "a dict of its role's arguments by name")
+
+    def _roles(self, process: Process) -> dict[str, Hosted]:
+        """The roles of a process with several."""
+        roles, where = process.roles, f"{process.id}.roles"
+        if not (isinstance(roles, Mapping) and all(isinstance(role, Hosted) for role in roles.values())):
+            raise self._error(where, f"is {quoted(roles)}", "a dict of a Hosted for each role by its name")
+        for name, role in roles.items():
+            if not (isinstance(name, str) and re.fullmatch(ID, name)):
+                raise self._error(where, f"the name of a role is {quoted(name)}", ID_WORDS)
+            self._config(f"{where}.{name}", role.config)
+            if role.clock not in CLOCKS:
+                raise self._error(f"{where}.{name}.clock", f"is {quoted(role.clock)}", "keeps, follows, or ''")
+        if roles and (process.factory or process.config):
+            raise self._error(where, "are given beside a factory or a config", "those of each role in its Hosted")
+        return dict(roles)
+
+    def _shared(self, process: Process) -> None:
+        """Of several roles it must be clear which one gets what the launcher adds."""
+        roles, where = process.roles, f"{process.id}.roles"
+        fusing = [name for name, role in roles.items() if role.fuses]
+        if len(fusing) != bool(process.fuses):
+            expected = "one with fuses = True if the process fuses reports, and else none"
+            raise self._error(where, f"reports are fused by {_few(fusing)}", expected)
+        keepers = [name for name, role in roles.items() if role.clock == "keeps"]
+        needed = bool(process.asks) or any(role.clock == "follows" for role in roles.values())
+        if len(keepers) > 1 or (needed and not keepers):
+            expected = "one with clock = 'keeps' if the process asks for the time or a role follows"
+            raise self._error(where, f"the clock is kept by {_few(keepers)}", expected)
 
     def _sends(self, process: Process) -> dict[str, tuple[str, ...]]:
         given, where = process.sends, f"{process.id}.sends"
@@ -177,6 +210,10 @@ class _Check:
         near = suggestion(name, known) if isinstance(name, str) and len(known) <= MOST_COMPARED else ""
         few = [*_first(known, 3), *(["..."] if len(known) > 3 else [])]
         return self._error(where, f"there is no {what} {quoted(name)}{near}", f"one of {', '.join(few)}")
+
+
+def _few(names: Collection[str]) -> str:
+    return " and ".join(names) or "none"
 
 
 def _first(names: Iterable[str], count: int) -> Iterator[str]:
