@@ -207,7 +207,7 @@ def test_timers_are_undone() -> None:
     run(core, 6 * MS)
     caught_up(core, arrival(2 * MS, Request(1)))
     assert core.state == (START, CALL)
-    assert core.next_key() == (7 * MS, 2, 7 * MS, "a")
+    assert core.next_key() == (7 * MS, 3, 7 * MS, "a")
 
 
 def test_copies_are_undone() -> None:

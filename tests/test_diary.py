@@ -46,7 +46,7 @@ def test_the_first_cause_that_holds_is_told(due_ms: float, cause: str | None) ->
     life = diary(freezes=((10 * MS, 20 * MS), (42 * MS, 50 * MS)))
     for t, on in ((14, False), (25, True)):
         life.write(Told(timer(t), Radio(on)))
-    life.write(Told((40 * MS, 3), Died("battery")))
+    life.write(Told((40 * MS, 4), Died("battery")))
     assert life.misses("field", round(due_ms * MS)) == cause
 
 
@@ -58,12 +58,12 @@ def test_who_found_its_battery_empty_at_the_start_hears_nothing_at_all() -> None
 
 def test_a_death_that_is_undone_was_none() -> None:
     life = diary()
-    life.write(Told((40 * MS, 3), Died("battery")))
-    life.write(Told((40 * MS, 3), Charge(0.0)))
+    life.write(Told((40 * MS, 4), Died("battery")))
+    life.write(Told((40 * MS, 4), Charge(0.0)))
     life.write(Undone(timer(30)))
     assert life.misses("field", 50 * MS) is None
     assert life.told == []
-    life.write(Told((45 * MS, 3), Died("battery")))
+    life.write(Told((45 * MS, 4), Died("battery")))
     assert [life.misses("field", t * MS) for t in (45, 46)] == [None, "dead"]
 
 

@@ -56,7 +56,7 @@ def final(book: Ledger, name: str, *activity: int, metered_s: float = 10) -> Non
 
 
 def switch(book: Ledger, id: str, t_ms: int, on: bool) -> None:
-    book.told(id, Told((t_ms * MS, 2, t_ms * MS, "t"), Radio(on)))
+    book.told(id, Told((t_ms * MS, 3, t_ms * MS, "t"), Radio(on)))
 
 
 # --- by cause ---------------------------------------------------------------------------------------------------------
@@ -157,12 +157,12 @@ def test_who_stands_still_or_is_dead_overhears_nothing(t_ms: int, count: int) ->
 @pytest.mark.parametrize(("t_ms", "count"), [(199, 1), (200, 0), (299, 0), (300, 1), (350, 1), (351, 0)])
 def test_each_life_begins_with_its_radio_on(t_ms: int, count: int) -> None:
     lives = replace(N1, kill_ns=200 * MS), replace(N1, incarnation=1, start_ns=300 * MS)
-    off = ("n1~1", Told((350 * MS, 2, 350 * MS, "t"), Radio(False)))
+    off = ("n1~1", Told((350 * MS, 3, 350 * MS, "t"), Radio(False)))
     assert overheard(off, processes=(CENTRE, N0, *lives), t_ms=t_ms) == pytest.approx(count)
 
 
 def test_a_radio_that_was_never_switched_before_was_on() -> None:
-    switched = ("n1", Told((500 * MS, 2, 500 * MS, "t"), Radio(False)))
+    switched = ("n1", Told((500 * MS, 3, 500 * MS, "t"), Radio(False)))
     assert overheard(switched, t_ms=400) == pytest.approx(1)
     assert overheard(switched, t_ms=501) == 0
 

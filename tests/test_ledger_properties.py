@@ -78,7 +78,7 @@ def book_of(story: Story) -> Ledger:
     book = Ledger(run_of(story), [ProcessSpec(id, "toy", "none", cells=("c0",)) for id in IDS])
     for id, switches in story.switches.items():
         for t, on in switches:
-            book.told(id, Told((t * MS, 2, t * MS, "t"), Radio(on)))
+            book.told(id, Told((t * MS, 3, t * MS, "t"), Radio(on)))
     link = make_link(story.link, 1)
     for number, frame in enumerate(story.frames):
         book.sent(frame)
@@ -154,7 +154,7 @@ Telling = tuple[int, int]
 
 
 def output(t: int, what: int) -> Told | Refused:
-    key = (t * MS, 2, t * MS, "t")
+    key = (t * MS, 3, t * MS, "t")
     match what:
         case 0 | 1:
             return Told(key, Radio(bool(what)))

@@ -13,7 +13,7 @@ from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed,
 from trackfield.drivers.intake import read, unpacked
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.drivers.telemetry import Telemetry
-from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint, formed
+from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint, Write, formed
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import Medium, check_id
 from trackfield.wire.registry import check_size
@@ -35,8 +35,9 @@ Buckets = dict[Annotated[int, Ge(-1000), Le(1000)], Count]
 _KEY: Final = TypeAdapter[EventKey](
     tuple[Ns, Literal[0], str]
     | tuple[Ns, Literal[1], str, str, Ns, Count, Count, str, str]
-    | tuple[Ns, Literal[2], Ns, str]
-    | tuple[Ns, Literal[3]]
+    | tuple[Ns, Literal[2], Count, str]
+    | tuple[Ns, Literal[3], Ns, str]
+    | tuple[Ns, Literal[4]]
 )
 _STRICT: Final = ConfigDict(strict=True, extra="forbid", frozen=True)
 
@@ -86,7 +87,7 @@ def _values(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(together)
 
 
-_PLAIN: Final = {kind.__name__.lower(): kind for kind in (State, Radio, Note, Corrected, Died, Charge, Queued)}
+_PLAIN: Final = {kind.__name__.lower(): kind for kind in (State, Radio, Note, Corrected, Write, Died, Charge, Queued)}
 _FIELDS: Final = {kind: _values(kind) for kind in (*_PLAIN.values(), TrackPoint, Frame)}
 
 

@@ -28,7 +28,6 @@ from trackfield.drivers.frames import (
     Refused,
     Sent,
     Told,
-    Wrote,
 )
 from trackfield.drivers.life import Alarm, Handled, Life, without
 from trackfield.drivers.meter import NOTHING, Activity
@@ -288,8 +287,8 @@ class Core:
                 self._outputs.append(Told(key, effect))
             case Ignored() | Late():
                 self._refuse(key, LATE if isinstance(effect, Late) else effect.reason)
-            case Write(port, data):
-                self._outputs.append(Wrote(key, port, data))
+            case Write():
+                self._outputs.append(Told(key, effect))
             case Publish() | Store() | State() | Note() | Corrected():
                 self._tell(effect, key)
             case _:

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from trackfield.link.fate import Fate, Link
-from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store
+from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store, Write
 from trackfield.wire.keys import Medium
 
 RANK_FAULT: Final = 0
 RANK_FRAME: Final = 1
-RANK_TIMER: Final = 2
-RANK_BATTERY: Final = 3
+RANK_PORT: Final = 2
+RANK_TIMER: Final = 3
+RANK_BATTERY: Final = 4
 
 LATE: Final = "late"
 """The reason by which a role says that a frame came after its deadline."""
@@ -23,14 +24,17 @@ EventKey = tuple[Any, ...]
 """The place of an event in the total order of one process.
 
 ``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to, medium)`` for frames,
-``(t, 2, original due, name)`` for timers, ``(t, 3)`` for a battery that falls to the next tenth or is empty; t in ns of
-true time.
+``(t, 2, number, port)`` for bytes at a port, ``(t, 3, original due, name)`` for timers, ``(t, 4)`` for a battery that falls
+to the next tenth or is empty; t in ns of true time.
 """
+
+Identity = tuple[str, int, str, int, int, str, Medium]
+"""What makes two arrivals the same frame."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``."""
+    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``; one without a payload was taken back."""
 
     src: str
     incarnation: int
@@ -42,7 +46,7 @@ class Frame:
     payload: bytes
 
     @property
-    def identity(self) -> tuple[str, int, str, int, int, str, Medium]:
+    def identity(self) -> Identity:
         """What makes two arrivals the same frame."""
         return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to, self.medium)
 
@@ -98,6 +102,13 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
+class TakenBack:
+    """A frame that should not have left, or not yet: its hearers go on without it."""
+
+    frame: Frame
+
+
+@dataclass(frozen=True, slots=True)
 class Died:
     """A life is over: ``why`` is ``battery``, or ``killed`` by a planned fault."""
 
@@ -128,7 +139,7 @@ class Overflowed:
     frame: Frame
 
 
-Telling = State | Radio | Publish | Note | Corrected | Store | Died | Charge | Queued | Overflowed
+Telling = State | Radio | Publish | Note | Corrected | Store | Write | Died | Charge | Queued | Overflowed
 """The telemetry of a process: of its role, and of its driver."""
 
 
@@ -155,13 +166,4 @@ class Undone:
     key: EventKey
 
 
-@dataclass(frozen=True, slots=True)
-class Wrote:
-    """Bytes for a device port."""
-
-    key: EventKey
-    port: str
-    data: bytes
-
-
-Output = Sent | Told | Refused | Undone | Wrote
+Output = Sent | TakenBack | Told | Refused | Undone
