@@ -39,6 +39,14 @@ class Compared:
     def host_lost(self) -> int:
         return int(self.metrics["frames"]["host_lost"])
 
+    @property
+    def retractions(self) -> int:
+        return int(self.metrics["timing"].get("retractions", 0))
+
+    @property
+    def lag_ms(self) -> float:
+        return float(self.metrics["timing"].get("lag_ms") or 0)
+
 
 def compared(plan: Plan, *speeds: float) -> list[Compared]:
     """The plan as processes at each of these speeds, one run after the other, against one run in virtual time."""

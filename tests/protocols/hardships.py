@@ -89,9 +89,9 @@ def cut(party: Party, draw: Random) -> Party:
 
 
 def hard(protocol: str, seed: int, **options: Any) -> Party:
-    """A party of whom half of the processes, at least two, are struck, and which is cut in two for a while."""
+    """A party of whom more than half are struck, by as many different deeds, and which is cut in two for a while."""
     draw = Random(f"hardships of {protocol} {seed}")
     naps = {"naps": True} if protocol == "election" else {}
     party = PARTIES[protocol](seed, **naps, **options)
-    deeds = ["restart", *draw.sample(sorted(DEEDS.keys() - {"restart"}), len(DEEDS) - 1)]
-    return cut(befallen(party, draw, deeds[: max(len(party[1]) // 2, 2)]), draw)
+    deeds = draw.sample(list(DEEDS), min(len(party[1]) // 2 + 1, len(DEEDS)))
+    return cut(befallen(party, draw, deeds), draw)
