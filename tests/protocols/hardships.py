@@ -69,13 +69,13 @@ def off(process: ProcessSpec, draw: Random) -> ProcessSpec:
 
 
 def befallen(party: Party, draw: Random, deeds: Sequence[str]) -> Party:
-    """The party with a deed for each of so many of its processes, and all of their clocks off."""
+    """The party with a deed for each of so many of its processes."""
     run, processes = party
     struck = dict(zip(draw.sample([p.id for p in processes], len(processes)), deeds, strict=False))
     lives: list[ProcessSpec] = []
     for process in processes:
-        one = off(process, draw)
-        lives += DEEDS[struck[one.id]](one, draw, run.end_ns) if one.id in struck else [one]
+        deed = struck.get(process.id)
+        lives += DEEDS[deed](process, draw, run.end_ns) if deed else [process]
     return run, lives
 
 
@@ -89,9 +89,9 @@ def cut(party: Party, draw: Random) -> Party:
 
 
 def hard(protocol: str, seed: int, **options: Any) -> Party:
-    """A party of whom more than half are struck, by as many different deeds, and which is cut in two for a while."""
+    """A party whose clocks are off, of whom more than half are struck, by as many different deeds, and which is cut in two for a while."""
     draw = Random(f"hardships of {protocol} {seed}")
     naps = {"naps": True} if protocol == "election" else {}
-    party = PARTIES[protocol](seed, **naps, **options)
-    deeds = draw.sample(list(DEEDS), min(len(party[1]) // 2 + 1, len(DEEDS)))
-    return cut(befallen(party, draw, deeds), draw)
+    run, processes = PARTIES[protocol](seed, **naps, **options)
+    deeds = draw.sample(list(DEEDS), min(len(processes) // 2 + 1, len(DEEDS)))
+    return cut(befallen((run, [off(process, draw) for process in processes]), draw, deeds), draw)
