@@ -54,6 +54,7 @@ class Record(BaseModel):
     inherited: Five
     metered_ns: Ns
     slip: Buckets
+    lag: Buckets = {}
     latency: Buckets
     cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
 
