@@ -16,7 +16,7 @@ from launcher.records import Plan
 from node.role import Phase as NodePhase
 from tests.protocols.agreement import Compared, compared
 from tests.running import SPEEDS, kept_up
-from trackfield.drivers.frames import Charge, Died
+from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.drivers.spec import life_name
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import RunFailed
@@ -81,20 +81,27 @@ def _accounts(run: Run) -> Iterator[str]:
 
 
 def _lives(run: Run) -> Iterator[str]:
-    """Nobody tells or sends anything while it is dead or frozen, and all states are known ones."""
-    sent: dict[str, list[int]] = {}
+    """Nobody tells or sends anything while it is dead or frozen, and all states are known ones.
+
+    A radio sends what waits for it by itself, when its process is frozen or its battery empty meanwhile.
+    """
+    sent: dict[str, set[int]] = {}
     for row in run.ledger.rows:
-        sent.setdefault(life_name(row.src, row.incarnation), []).append(row.sent_ns)
+        sent.setdefault(life_name(row.src, row.incarnation), set()).add(row.sent_ns)
     for name, diary in run.ledger.diaries.items():
         told = [o for o in (*diary.told, *diary.radio) if not isinstance(o.effect, Charge | Died)]
-        for t_ns in sorted({*(o.key[0] for o in told), *sent.get(name, ())}):
+        left = sent.get(name, set())
+        at_once = left - {o.effect.sent_ns for o in told if isinstance(o.effect, Queued)}
+        acts = sorted({o.key[0] for o in told} | at_once)
+        for t_ns in sorted(left.union(acts)):
             if not diary.owns(t_ns):
                 yield f"{name} acts at {t_ns / NS:.6f} s, outside of its life"
+        for t_ns in acts:
             if any(begin <= t_ns < until for begin, until in diary.spec.freezes):
                 yield f"{name} acts at {t_ns / NS:.6f} s, while it is frozen"
+            if diary.died is not None and t_ns > diary.died[0]:
+                yield f"{name} acts at {t_ns / NS:.6f} s, after its battery was empty"
         for o in told:
-            if diary.died is not None and o.key > diary.died:
-                yield f"{name} tells {o.effect} after its battery was empty"
             if isinstance(o.effect, State) and o.effect.name not in STATES:
                 yield f"{name} is in an unknown state {o.effect.name!r}"
 

@@ -14,7 +14,20 @@ from tests.protocols.chains import MS, Chain, acquainted, kept, known, next_step
 from tests.toys import mix
 from trackfield.draw import bits
 from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.role import NEIGHBOURHOOD, NS, Effect, Event, Ignored, Radio, Received, Send, SetTimer, Started, Timer
+from trackfield.role import (
+    NEIGHBOURHOOD,
+    NS,
+    CancelTimer,
+    Effect,
+    Event,
+    Ignored,
+    Radio,
+    Received,
+    Send,
+    SetTimer,
+    Started,
+    Timer,
+)
 from trackfield.wire.registry import Scaled, kind
 
 BACK_OFF_NS: Final = 200 * MS
@@ -85,7 +98,7 @@ class Contender:
             return state, ()
         wait = bits(self.seed, "back-off", self.number, round, state.chain) % BACK_OFF_NS
         nap = (SetTimer("nap", now + (250 + state.chain % 200) * MS),) if self.naps else ()
-        return Ballot(state.chain, round), (SetTimer("claim", now + wait), *nap)
+        return Ballot(state.chain, round), (CancelTimer("relay"), SetTimer("claim", now + wait), *nap)
 
     def _heard(self, state: Ballot, claim: Claim, now: int) -> tuple[Ballot, tuple[Effect, ...]]:
         effects: tuple[Effect, ...] = ()

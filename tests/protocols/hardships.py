@@ -89,7 +89,7 @@ def cut(party: Party, draw: Random) -> Party:
 
 
 def hard(protocol: str, seed: int, **options: Any) -> Party:
-    """A party whose clocks are off, of whom more than half are struck, by as many different deeds, and which is cut in two for a while."""
+    """A party whose clocks are off and of whom more than half are struck; it is cut in two for a while."""
     draw = Random(f"hardships of {protocol} {seed}")
     naps = {"naps": True} if protocol == "election" else {}
     run, processes = PARTIES[protocol](seed, **naps, **options)
