@@ -55,6 +55,7 @@ class Record(BaseModel):
     metered_ns: Ns
     slip: Buckets
     latency: Buckets
+    lag: Buckets = {}
     cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
 
 

@@ -82,6 +82,10 @@ class Digest(NamedTuple):
         """With this version of a frame."""
         return Digest(self.count + 1, (self.total + hash_of(frame, version)) % _MODULUS)
 
+    def joined(self, other: Digest) -> Digest:
+        """Of both sets together, if they have nothing in common."""
+        return Digest(self.count + other.count, (self.total + other.total) % _MODULUS)
+
     def minus(self, frame: Frame, version: int | None) -> Digest:
         """Without it."""
         return Digest(self.count - 1, (self.total - hash_of(frame, version)) % _MODULUS)
