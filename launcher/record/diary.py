@@ -36,6 +36,7 @@ class Diary:
     died: EventKey | None = None
     passed: int = 0  # how many of ``told`` were handed on as settled
     late: int = 0
+    clock: Clock | None = None  # made when it is needed first
     latest_ns: int = -1  # the last event that was told
     kept_ns: int = -1  # what is told again up to here was settled when it was undone
 
@@ -107,7 +108,9 @@ class Diary:
 
     def local_ns(self, t_ns: int) -> int:
         """What its clock showed."""
-        return Clock(**self.spec.clock).local(t_ns) + sum(by for at, by in self.spec.jumps if at <= t_ns)
+        if self.clock is None:
+            self.clock = Clock(**self.spec.clock)
+        return self.clock.local(t_ns) + sum(by for at, by in self.spec.jumps if at <= t_ns)
 
     def clock_error_ns(self, t_ns: int) -> int:
         """By how much its clock was ahead, after its own correction."""

@@ -23,7 +23,7 @@ from launcher.record.diary import Diary, Event
 from launcher.records import MessageRow
 from trackfield.drivers.frames import LATE, Died, Frame, Identity, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
-from trackfield.drivers.versions import Digest
+from trackfield.drivers.versions import hash_of
 from trackfield.role import Publish, TrackPoint
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import known_kind
@@ -87,7 +87,7 @@ class Ledger:
         self._written: dict[str, None] = {}
         self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
         self._ended: set[str] = set()
-        self._arriving: list[tuple[int, Identity, str, int, Entry, Way, Said, int | None, Digest]] = []
+        self._arriving: list[tuple[int, Identity, str, int, Frame, Way, Said, int | None, int]] = []
         self._order = count()
 
     # --- what is seen ---------------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ class Ledger:
     @property
     def sent_by(self) -> Counter[str]:
         """How many frames each life sent, of those that are settled."""
-        return Counter({name: live.count for name, live in self.balance.live.items()})
+        return Counter({name: live.digest.count for name, live in self.balance.live.items()})
 
     def sent(self, frame: Frame, version: int | None = 0) -> None:
         """A version of a frame left (None: it is final); without a payload it says that the frame was taken back."""
@@ -279,15 +279,15 @@ class Ledger:
 
     def _account(self, entry: Entry) -> None:
         """Enter what is left of a frame; what becomes of it at its hearers depends on their telemetry until then."""
-        frame, version, cost, ways = entry
+        identity, frame, version, cost, ways = entry
         life = life_name(frame.src, frame.incarnation)
         self.balance.puts[life] += (version or 0) + 1
         if version:
             self.corrected.update(self.leaving.hearers(frame))
         if cost is None:
             return
-        one = Digest().plus(frame, version)
-        self.balance.live[life] = self.balance.live[life].joined(one)
+        hashed = hash_of(frame, version)
+        self.balance.live[life].add(hashed)
         self.sent_kinds[frame.kind] += 1
         self.payload_bytes += len(frame.payload)
         self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
@@ -297,24 +297,25 @@ class Ledger:
         said, local_ns = describe(frame.payload, self._kind(frame.src)), self._local_ns(frame)
         for way in ways:
             at_ns = frame.sent_ns if way.due_ns is None else way.due_ns
-            place = at_ns, frame.identity, way.hearer, next(self._order)
-            heappush(self._arriving, (*place, entry, way, said, local_ns, one))
+            heappush(
+                self._arriving, (at_ns, identity, way.hearer, next(self._order), frame, way, said, local_ns, hashed)
+            )
         if ways:
             self._note_clock(frame)
 
-    def _judged(self, entry: Entry, way: Way, said: Said, local_ns: int | None, one: Digest) -> MessageRow:
+    def _judged(self, frame: Frame, way: Way, said: Said, local_ns: int | None, hashed: int) -> MessageRow:
         """The outcome of a frame at a hearer."""
         self.leaving.ways[way.outcome] -= 1
-        outcome = way.outcome if way.due_ns is None else self._outcome(entry.frame, way.hearer, way.due_ns, one)
-        return _row(entry.frame, way.hearer, outcome, way.due_ns, said, local_ns)
+        outcome = way.outcome if way.due_ns is None else self._outcome(frame, way.hearer, way.due_ns, hashed)
+        return _row(frame, way.hearer, outcome, way.due_ns, said, local_ns)
 
-    def _outcome(self, frame: Frame, hearer: str, due_ns: int, one: Digest) -> str:
+    def _outcome(self, frame: Frame, hearer: str, due_ns: int, hashed: int) -> str:
         if due_ns >= self.run.end_ns:
             return "in_flight"
         owner = self._owner(hearer, due_ns)
         if owner is None:
             return "dead"
-        self.balance.due[owner.spec.name] = self.balance.due[owner.spec.name].joined(one)
+        self.balance.due[owner.spec.name].add(hashed)
         if (cause := owner.misses(frame.medium, due_ns)) is not None:
             return cause
         reason = owner.refused.get(frame.key(due_ns)) if owner.refused else None
@@ -322,7 +323,10 @@ class Ledger:
 
     def _owner(self, hearer: str, due_ns: int) -> Diary | None:
         """The life that owns a frame at its receiver."""
-        return next((diary for diary in self._lives[hearer] if diary.owns(due_ns)), None)
+        for diary in self._lives[hearer]:
+            if diary.owns(due_ns):
+                return diary
+        return None
 
     def _note_clock(self, frame: Frame) -> None:
         """Note how far off the sender's clock was, except for messages that set clocks."""

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
-from trackfield.drivers.versions import Digest
+from trackfield.drivers.versions import Digest, Sum
 
 Finals = Mapping[str, Mapping[str, Any]]
 """Final records by life."""
-NOTHING: Final = Digest()
 
 
 class Missed(NamedTuple):
@@ -42,8 +41,8 @@ class Balance:
         self.late: Counter[str] = Counter()
         self.tardy: Counter[str] = Counter()
         self.told: Counter[str] = Counter()
-        self.live: defaultdict[str, Digest] = defaultdict(Digest)
-        self.due: defaultdict[str, Digest] = defaultdict(Digest)
+        self.live: defaultdict[str, Sum] = defaultdict(Sum)
+        self.due: defaultdict[str, Sum] = defaultdict(Sum)
 
     def strange_frames(self, finals: Finals) -> int:
         """Puts that were seen and that no life says it made, at least."""
@@ -63,8 +62,7 @@ class Balance:
 
     def unseen(self, finals: Finals) -> int:
         """Frames that left a life, were not taken back, and never reached the recorder."""
-        sent = ((record.get("sent", 0), self.live.get(name, NOTHING)) for name, record in finals.items())
-        return sum(max(count - live.count, 0) for count, live in sent)
+        return sum(max(r.get("sent", 0) - _of(self.live, name).count, 0) for name, r in finals.items())
 
     def missed(self, finals: Finals) -> Missed:
         """All lives together."""
@@ -81,11 +79,11 @@ class Balance:
         """Whether as many puts were seen as were made, and others."""
         if gap or self.late[name]:
             return False
-        return self.live.get(name, NOTHING) != (record["sent"], record["sent_hash"])
+        return _of(self.live, name) != (record["sent"], record["sent_hash"])
 
     def _missed(self, name: str, record: Mapping[str, Any]) -> Missed:
         """If count and hash differ, at least as many are missing, or too many, as the counts differ by, and one."""
-        due = self.due.get(name, NOTHING)
+        due = _of(self.due, name)
         if due == (record["heard"], record["heard_hash"]):
             return Missed()
         short, over = max(due.count - record["heard"], 0), max(record["heard"] - due.count, 0)
@@ -95,3 +93,7 @@ class Balance:
         over_late = min(over, late - short_late)
         uncounted = max(short_late + over_late - counted, 0)
         return Missed(short - short_late, short_late, over - over_late, uncounted)
+
+
+def _of(sums: Mapping[str, Sum], name: str) -> Digest:
+    return sums[name].digest if name in sums else Digest()

@@ -23,10 +23,11 @@ class Way(NamedTuple):
 class Entry(NamedTuple):
     """The latest version of a frame (None: it is final); one that was taken back costs nothing and has no ways."""
 
+    identity: Identity
     frame: Frame
     version: int | None
     cost: Fate | None
-    ways: tuple[Way, ...]
+    ways: list[Way]
 
 
 class Leaving:
@@ -66,9 +67,9 @@ class Leaving:
             return []
         else:
             self._count(before, -1)
-        entry = self._entries[identity] = self._entry(frame, version)
+        entry = self._entries[identity] = self._entry(identity, frame, version)
         self._count(entry, 1)
-        return [*entry.ways, *(before.ways if before else ())]
+        return entry.ways + before.ways if before else entry.ways
 
     def settle(self, until_ns: int) -> Iterator[Entry]:
         """Remove and return what left up to this true time, in order."""
@@ -86,11 +87,11 @@ class Leaving:
         for way in entry.ways:
             self.ways[way.outcome] += sign
 
-    def _entry(self, frame: Frame, version: int | None) -> Entry:
+    def _entry(self, identity: Identity, frame: Frame, version: int | None) -> Entry:
         if not frame.payload:
-            return Entry(frame, version, None, ())
+            return Entry(identity, frame, version, None, [])
         cost = frame.cost(self._link)
-        return Entry(frame, version, cost, tuple(self._way(frame, hearer, cost) for hearer in self.hearers(frame)))
+        return Entry(identity, frame, version, cost, [self._way(frame, hearer, cost) for hearer in self.hearers(frame)])
 
     def _way(self, frame: Frame, hearer: str, cost: Fate) -> Way:
         if frame.sent_ns >= self.end_ns:
