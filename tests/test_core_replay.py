@@ -8,8 +8,10 @@ import pytest
 
 from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
+from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Output, Refused, Sent, Told, Undone
+from trackfield.drivers.frames import Arrival, Died, Output, Refused, Sent, TakenBack, Told, Undone
+from trackfield.link.energy import Power
 from trackfield.role import (
     NEIGHBOURHOOD,
     NS,
@@ -26,6 +28,7 @@ from trackfield.role import (
     SetTimer,
     Started,
     State,
+    Store,
     Timer,
 )
 from trackfield.wire.codec import decode
@@ -147,32 +150,31 @@ CANCELLED = {
 """A report at 5 ms, unless the call of 2 ms says that it is not wanted."""
 
 
-def test_what_left_and_should_not_have_is_host_late() -> None:
-    """The report is out when the call that would have stopped it turns up: nothing can recall it."""
+def test_what_left_and_should_not_have_is_taken_back() -> None:
+    """The report is out when the call that would have stopped it turns up."""
     core = core_of(script(CANCELLED))
-    assert payloads(run(core, NS)) == [Feedback(1, 1)]
-    assert caught_up(core, arrival(2 * MS, Request(1))) == []
+    (report,) = frames(run(core, NS))
+    assert caught_up(core, arrival(2 * MS, Request(1))) == [TakenBack(report)]
     assert core.state == (START, CALL)
-    assert core.host_late == 1
+    assert core.host_late == 0
 
 
-def test_what_left_by_mistake_is_not_sent_again_when_it_comes_back() -> None:
-    """A second late frame makes the role want the report after all; it is out already."""
+def test_what_was_taken_back_is_sent_again_when_it_comes_back() -> None:
+    """A second late frame makes the role want the report after all."""
     again = Received(3 * MS, Request(2), "peer")
     core = core_of(script({**CANCELLED, again: (SetTimer("report", 5 * MS),)}))
     run(core, NS)
     caught_up(core, arrival(2 * MS, Request(1)))
-    assert caught_up(core, arrival(3 * MS, Request(2))) == []
+    assert payloads(caught_up(core, arrival(3 * MS, Request(2)))) == [Feedback(1, 1)]
     assert core.state == (START, CALL, again, Timer(5 * MS, "report"))
-    assert core.host_late == 1
 
 
 @pytest.mark.parametrize("name", ["another", "later"])
-def test_nothing_takes_the_identity_of_what_left_by_mistake(name: str) -> None:
+def test_what_takes_the_place_of_a_frame_that_left_replaces_it(name: str) -> None:
     """Instead of the report, the role now sends something else to the same place at the same instant.
 
-    To its hearers that would be the report once more; whether its timer comes before or after the one that is no
-    longer there, it does not leave.
+    To its hearers that is the same frame in another version, whether its timer comes before or after the one that is no
+    longer there; before, it is put once more, and after, the report is taken back first.
     """
     other = Timer(5 * MS, name)
     core = core_of(script({
@@ -183,8 +185,102 @@ def test_nothing_takes_the_identity_of_what_left_by_mistake(name: str) -> None:
     run(core, NS)
     outputs = caught_up(core, arrival(2 * MS, Request(1))) + run(core, NS)
     assert core.state == (START, CALL, other)
-    assert [(decode(f.payload), f.copy) for f in frames(outputs)] == [(Feedback(3, 3), 1)]
-    assert core.host_late == 1
+    assert [(decode(f.payload), f.copy) for f in frames(outputs)] == [(Feedback(2, 2), 0), (Feedback(3, 3), 1)]
+
+
+# --- what was handled and is taken back ---------------------------------------------------------------------------
+
+
+def test_a_frame_that_is_withdrawn_has_never_been_handled() -> None:
+    call = arrival(2 * MS, Request(1))
+    core = core_of(script({CALL: (Send(Reply(1), "peer"), Note("called"))}))
+    core.offer(call)
+    core.offer(arrival(3 * MS, Request(2)))
+    (reply,) = frames(run(core, NS))
+    assert core.withdraw(call)
+    assert core.mistaken
+    assert core.catch_up() == [TakenBack(reply), Undone(call.key)]
+    assert core.state == (START, Received(3 * MS, Request(2), "peer"))
+    assert core.tally == {"delivered": 1}
+    assert not core.behind
+
+
+def test_a_frame_that_is_withdrawn_before_its_time_is_free() -> None:
+    call = arrival(2 * MS, Request(1))
+    core = core_of(Puppet())
+    core.offer(call)
+    assert core.withdraw(call)
+    assert not core.behind
+    run(core, NS)
+    assert core.state == (START,)
+
+
+def test_a_frame_that_comes_late_and_is_withdrawn_at_once_changes_nothing() -> None:
+    late = arrival(2 * MS, Request(1))
+    core = core_of(Puppet())
+    core.offer(arrival(3 * MS, Request(2)))
+    run(core, NS)
+    core.offer(late)
+    assert core.withdraw(late)
+    assert core.catch_up() == []
+    assert core.state == (START, Received(3 * MS, Request(2), "peer"))
+
+
+def test_a_frame_that_is_replaced_is_handled_in_its_new_version() -> None:
+    """Both versions are due at the same instant; the new one may come before anything is undone, and go again."""
+    old, new = arrival(2 * MS, Request(1)), arrival(2 * MS, Request(7))
+    core = core_of(Puppet())
+    core.offer(old)
+    run(core, NS)
+    for version, before in ((new, old), (old, new), (new, old)):
+        assert core.withdraw(before)
+        assert core.offer(version)
+    core.catch_up()
+    run(core, NS)
+    assert core.state == (START, Received(2 * MS, Request(7), "peer"))
+    assert core.host_late == 0
+
+
+def test_what_is_withdrawn_too_late_stays_and_is_counted() -> None:
+    old, core = arrival(2 * MS, Request(1)), core_of(Puppet(), horizon_ns=100 * MS)
+    core.offer(old)
+    core.offer(arrival(500 * MS, Request(2)))
+    run(core, NS)
+    assert not core.withdraw(old)
+    assert (core.host_late, core.behind) == (1, False)
+    assert core.state[1] == CALL
+
+
+def test_a_battery_that_was_empty_by_mistake_lives_on() -> None:
+    """The frame that used it up is taken back; a process that died stays and goes back."""
+    power = Power(0, 0, 0, 0, battery_fj=50, sample_fj=30)
+    core = core_of(
+        Puppet(lambda event: (Sample("sound"),) if isinstance(event, Received) else ()),
+        sense=lambda name, t_ns: t_ns,
+        conditions=Conditions(power=power),
+    )
+    first, second = arrival(2 * MS, Request(1)), arrival(3 * MS, Request(2))
+    core.offer(first)
+    core.offer(second)
+    outputs = run(core, NS)
+    assert core.life.over
+    assert [o.effect for o in outputs if isinstance(o, Told)][-1] == Died("battery")
+    core.withdraw(first)
+    retold = core.catch_up()
+    assert not core.life.over
+    assert Died("battery") not in [o.effect for o in retold if isinstance(o, Told)]
+
+
+def test_what_was_stored_is_undone() -> None:
+    """The next life is given what was stored before it."""
+    call = arrival(2 * MS, Request(1))
+    core = core_of(script({START: (Store(b"one"),), CALL: (Store(b"two"),)}))
+    core.offer(call)
+    run(core, NS)
+    assert core.life.stored == b"two"
+    core.withdraw(call)
+    core.catch_up()
+    assert core.life.stored == b"one"
 
 
 # --- all of a life is undone --------------------------------------------------------------------------------------
@@ -273,12 +369,34 @@ def steady(horizon_ns: int) -> Core:
     return core
 
 
-def test_a_frame_older_than_the_horizon_is_handled_at_once_and_counted() -> None:
+def test_a_frame_older_than_the_horizon_is_not_applied_and_counted() -> None:
     core = steady(100 * MS)
-    late = caught_up(core, arrival(899 * MS, Request(1)))
-    assert (late, core.host_late, core.inversions) == ([], 1, 0)
-    run(core, NS + 1)
-    assert core.state[-2:] == (Timer(NS, "tick"), Received(NS + 1, Request(1), "peer"))
+    state = core.state
+    assert not core.offer(arrival(899 * MS, Request(1)))
+    assert (core.behind, core.host_late, core.inversions) == (False, 1, 0)
+    assert core.state == state
+
+
+def test_what_waits_to_be_caught_up_with_is_not_forgotten() -> None:
+    """Replays may have to wait; what happens meanwhile does not make a frame too old that came in time."""
+    core = steady(100 * MS)
+    assert core.offer(arrival(901 * MS, Request(1)))
+    run(core, 2 * NS)
+    core.catch_up()
+    assert core.state[91] == Received(901 * MS, Request(1), "peer")
+    assert core.host_late == 0
+
+
+def test_the_past_has_a_limit_in_bytes() -> None:
+    """However short ago it was: what no longer fits is forgotten, and a frame from then is counted."""
+    core = core_of(Puppet())
+    core._history.max_bytes = 20_000
+    for n in range(20):
+        core.offer(arrival((n + 1) * MS, Request(n)))
+    run(core, 20 * MS)
+    assert core.offer(arrival(19 * MS - 1, Request(1)))
+    assert not core.offer(arrival(2 * MS - 1, Request(1)))
+    assert core.host_late == 1
 
 
 def test_a_frame_within_the_horizon_is_not_late() -> None:
@@ -301,21 +419,11 @@ def test_a_frame_before_the_first_event_in_a_long_time_is_not_late() -> None:
     assert core.host_late == 0
 
 
-def test_a_frame_that_was_too_old_is_not_forgotten_by_what_is_undone_later() -> None:
-    core = steady(100 * MS)
-    caught_up(core, arrival(500 * MS, Request(1)), arrival(NS - MS, Request(2)))
-    run(core, NS + MS)
-    caught_up(core, arrival(NS - 2 * MS, Request(3)))
-    assert [e.message.chain for e in core.state if isinstance(e, Received)] == [3, 2, 1]
-    assert core.tally == {"delivered": 3}
-    assert (core.host_late, core.inversions) == (1, 2)
-
-
 def test_without_a_horizon_nothing_is_ever_undone() -> None:
     core = core_of(Puppet(), horizon_ns=0)
     core.offer(arrival(2 * MS, Request(2)))
     run(core, NS)
-    caught_up(core, arrival(1 * MS, Request(1)))
+    assert not core.offer(arrival(1 * MS, Request(1)))
     run(core, NS)
-    assert [e.message.chain for e in core.state[1:]] == [2, 1]
+    assert [e.message.chain for e in core.state[1:]] == [2]
     assert core.host_late == 1

@@ -14,7 +14,7 @@ from launcher.record.listener import SETTLE_S, Listener
 from launcher.records import Plan
 from tests.simulated import spcpf
 from trackfield.drivers.frames import Frame, Told
-from trackfield.drivers.process import HORIZON_S
+from trackfield.drivers.incoming import HORIZON_S
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import life_name
 from trackfield.drivers.telemetry import pack

@@ -23,6 +23,7 @@ from launcher.processes.endpoint import SocketFolder, session_by
 from launcher.processes.logs import Logged
 from launcher.processes.orders import Orders
 from launcher.processes.registry import Registry
+from launcher.processes.settling import Settling, answer_of
 from launcher.processes.watch import STOOD_STILL, Stop, Watch
 from launcher.processes.zygote import Child
 from launcher.record.samples import status_of
@@ -45,7 +46,8 @@ REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
 class Deployment(Logged):
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
-    ``status`` is the latest status from the recorder. Raises ``RunFailed`` if a process does not start; later failures
+    ``status`` is the latest status from the recorder, ``unsettled`` are the processes that were still correcting what
+    they sent when the run was ended. Raises ``RunFailed`` if a process does not start; later failures
     are in ``deaths`` and ``stops``.
     """
 
@@ -65,6 +67,8 @@ class Deployment(Logged):
         self._lives = {p.name: p for p in plan.processes}
         self._restarts: Counter[str] = Counter()
         self._reached: set[str] = set()
+        self._settling = Settling()
+        self.unsettled: set[str] = set()
         self._router_seen = 0.0
         self._stopping = False
 
@@ -161,9 +165,11 @@ class Deployment(Logged):
     def _on_reached(self, sample: zenoh.Sample) -> None:
         with suppress(WireError):  # the recorder counts it
             name, _ = keys.parse_telemetry(str(sample.key_expr))
-            opened(sample, self.seal)
-            if self.now_ns >= self._end_ns and name in self._lives:
-                self._reached.add(name)
+            answer = answer_of(opened(sample, self.seal))
+            if name in self._lives:
+                self._settling.take(name, answer)
+                if self.now_ns >= self._end_ns:
+                    self._reached.add(name)
 
     def _on_status(self, sample: zenoh.Sample) -> None:
         with suppress(WireError):  # the same
@@ -238,6 +244,13 @@ class Deployment(Logged):
                     self._watch.died(name, "did not reach the end")
                 return
             time.sleep(patience.POLL_S)
+        self.unsettled = self._settling.wait(self._living, lambda wave: self._orders.give(keys.SETTLE, b"%d" % wave))
+
+    def _living(self) -> dict[str, ProcessSpec]:
+        """The processes that have reached the end and are there, after looking after all."""
+        self._tend()
+        gone = self._watch.gone
+        return {} if self._router_is_gone() else {name: self._lives[name] for name in self._to_the_end() - gone}
 
     def _to_the_end(self) -> set[str]:
         """The processes that should report that they have reached the end."""
@@ -263,7 +276,6 @@ class Deployment(Logged):
                 self._children.kill(name)
             self._children.terminate(RECORDER)  # it closes its files all the same
         else:
-            time.sleep(patience.LINGER_S)
             self._orders.give(keys.STOP, b"")
             self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._orders.give(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))

@@ -13,8 +13,10 @@ LEAD_PER_PROCESS_S: Final = 0.001
 """Between an order and its time of effect, so that every process has it in time."""
 NICENESS: Final = 5
 """Of nodes: router, recorder and fusion centre come first, as all others wait for them."""
-LINGER_S: Final = 0.3
-"""For frames that are still on their way when all have reached the end."""
+SETTLE_S: Final = 5.0
+"""How long processes that have reached the end may put and take back frames."""
+WAVE_S: Final = 0.02
+"""How often to see whether all of them have answered how much they put and got."""
 OVERDUE_S: Final = 20.0
 """After the end, how long (wall time) a process may take to say that it has reached it."""
 STILL_S: Final = 5.0

@@ -95,7 +95,7 @@ class Ledger:
     @property
     def sent_by(self) -> Counter[str]:
         """How many frames each life sent, of those that are settled."""
-        return Counter({name: live.digest.count for name, live in self.balance.live.items()})
+        return Counter({name: live.digest.size for name, live in self.balance.live.items()})
 
     def sent(self, frame: Frame, version: int | None = 0) -> None:
         """A version of a frame left (None: it is final); without a payload it says that the frame was taken back."""

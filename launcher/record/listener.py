@@ -15,8 +15,8 @@ from launcher.record.ledger import Ledger
 from launcher.record.samples import MAX_EVENT, counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.inbox import EARLY_NS, Inbox, bytes_of, frame_in, no_stamp, take_in
+from trackfield.drivers.incoming import HORIZON_S
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
-from trackfield.drivers.process import HORIZON_S
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import role_factory
 from trackfield.drivers.versions import Versions

@@ -54,8 +54,8 @@ class Record(BaseModel):
     inherited: Five
     metered_ns: Ns
     slip: Buckets
-    latency: Buckets
     lag: Buckets = {}
+    latency: Buckets
     cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
 
 from trackfield.link.fate import Fate, Link
 from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store, Write
@@ -24,8 +24,8 @@ EventKey = tuple[Any, ...]
 """The place of an event in the total order of one process.
 
 ``(t, 0, name)`` for starts and faults, ``(t, 1, src, kind, sent_ns, copy, incarnation, to, medium)`` for frames,
-``(t, 2, number, port)`` for bytes at a port, ``(t, 3, original due, name)`` for timers, ``(t, 4)`` for a battery that falls
-to the next tenth or is empty; t in ns of true time.
+``(t, 2, number, port)`` for bytes at a port, ``(t, 3, original due, name)`` for timers, ``(t, 4)`` for a battery that
+falls to the next tenth or is empty; t in ns of true time.
 """
 
 Identity = tuple[str, int, str, int, int, str, Medium]
@@ -49,6 +49,11 @@ class Frame:
     def identity(self) -> Identity:
         """What makes two arrivals the same frame."""
         return (self.src, self.incarnation, self.kind, self.sent_ns, self.copy, self.to, self.medium)
+
+    @property
+    def taken_back(self) -> Self:
+        """What says that this frame was taken back."""
+        return replace(self, payload=b"")
 
     @property
     def broadcast(self) -> bool:
@@ -81,16 +86,39 @@ class Frame:
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A frame that survived the link and is due at this process; ``fate`` gives the cost of receiving it."""
+    """A frame that survived the link and is due at this process; ``fate`` gives the cost of receiving it.
+
+    ``version`` is that of the frame, None if it is final.
+    """
 
     due_ns: int
     frame: Frame
     fate: Fate = FREE
+    version: int | None = None
 
     @property
     def key(self) -> EventKey:
         """The arrival's place in the order of events."""
         return self.frame.key(self.due_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class PortInput:
+    """Bytes that are due at a port; ``number`` counts those of this process."""
+
+    due_ns: int
+    number: int
+    port: str
+    data: bytes
+
+    @property
+    def key(self) -> EventKey:
+        """Their place in the order of events."""
+        return (self.due_ns, RANK_PORT, self.number, self.port)
+
+
+Input = Arrival | PortInput
+"""What comes to a process from outside."""
 
 
 @dataclass(frozen=True, slots=True)

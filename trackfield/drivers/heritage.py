@@ -15,8 +15,8 @@ from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
 
-PATIENCE_NS: Final = 5_000_000_000
-"""How long a life waits for the final record of the one before it (wall time)."""
+PATIENCE_NS: Final = 6_000_000_000
+"""How long a life waits for the final record of the one before it (wall time), whose last word takes up to 5 s."""
 
 
 class Heritage:
@@ -38,19 +38,13 @@ class Heritage:
         self.known = not spec.incarnation or stored is not None
         self._tell, self._seal, self._refused = tell, seal, refused
         if not self.known:
-            self._held = [
-                session.declare_subscriber(keys.telemetry(spec.before, what), Callback(self._on_sample, indirect=False))
-                for what in ("stored", "final")
-            ]
+            final = keys.telemetry(spec.before, "final")
+            self._held = session.declare_subscriber(final, Callback(self._on_sample, indirect=False))
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         try:
-            data = opened(sample, self._seal)
-            if key.endswith("stored"):
-                self.stored = data
-                return
-            self.stored, self.spent = read(_bequeathed, unpacked(data))
+            self.stored, self.spent = read(_bequeathed, unpacked(opened(sample, self._seal)))
         except WireError as error:
             self._refused.add(key, error)
             return

@@ -67,7 +67,8 @@ def frame_in(
 ) -> tuple[Frame, Envelope, str]:
     """The frame in a sample, its envelope and its cell (of a broadcast); ``stamp`` makes an envelope if it has none.
 
-    Raises ``WireError``, for a payload that is too long before anything else is done with it.
+    Without a payload it takes a frame back. Raises ``WireError``, for a payload that is too long before anything else
+    is done with it.
     """
     if len(payload) > MAX_BYTES:
         raise WireError("size", f"{len(payload)} bytes, at most {MAX_BYTES}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from trackfield.drivers.frames import Arrival, EventKey, Output
+from trackfield.drivers.frames import EventKey, Input, Output
 from trackfield.drivers.meter import Meter
 from trackfield.link.clock import Clock
 from trackfield.wire.keys import Medium
@@ -62,11 +62,11 @@ class Life(NamedTuple):
 
 @dataclass(slots=True)
 class Handled:
-    """One entry of the history: the event, the life before it, and its outputs."""
+    """One entry of the history: the event, the life before it, what came from outside, and its outputs."""
 
     key: EventKey
     before: Life
-    arrival: Arrival | None
+    input: Input | None
     outputs: list[Output]
 
 

@@ -72,21 +72,18 @@ class Versions:
 
 
 class Digest(NamedTuple):
-    """How many frames, and the sum of their hashes: equal for equal sets, whatever the order in which they were added.
+    """How many frames, and the sum of their hashes: equal for equal sets, whatever the order in which they came."""
 
-    ``plain`` is its form in a final record.
-    """
-
-    count: int = 0
+    size: int = 0
     total: int = 0
 
     def plus(self, frame: Frame, version: int | None) -> Digest:
         """With this version of a frame."""
-        return Digest(self.count + 1, (self.total + hash_of(frame, version)) % _MODULUS)
+        return Digest(self.size + 1, (self.total + hash_of(frame, version)) % _MODULUS)
 
     def minus(self, frame: Frame, version: int | None) -> Digest:
         """Without it."""
-        return Digest(self.count - 1, (self.total - hash_of(frame, version)) % _MODULUS)
+        return Digest(self.size - 1, (self.total - hash_of(frame, version)) % _MODULUS)
 
 
 def hash_of(frame: Frame, version: int | None) -> int:

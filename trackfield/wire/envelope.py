@@ -32,7 +32,7 @@ class Envelope:
     version: int | None = None
 
     def pack(self) -> bytes:
-        """24 bytes, little-endian, or 28 with a version; raises ``WireError`` (``range``) if a value does not fit."""
+        """24 bytes, little-endian, 28 with a version; raises ``WireError`` (``range``) for what does not fit."""
         self._check()
         fields = (self.sent_ns, self.incarnation, self.copy, self.seq, self.put_ns)
         try:

@@ -62,7 +62,7 @@ class Balance:
 
     def unseen(self, finals: Finals) -> int:
         """Frames that left a life, were not taken back, and never reached the recorder."""
-        return sum(max(r.get("sent", 0) - _of(self.live, name).count, 0) for name, r in finals.items())
+        return sum(max(r.get("sent", 0) - _of(self.live, name).size, 0) for name, r in finals.items())
 
     def missed(self, finals: Finals) -> Missed:
         """All lives together."""
@@ -86,7 +86,7 @@ class Balance:
         due = _of(self.due, name)
         if due == (record["heard"], record["heard_hash"]):
             return Missed()
-        short, over = max(due.count - record["heard"], 0), max(record["heard"] - due.count, 0)
+        short, over = max(due.size - record["heard"], 0), max(record["heard"] - due.size, 0)
         short += not short and not over
         counted, late = record.get("host_late", 0), record.get("host_late", 0) + self.tardy[name]
         short_late = min(short, late)

@@ -1,0 +1,99 @@
+"""Whether the processes of a run have settled: no put is under way, and nobody is behind.
+
+The launcher asks all of them at a time, again and again (waves). Each answers, once it has reached the end of the run
+and is not behind, how many samples came to it and how many it has put, by receiver. Puts of one wave that are no more
+than what had come by the wave before can have no effect any more, so nothing is under way (Mattern 1987, the
+four-counter method).
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import NamedTuple
+
+from launcher.processes import patience
+from trackfield.drivers.intake import read, unpacked
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.role import NEIGHBOURHOOD
+from trackfield.wire.error import WireError
+from trackfield.wire.keys import id_of
+
+
+class Answer(NamedTuple):
+    """What a life has said: as an answer to which wave, how many samples came, and how many it put by receiver."""
+
+    wave: int
+    came: int
+    puts: Mapping[str, int]
+
+
+def answer_of(payload: bytes) -> Answer:
+    """A life's answer. Raises ``WireError`` (``malformed``)."""
+    return read(_answer, unpacked(payload))
+
+
+def _answer(told: list[int | dict[str, int]]) -> Answer:
+    wave, came, puts = told
+    if type(wave) is not int or type(came) is not int or type(puts) is not dict:
+        raise WireError("malformed", "no answer to how much was put")
+    if not all(type(to) is str and type(count) is int for to, count in puts.items()):
+        raise WireError("malformed", "no answer to how much was put")
+    return Answer(wave, came, puts)
+
+
+class Settling:
+    """The latest answer of each life, and what had come to each when the wave before was over."""
+
+    def __init__(self) -> None:
+        self.wave = 0
+        self._answers: dict[str, Answer] = {}
+        self._came: dict[str, int] = {}
+
+    def take(self, name: str, answer: Answer) -> None:
+        """A life answers."""
+        self._answers[name] = answer
+
+    def wait(self, lives: Callable[[], Mapping[str, ProcessSpec]], ask: Callable[[int], None]) -> set[str]:
+        """Wait until all ``lives`` have settled, but not for ever; returns those that have not.
+
+        ``ask`` begins a wave of this number. ``lives`` is asked often, and also looks after them.
+        """
+        deadline = time.monotonic() + patience.SETTLE_S
+        while True:
+            self._next_wave(lives())
+            ask(self.wave)
+            while self._missing(living := lives()) and time.monotonic() < deadline:
+                time.sleep(patience.WAVE_S)
+            unsettled = self._missing(living) | self._unsettled(living)
+            if not unsettled or time.monotonic() >= deadline:
+                return unsettled
+
+    def _next_wave(self, lives: Collection[str]) -> None:
+        self._came = {name: self._answers[name].came for name in lives if name in self._answers}
+        self.wave += 1
+
+    def _missing(self, lives: Iterable[str]) -> set[str]:
+        """The lives that have not answered the present wave."""
+        return {name for name in lives if name not in self._answers or self._answers[name].wave < self.wave}
+
+    def _unsettled(self, lives: Mapping[str, ProcessSpec]) -> set[str]:
+        """Those of these lives to which something is still under way."""
+        unicast: Counter[str] = Counter()
+        broadcast: Counter[str] = Counter()
+        own: Counter[tuple[str, str]] = Counter()
+        for name, answer in self._answers.items():
+            id = id_of(name)
+            for to, count in answer.puts.items():
+                if to == NEIGHBOURHOOD and name in lives:
+                    broadcast[lives[name].cell] += count
+                    own[id, lives[name].cell] += count
+                else:
+                    unicast[to] += count
+        return {
+            name
+            for name, life in lives.items()
+            if self._came.get(name, -1)
+            < unicast[life.id] + sum(broadcast[cell] - own[life.id, cell] for cell in life.cells)
+        }
