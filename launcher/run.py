@@ -105,7 +105,7 @@ def run_virtual(
         virtual.run(stop)
         tick(None)
         ledger.end(virtual.end_ns)
-        metrics = journal.tables([], messages=sum(ledger.sent_kinds.values()))
+        metrics = journal.tables([], messages=ledger.leaving.left)
         metrics["recorder"]["complaints"] += filter(None, [journal.draw()])
         metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
         metrics |= ended_because(_why(plan, metrics, ended))
