@@ -205,6 +205,20 @@ def test_a_frame_that_is_withdrawn_before_its_time_is_free() -> None:
     assert core.state == (START,)
 
 
+def test_a_frame_that_waits_to_be_handled_again_and_is_withdrawn_takes_back_what_it_had_put_out() -> None:
+    """It was undone for the sake of an earlier frame; before it is handled again it is withdrawn."""
+    call, earlier = arrival(2 * MS, Request(1)), arrival(MS, Request(2))
+    core = core_of(script({CALL: (Send(Reply(1), "peer"),)}))
+    core.offer(call)
+    (reply,) = frames(run(core, NS))
+    core.offer(earlier)
+    assert core.catch_up() == []
+    assert core.withdraw(call)
+    assert core.catch_up() == []
+    assert core.handle_next() == [TakenBack(reply)]
+    assert not core.behind
+
+
 def test_a_frame_that_comes_late_and_is_withdrawn_at_once_changes_nothing() -> None:
     late = arrival(2 * MS, Request(1))
     core = core_of(Puppet())

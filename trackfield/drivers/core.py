@@ -72,7 +72,7 @@ class Core(Living):
     @property
     def behind(self) -> bool:
         """Whether ``catch_up`` has something to do."""
-        return bool(self._inverted or self._withdrawn)
+        return self._doubtful is not None
 
     @property
     def forgotten_ns(self) -> int:
@@ -115,7 +115,11 @@ class Core(Living):
         False if that was too long ago: it is counted, and nothing else happens.
         """
         key = one.key
-        if self._due.remove(key) or self._inverted.pop(key, None) is not None:
+        if self._inverted.pop(key, None) is not None:
+            return True
+        if self._due.remove(key):
+            if self._former:  # it may have been handled before, and never will again
+                self._doubt(key)
             return True
         if key <= self._history.forgotten:
             self.host_late += 1
@@ -137,7 +141,7 @@ class Core(Living):
         All since then is due again. What it had put out is taken back only if it turns out not to be put out again.
         """
         since, self._doubtful = self._doubtful, None
-        if since is None or not self.behind:
+        if since is None:
             return []
         self.inversions += len(self._inverted)
         undone = self._history.since(since)
