@@ -19,6 +19,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from trackfield.drivers.caution import Caution
 from trackfield.drivers.conditions import NEVER
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
@@ -81,6 +82,7 @@ class Process:
         self._counts_ns, self._reached_ns, self._heard_ns = NEVER, 0, 0
         self._wave = self._said_wave = 0
         self._slip, self._latency, self._lag = Histogram(), Histogram(), Histogram()
+        self._caution = Caution()
         self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set, seal, self._refused)
         for key in self._inboxes():
             self._held.append(
@@ -175,10 +177,12 @@ class Process:
         if due < NEVER and self._waits_for_heritage():
             due = max(due, self._wall(self.spec.start_ns) + PATIENCE_NS)
         if self.core.behind:
-            self._lag.add(now - self._wall(self.core.doubtful_ns))
+            lag = now - self._wall(self.core.doubtful_ns)
+            self._lag.add(lag)
+            self._caution.learn(lag, now)
             self._release(self.core.catch_up())
-        elif now < due:
-            return min(due, self._next_ns(now), self._killed_ns())
+        elif now < (after := due + self._caution.at(now)):
+            return min(after, self._next_ns(now), self._killed_ns())
         else:
             if key is not None and key > self.core.front:
                 self._slip.add(now - due)
@@ -199,7 +203,8 @@ class Process:
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             self._say("counts", msgpack.packb({**self._incoming.counts, **self.core.tally}), must=False)
-        end = NEVER if self._waits_for_heritage() else self._wall(self._end_ns)
+        key = self.core.next_key()
+        end = self._wall(self._end_ns) if key is None or key[0] >= self._end_ns else NEVER
         if now >= max(end, self._reached_ns) or (now >= end and self._wave > self._said_wave):
             self._reached_ns = now + REPEAT_NS
             self._said_wave = self._wave
