@@ -21,7 +21,7 @@ from zenoh.handlers import Callback
 
 from trackfield.drivers.conditions import NEVER
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import RANK_TIMER, Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
+from trackfield.drivers.frames import Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
 from trackfield.drivers.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.inbox import Inbox, no_stamp, take_in
@@ -78,7 +78,7 @@ class Process:
         self._devices = Devices(self.spec.ports, self._on_port)
         self._port_inputs = count(FROM_DEVICES)
         self._told, self._stored = 0, b""
-        self._counts_ns, self._reached_ns, self._replay_ns, self._heard_ns = NEVER, 0, 0, 0
+        self._counts_ns, self._reached_ns, self._heard_ns = NEVER, 0, 0
         self._wave = self._said_wave = 0
         self._slip, self._latency, self._lag = Histogram(), Histogram(), Histogram()
         self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set, seal, self._refused)
@@ -175,24 +175,15 @@ class Process:
         if due < NEVER and self._waits_for_heritage():
             due = max(due, self._wall(self.spec.start_ns) + PATIENCE_NS)
         if self.core.behind:
-            # What was taken back comes before all else. Other replays take at most a quarter of the time, but a timer's
-            # outputs do not wait for them.
-            waits = not self.core.mistaken and now < self._replay_ns
-            if waits and (now < due or (key is not None and key[1] != RANK_TIMER)):
-                return min(self._replay_ns, self._next_ns(now))
-            self._catch_up(now)
+            self._lag.add(now - self._wall(self.core.doubtful_ns))
+            self._release(self.core.catch_up())
         elif now < due:
             return min(due, self._next_ns(now), self._killed_ns())
         else:
-            self._slip.add(now - due)
+            if key is not None and key > self.core.front:
+                self._slip.add(now - due)
             self._handle_next()
         return now
-
-    def _catch_up(self, now: int) -> None:
-        self._lag.add(now - self._wall(self.core.doubtful_ns))
-        self._release(self.core.catch_up())
-        after = time.monotonic_ns()
-        self._replay_ns = after + 3 * (after - now)
 
     def _next_ns(self, now: int) -> int:
         """When (wall) to send a frame that waits for its radio or report again, after reporting what is due."""
@@ -208,7 +199,7 @@ class Process:
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             self._say("counts", msgpack.packb({**self._incoming.counts, **self.core.tally}), must=False)
-        end = NEVER if self.core.behind or self._waits_for_heritage() else self._wall(self._end_ns)
+        end = NEVER if self._waits_for_heritage() else self._wall(self._end_ns)
         if now >= max(end, self._reached_ns) or (now >= end and self._wave > self._said_wave):
             self._reached_ns = now + REPEAT_NS
             self._said_wave = self._wave
