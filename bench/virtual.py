@@ -130,7 +130,7 @@ def measure(nodes: int, link: str, seconds: int, seed: int) -> dict[str, Any]:
         virtual.run(stop=probe)
         probe.look()
         laps.lap("run")
-        metrics = journal.tables([], messages=sum(ledger.sent_kinds.values()))
+        metrics = journal.tables([], messages=ledger.leaving.left)
         journal.draw()
         laps.lap("close")
     return {

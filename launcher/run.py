@@ -105,7 +105,7 @@ def run_virtual(
         virtual.run(stop)
         tick(None)
         ledger.end(virtual.end_ns)
-        metrics = journal.tables([], messages=sum(ledger.sent_kinds.values()))
+        metrics = journal.tables([], messages=ledger.leaving.left)
         metrics["recorder"]["complaints"] += filter(None, [journal.draw()])
         metrics |= {"driver": "virtual", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
         metrics |= ended_because(_why(plan, metrics, ended))
@@ -177,6 +177,7 @@ def _add_seen(metrics: Metrics, field: Deployment) -> None:
         "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
         "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
     }
+    metrics["timing"]["unsettled"] = len(field.unsettled)
     counts = field.alarms.counts
     metrics["interference"] = {kind: (n or 0) + counts[kind] for kind, n in metrics["interference"].items()}
 

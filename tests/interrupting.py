@@ -15,9 +15,9 @@ def interrupt_at(frames: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Have SIGINT come as soon as a virtual run has sent so many frames."""
     sent = Ledger.sent
 
-    def watched(ledger: Ledger, frame: Frame) -> None:
-        sent(ledger, frame)
-        if sum(ledger.sent_kinds.values()) == frames:
+    def watched(ledger: Ledger, frame: Frame, version: int | None = 0) -> None:
+        sent(ledger, frame, version)
+        if ledger.leaving.left == frames:
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(Ledger, "sent", watched)

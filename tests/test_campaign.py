@@ -2,40 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
-from tests import campaign
-from tests.campaign import KINDS, LINKS, Case, Run, case, complaints, run
+from tests.campaign import __main__ as campaign
+from tests.campaign import verdicts
+from tests.campaign.__main__ import Verdict
+from tests.campaign.cases import FIELD, TALKERS, Case, case
+from tests.campaign.census import PROVOKED, RETRACTION
+from tests.campaign.draws import LINKS, Draw
+from tests.campaign.fields import KINDS, settings
+from tests.campaign.verdicts import Run, complaints, run
+from tests.protocols.agreement import Compared
 from trackfield.role import NS
 
 SEEDS = range(1, 31)
+SOUND = 3
 
 
-def test_small_fields_under_everything_at_once() -> None:
+def test_small_runs_under_everything_at_once() -> None:
     said: list[str] = []
     assert campaign.campaign(SEEDS, processes=0, say=said.append) == 0, "\n".join(said)
 
 
 def test_all_that_can_be_drawn_is_drawn() -> None:
-    cases = [case(seed).settings for seed in SEEDS]
-    assert {fault["kind"] for case in cases for fault in case["faults"]} == set(KINDS)
-    assert {case["link.model"] for case in cases} == {LINKS[name](campaign.Draw(1))["model"] for name in LINKS}
-    assert {1, 2, 3, 4, 5, 6} == {len(case["faults"]) for case in cases}
-    befallen = {id for case in cases for fault in case["faults"] for id in fault.get("nodes", ())}
+    cases = [case(seed) for seed in SEEDS]
+    assert {one.talkers for one in cases} == set(TALKERS)
+    fields = [settings(seed) for seed in SEEDS]
+    assert {fault["kind"] for one in fields for fault in one["faults"]} == set(KINDS)
+    assert {one["link.model"] for one in fields} == {LINKS[name](Draw(1))["model"] for name in LINKS}
+    assert {1, 2, 3, 4, 5, 6} == {len(one["faults"]) for one in fields}
+    befallen = {id for one in fields for fault in one["faults"] for id in fault.get("nodes", ())}
     assert "fusion" in befallen
 
 
 def test_a_seed_draws_the_same_again() -> None:
-    assert Case(7).settings == Case(7).settings
-    assert Case(7).settings != Case(8).settings
+    for seed in (7, 8, 9):
+        again = replace(Case(seed).plan.run, run=case(seed).plan.run.run)
+        assert (again, Case(seed).plan.processes) == (case(seed).plan.run, case(seed).plan.processes)
+    assert Case(7).plan.processes != Case(8).plan.processes
 
 
 @pytest.mark.alone
 @pytest.mark.timeout(400)
-def test_both_drivers_agree_on_one() -> None:
-    assert campaign.failures(3, processes=True) == []
+@pytest.mark.parametrize("talkers", TALKERS)
+def test_both_drivers_agree_on_one(talkers: str) -> None:
+    seed = next(seed for seed in SEEDS if case(seed).talkers == talkers)
+    assert campaign.judged(seed, processes=True).wrong == []
 
 
 # --- what it would find -----------------------------------------------------------------------------------------------
@@ -44,7 +59,8 @@ def test_both_drivers_agree_on_one() -> None:
 @pytest.fixture(scope="module")
 def sound() -> Run:
     """A run in which nothing is wrong, with reports and a track."""
-    found = run(case(3).plan)
+    assert case(SOUND).talkers == FIELD
+    found = run(case(SOUND).plan)
     assert list(complaints(found)) == []
     assert any(row.kind == "doa" and row.delivered for row in found.ledger.rows)
     assert any(row.point.mean for row in found.tracks)
@@ -93,15 +109,27 @@ def test_a_life_after_death_and_a_stir_in_the_frost(sound: Run) -> None:
 
 
 def test_a_run_without_end(sound: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaign, "MAX_EVENTS", 10)
+    monkeypatch.setattr(verdicts, "MAX_EVENTS", 10)
     assert any("does not end" in what for what in complaints(run(sound.plan)))
 
 
-def test_a_failing_seed_is_told_as_the_command_that_repeats_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(seed: int, *, processes: bool) -> list[str]:
-        return ["the sky fell"] if seed == 5 else []
+def test_a_frame_after_the_battery_was_empty(sound: Run) -> None:
+    spoilt = again(sound)
+    row = next(row for row in spoilt.ledger.rows if row.kind == "doa" and not row.incarnation)
+    spoilt.ledger.diaries[row.src].died = (row.sent_ns - 1, 3)
+    assert any(f"{row.src} acts at" in what and "battery" in what for what in complaints(spoilt))
 
-    monkeypatch.setattr(campaign, "failures", broken)
+
+# --- what a campaign says ---------------------------------------------------------------------------------------------
+
+
+def judging(**wrong: list[str]) -> Callable[..., Verdict]:
+    """Judges that find this wrong with some seeds; in every third one something happened."""
+    return lambda seed, processes: Verdict(wrong.get(f"seed{seed}", []), {"a kill"} if seed % 3 == 0 else set())
+
+
+def test_a_failing_seed_is_told_as_the_command_that_repeats_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "judged", judging(seed5=["the sky fell"]))
     said: list[str] = []
     assert campaign.campaign(range(1, 11), processes=2, say=said.append) == 1
     assert said[:2] == [
@@ -116,4 +144,35 @@ def test_an_exception_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ZeroDivisionError
 
     monkeypatch.setattr(campaign, "run", broken)
-    assert "ZeroDivisionError" in campaign.failures(1, processes=False)[0]
+    assert "ZeroDivisionError" in campaign.judged(1, processes=False).wrong[0]
+
+
+def test_what_never_happened_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "judged", judging())
+    said: list[str] = []
+    assert campaign.campaign(range(1, 11), processes=0, provoking={"a kill", "a restart"}, say=said.append) == 1
+    assert said[:2] == ["in so many runs: a kill 3, a restart 0", "never happened, and should have: a restart"]
+    assert said[-1].endswith(": 0 failed")
+    assert campaign.campaign(range(1, 11), processes=0, provoking={"a kill"}, say=said.append) == 0
+
+
+def test_what_a_campaign_of_its_length_should_provoke() -> None:
+    """One seed again, to look at it, need not provoke anything."""
+    assert campaign.expected(1, 1) == set()
+    assert campaign.expected(200, 0) == PROVOKED
+    assert campaign.expected(200, 10) == PROVOKED | {RETRACTION}
+    assert campaign.expected(30, 5) == {RETRACTION}
+
+
+def test_most_of_what_can_happen_does_in_few_runs() -> None:
+    seen = set[str]().union(*(campaign.judged(seed, processes=False).happened for seed in SEEDS))
+    assert len(PROVOKED - seen) <= 4, PROVOKED - seen
+    assert seen >= {"a restart with what was stored", "an empty battery", "a frame lost: frozen", "a lost token"}
+
+
+def test_a_frame_taken_back_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    metrics = {"timing": {"retractions": 2}}
+    monkeypatch.setattr(campaign, "disagreements", lambda plan: ([], Compared(metrics, ())))
+    assert RETRACTION in campaign.judged(SOUND, processes=True).happened
+    metrics["timing"]["retractions"] = 0
+    assert RETRACTION not in campaign.judged(SOUND, processes=True).happened

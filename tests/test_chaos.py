@@ -74,7 +74,9 @@ def test_what_does_not_hold_is_told(tmp_path: Path) -> None:
     assert first(replace(after(tmp_path, 0), left=("left behind: trackfield node n1",))).startswith("left behind")
     (tmp_path / "manifest.json").write_text("{}")
     assert first(after(tmp_path, 0)).startswith("neither figures nor a log")
-    (tmp_path / "metrics.json").write_text('{"frames": {"expected": 2, "delivered": 1, "lost": {}, "host_lost": 0}}')
+    (tmp_path / "metrics.json").write_text(
+        '{"frames": {"expected": 2, "delivered": 1, "lost": {}, "host_lost": 0, "host_late": 0}}'
+    )
     assert first(after(tmp_path, 0)).startswith("the ledger does not close")
 
 

@@ -176,4 +176,7 @@ def test_a_container_that_starts_again_takes_its_place_again(seen: Seen) -> None
 
 def test_every_frame_is_accounted_for(seen: Seen) -> None:
     frames = seen.metrics["frames"]
-    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
+    assert (
+        frames["expected"]
+        == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"] + frames["host_late"]
+    )

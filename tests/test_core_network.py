@@ -75,9 +75,8 @@ def test_the_highest_version_holds_whatever_the_order(order: list[tuple[int, int
     """Each of five versions of a frame comes twice; what is known then, and its digest, is the last, or nothing."""
     run, processes = party(1, steps=2, link={"model": "ideal"})
     hub = field_of(run, processes)["hub"]
-    versions = [
-        Frame("t00", 0, "request", 10**8, 0, "hub", "field", b"\x93\x01\xcc\xf0" + bytes([v])) for v in range(5)
-    ]
+    payloads = [encode(Request(version)) for version in range(5)]
+    versions = [Frame("t00", 0, "request", 10**8, 0, "hub", "field", payload) for payload in payloads]
     for version, _ in order:
         frame = versions[version] if live[version] else versions[version].taken_back
         hub.incoming.take(sample_of(frame, version), LATER, run.end_ns)

@@ -14,11 +14,11 @@ from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Frame, Output, Overflowed, Queued, Sent, Told
+from trackfield.drivers.frames import Frame, Output, Overflowed, Queued, Sent, TakenBack, Told
 from trackfield.link.energy import Power
 from trackfield.link.fate import Fate
 from trackfield.link.models import make_link
-from trackfield.role import NEIGHBOURHOOD, NS, CancelTimer, Effect, Event, Received, Send, SetTimer, Started, Timer
+from trackfield.role import NEIGHBOURHOOD, NS, Effect, Event, Received, Send, SetTimer, Started, Timer
 
 START = Started(0)
 
@@ -228,33 +228,6 @@ CALL = Received(2 * MS, Request(1), "peer")
 REPORT = {START: (SetTimer("t", 5 * MS),), Timer(5 * MS, "t"): (Send(Reply(1), "hub"),)}
 
 
-@pytest.mark.parametrize("held", [True, False])
-def test_a_frame_that_should_not_have_left_is_taken_back_if_it_can_be(held: bool) -> None:
-    """A call of 2 ms turns up, after which there is no report at 5 ms; whether that has left decides what is lost."""
-    core = core_of(script({**REPORT, CALL: (CancelTimer("t"),)}))
-    (report,) = frames(run(core, NS))
-    asked: list[Frame] = []
-    core.recall = lambda frame: asked.append(frame) or held  # type: ignore[func-returns-value]
-    core.offer(arrival(2 * MS, Request(1)))
-    assert core.catch_up() == []
-    assert asked == [report]
-    assert core.host_late == (0 if held else 1)
-
-
-@pytest.mark.parametrize("held", [True, False])
-def test_what_was_taken_back_may_leave_after_all(held: bool) -> None:
-    """A second late call asks for it again: the frame leaves if it did not, and not twice."""
-    again = Received(3 * MS, Request(2), "peer")
-    core = core_of(script({**REPORT, CALL: (CancelTimer("t"),), again: (SetTimer("t", 5 * MS),)}))
-    report = frames(run(core, NS))
-    core.recall = lambda frame: held
-    for call in (1, 2):
-        core.offer(arrival((call + 1) * MS, Request(call)))
-        outputs = core.catch_up()
-    assert frames(outputs) == (report if held else [])
-    assert core.host_late == (0 if held else 1)
-
-
 def test_those_that_wait_behind_one_that_came_late_leave_later() -> None:
     """Two requests are answered in their order, and then a third one turns up that was first: all answers move."""
     core = core_of(
@@ -265,11 +238,10 @@ def test_those_that_wait_behind_one_that_came_late_leave_later() -> None:
         core.offer(arrival(t * MS, Request(t)))
     first = frames(run(core, NS))
     assert [f.sent_ns // MS for f in first] == [3, 8]
-    taken: list[Frame] = []
-    core.recall = lambda frame: taken.append(frame) or True  # type: ignore[func-returns-value]
     core.offer(arrival(2 * MS, Request(2)))
-    assert [f.sent_ns // MS for f in frames(core.catch_up())] == [2, 7, 12]
-    assert taken == first
+    outputs = core.catch_up()
+    assert [f.sent_ns // MS for f in frames(outputs)] == [2, 7, 12]
+    assert [o.frame for o in outputs if isinstance(o, TakenBack)] == first
     assert core.host_late == 0
 
 

@@ -59,7 +59,10 @@ def test_a_killed_process_is_reported_and_its_place_taken_again(router: str, sta
     assert {row["incarnation"] for row in rows if row["src"] == death["id"]} == {0, 1}
     assert metrics["processes"]["stopped"] == []
     frames = metrics["frames"]
-    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
+    assert (
+        frames["expected"]
+        == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"] + frames["host_late"]
+    )
 
 
 def test_who_stands_still_for_longer_than_a_lease_was_out_of_reach(router: str, start: Start, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -9,12 +10,15 @@ import msgpack
 import pytest
 import zenoh
 
-from launcher.record.listener import Listener
+from launcher.record.listener import SETTLE_S, Listener
 from launcher.records import Plan
 from tests.simulated import spcpf
-from trackfield.drivers.frames import Told
+from trackfield.drivers.frames import Frame, Told
+from trackfield.drivers.incoming import HORIZON_S
 from trackfield.drivers.seal import Seal
+from trackfield.drivers.spec import life_name
 from trackfield.drivers.telemetry import pack
+from trackfield.drivers.versions import SEEN
 from trackfield.role import NS, State
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope
@@ -24,8 +28,9 @@ from trackfield.wire.messages import Doa
 NOW = 5 * NS
 REPORT = encode(Doa(1, 90.0, 60.0))
 FINAL = {
-    "sent": 1, "told": 1, "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5,
-    "metered_ns": 0, "slip": {}, "latency": {}, "cpu_s": 0.1,
+    "sent": 1, "puts": 1, "sent_hash": 0, "told": 1,
+    "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5, "metered_ns": 0,
+    "slip": {}, "latency": {}, "lag": {}, "cpu_s": 0.1,
 }  # fmt: skip
 
 
@@ -45,6 +50,12 @@ def report(listener: Listener, sent_ns: int, *, src: str = "n060", to: str = "fu
     listener.take(f"data/field/to/{to}/{src}/doa", payload, Envelope(sent_ns, **more).pack(), NOW)
 
 
+def sent_by(listener: Listener) -> Counter[str]:
+    """How many frames of each life came; none of them is settled."""
+    frames = [entry.frame for entry in listener.ledger.leaving._entries.values()]
+    return Counter(life_name(frame.src, frame.incarnation) for frame in frames)
+
+
 def refused(call: Any, *arguments: Any, **more: Any) -> str:
     with pytest.raises(WireError) as caught:
         call(*arguments, **more)
@@ -54,7 +65,7 @@ def refused(call: Any, *arguments: Any, **more: Any) -> str:
 def test_a_frame_of_a_node_is_entered(listener: Listener) -> None:
     report(listener, NOW)
     report(listener, NOW)
-    assert listener.ledger.sent_by == {"n060": 1}
+    assert sent_by(listener) == {"n060": 1}
 
 
 @pytest.mark.parametrize(
@@ -72,7 +83,7 @@ def test_a_frame_of_a_node_is_entered(listener: Listener) -> None:
 )
 def test_a_frame_that_no_process_can_have_sent_is_refused(listener: Listener, reason: str, frame: Any) -> None:
     assert refused(report, listener, **frame) == reason
-    assert not listener.ledger.sent_by
+    assert not sent_by(listener)
 
 
 def test_a_frame_may_say_that_it_leaves_after_the_end(listener: Listener) -> None:
@@ -82,12 +93,65 @@ def test_a_frame_may_say_that_it_leaves_after_the_end(listener: Listener) -> Non
     key, queue = "data/field/to/fusion/n060/doa", (listener.plan.run.queue + 1) * 10 * NS
     assert refused(listener.take, key, REPORT, Envelope(end_ns + queue + 1).pack(), end_ns) == "future"
     listener.take(key, REPORT, Envelope(end_ns + queue).pack(), end_ns)
-    assert listener.ledger.sent_by == {"n060": 1}
+    assert sent_by(listener) == {"n060": 1}
 
 
 def test_the_same_frame_with_another_payload_is_a_forgery(listener: Listener) -> None:
     report(listener, 1)
     assert refused(report, listener, 1, payload=encode(Doa(1, 91.0, 60.0))) == "conflict"
+
+
+def test_a_frame_that_is_taken_back_counts_as_none(listener: Listener) -> None:
+    report(listener, 1, version=0)
+    report(listener, 1, version=1, payload=b"")
+    report(listener, 1, version=0)
+    report(listener, 2, version=1, payload=b"")  # overtook the frame
+    report(listener, 2, version=0)
+    listener.ledger.close()
+    assert (listener.ledger.rows, listener.ledger.balance.puts) == ([], {"n060": 4})
+    record = {**FINAL, "puts": 4, "sent": 0, "sent_hash": 0, "told": 0}
+    listener.take("telemetry/n060/final", msgpack.packb(record), None, NOW)
+    assert (listener.ledger.interference()["frames"], listener.ledger.dropped()) == (0, 0)
+
+
+def test_only_its_own_source_takes_a_frame_back(listener: Listener) -> None:
+    """Another sender, life, medium or copy is another frame."""
+    report(listener, 1, version=0)
+    report(listener, 1, version=1, payload=b"", src="n061")
+    report(listener, 1, version=1, payload=b"", copy=1)
+    assert refused(report, listener, 1, version=1, payload=b"", incarnation=1) == "life"
+    listener.ledger.close()
+    assert [row.src for row in listener.ledger.rows] == ["n060"]
+
+
+@pytest.mark.parametrize("back", [b"", encode(Doa(1, 91.0, 60.0))])
+def test_a_frame_without_a_version_is_final(listener: Listener, back: bytes) -> None:
+    report(listener, 1)
+    assert refused(report, listener, 1, version=1, payload=back) == "conflict"
+    report(listener, 2, version=0)
+    assert refused(report, listener, 2, payload=REPORT) == "conflict"
+    with pytest.raises(WireError):
+        report(listener, 3, payload=b"")
+    assert sent_by(listener) == {"n060": 2}
+
+
+def test_a_place_that_sends_without_versions_is_a_foreign_device(plan: Plan) -> None:
+    listener = arrived(replace(plan, run=replace(plan.run, speed=1.0)), ("control/start", b"0", None))
+    for src, attachment in (("n061", Envelope(1).pack()), ("n062", None), ("n063", Envelope(1, version=0).pack())):
+        listener.take(f"data/field/to/fusion/{src}/doa", REPORT, attachment, NOW)
+    assert listener.ledger.foreign == {"n061", "n062"}
+
+
+def test_versions_are_known_for_longer_than_anybody_can_take_a_frame_back(listener: Listener) -> None:
+    """However many frames come meanwhile; a recorder has settled it by then."""
+    horizon_ns = round(HORIZON_S * listener.plan.run.speed * NS)
+    report(listener, 0, version=1, payload=b"")
+    for copy in range(SEEN + 10):
+        listener._versions.take(Frame("n061", 0, "doa", 5, copy, "fusion", "field", b"?"), 0, NOW)
+    listener._versions.take(Frame("n061", 0, "doa", 6, 0, "fusion", "field", b"?"), 0, NOW + horizon_ns)
+    report(listener, 0, version=0)
+    assert not [entry for entry in listener.ledger.leaving._entries.values() if entry.frame.payload]
+    assert round(SETTLE_S * listener.plan.run.speed * NS) > horizon_ns
 
 
 @pytest.mark.parametrize(
@@ -100,8 +164,8 @@ def test_the_same_frame_with_another_payload_is_a_forgery(listener: Listener) ->
         ("telemetry/n060/final", msgpack.packb({**FINAL, "latency": {5000: 1}}), "malformed"),
         ("telemetry/n060/counts", msgpack.packb({"delivered": 1.5}), "malformed"),
         ("telemetry/n060/event", msgpack.packb(["state", [1, 3], 5, ""]), "malformed"),
-        ("telemetry/n060/event", pack(Told((NOW + NS, 3), State("lost"))), "future"),
-        ("telemetry/n060/event", pack(Told((2**61, 3), State("lost"))), "future"),
+        ("telemetry/n060/event", pack(Told((NOW + NS, 4), State("lost"))), "future"),
+        ("telemetry/n060/event", pack(Told((2**61, 4), State("lost"))), "future"),
         ("telemetry/n060/rumour", b"", "key"),
         ("telemetry/**", b"", "key"),
         ("**", b"", "key"),
@@ -126,11 +190,11 @@ def test_a_life_may_be_announced_after_its_first_frame(plan: Plan) -> None:
         ("data/field/to/fusion/n060/doa", REPORT, Envelope(NOW, incarnation=2).pack()),
     ]
     listener = arrived(plan, *told)
-    assert not listener.ledger.sent_by
+    assert not sent_by(listener)
     life = next(p for p in plan.processes if p.id == "n060")
     order = msgpack.packb(replace(life, incarnation=1, start_ns=NS).plain())
     come(listener, ("control/start", b"0", None), ("control/recorder/life", order, None))
-    assert listener.ledger.sent_by == {"n060~1": 1}
+    assert sent_by(listener) == {"n060~1": 1}
     listener.give_up()
     assert listener.ledger.refused == {"life": 1}
     assert listener.ledger.interference()["frames"] == 1
@@ -161,12 +225,12 @@ class _Sample:
 
 def test_what_has_no_seal_is_refused_and_told(plan: Plan) -> None:
     seal = Seal(b"secret")
-    event = pack(Told((1, 3), State("reporting")))
+    event = pack(Told((1, 4), State("reporting")))
     start = ("control/start", b"0", seal.stamp("control/start", b"0"))
     good = ("telemetry/n060/event", event, seal.stamp("telemetry/n060/event", event))
     forged = [("telemetry/n060/event", event, None), good, ("**", b"", None), ("control/end", b"3", None)]
     listener = arrived(plan, start, good, *forged, seal=Seal(b"secret"))
-    assert listener.ledger._told_by == {"n060": 1}
+    assert listener.ledger.balance.told == {"n060": 1}
     assert listener.ledger.interference() == {"frames": 0, "telemetry": 3, "answers": 0}
     assert listener.ledger.run.end_ns == plan.run.end_ns
 
@@ -174,8 +238,9 @@ def test_what_has_no_seal_is_refused_and_told(plan: Plan) -> None:
 def test_more_than_a_process_says_it_sent_is_interference(listener: Listener) -> None:
     for t in range(3):
         report(listener, t)
-        listener.take("telemetry/n060/event", pack(Told((t, 3), State("reporting"))), None, NOW)
+        listener.take("telemetry/n060/event", pack(Told((t, 4), State("reporting"))), None, NOW)
     listener.take("telemetry/n060/final", msgpack.packb({**FINAL, "forged": 4}), None, NOW)
+    listener.ledger.close()
     assert listener.ledger.interference() == {"frames": 2, "telemetry": 2, "answers": 4}
     listener.take("telemetry/n060/final", msgpack.packb({**FINAL, "cpu_s": 9.0}), None, NOW)
     assert listener.ledger.interference()["telemetry"] == 3
@@ -185,7 +250,7 @@ def test_before_the_start_nothing_can_have_been_sent(plan: Plan) -> None:
     """Frames that only overtook the order to start are entered when it comes."""
     frame = ("data/field/to/fusion/n060/doa", REPORT)
     listener = arrived(plan, *((*frame, Envelope(t).pack()) for t in (1, NOW + NS, 2**62)))
-    assert not listener.ledger.sent_by
+    assert not sent_by(listener)
     come(listener, ("control/start", b"0", None))
-    assert listener.ledger.sent_by == {"n060": 1}
+    assert sent_by(listener) == {"n060": 1}
     assert listener.ledger.refused == {"future": 2}

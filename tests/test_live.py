@@ -17,7 +17,7 @@ from launcher.plan.prepare import load, planned
 from launcher.processes import live
 from launcher.records import LIVE, MessageRow
 from launcher.timeline import timeline, view
-from launcher.timeline.timeline import LINES, Timeline
+from launcher.timeline.timeline import LINES, PROVISIONAL, Timeline
 from tests import fake_run
 from tests.command_line import Call, trackfield  # noqa: F401  a fixture
 from tests.rrd import read, verify
@@ -154,6 +154,6 @@ def test_a_live_timeline_sends_all_at_once_and_lists_some_messages(
     assert verify(file).returncode == 0
     assert len(read(file, "/messages/doa", "TextLog:text")) == LINES + 1
     notes = [text for _, (text,) in read(file, "/notes", "TextLog:text")]
-    assert notes == [f"messages: {2 * LINES} more, not listed while the run goes on"]
+    assert notes == [f"live view: {PROVISIONAL}", f"messages: {2 * LINES} more, not listed while the run goes on"]
     sent_in_bytes = [values for _, values in read(file, "/plots/bytes", "Scalars:scalars")]
     assert max(delivered for _, delivered in sent_in_bytes) == 10 * (3 * LINES + 1)

@@ -17,6 +17,7 @@ from tests.simulated import simulated, spcpf
 from tests.tiny import MS, point, tiny
 from trackfield.drivers.frames import Frame, Refused
 from trackfield.drivers.histogram import Histogram
+from trackfield.drivers.versions import digest
 from trackfield.role import NS
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa
@@ -33,12 +34,13 @@ bound.{position,trajectory}
 processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
-frames.host_lost frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
+frames.{host_lost,host_late} frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
 frames.by_role.<role>.{delivered,ignored}
 bytes.{payload,on_air}
 latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
 host_latency_ms.{p50,p99}
-timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late}
+timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late,retractions}
+timing.lag_ms.{p50,p99,max} timing.{unsettled,foreign_corrections}
 energy_j.{total,max_node} energy_j.by.{send,receive,listen,sleep,sense}
 energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
@@ -183,14 +185,20 @@ def test_a_whole_tiny_run() -> None:
     ]
     for frame in sent:
         ledger.sent(frame)
+    back = Frame("n0", 0, "doa", 1001 * MS, 0, "fusion", "field", b"")
+    ledger.sent(back, 1)  # taken back: it is in no figure but those of the machine
     ledger.told("fusion", Refused(sent[2].key(1410 * MS), "late"))
-    slip, latency = Histogram(), Histogram()
+    slip, latency, lag = Histogram(), Histogram(), Histogram()
     slip.add(2 * MS)
     latency.add(MS)
     both = {"slip": dict(slip.counts), "latency": dict(latency.counts)}
-    ledger.final("fusion", {"delivered": 3, "late": 1, "inversions": 2, "duplicate": 1, **both})
-    ledger.final("n0", {"sent": 2, "inversions": 1, **both})
-    ledger.final("n1", {"sent": 5, "host_late": 3, **both})
+    lag.add(4 * MS)
+    lag.add(9 * MS)
+    ledger.foreign.add("fusion")
+    heard = digest((frame, 0) for frame in sent[:3])
+    ledger.final("fusion", {"heard": 3, "heard_hash": heard.total, "inversions": 2, "duplicate": 1, **both})
+    ledger.final("n0", {"puts": 3, "sent": 2, "sent_hash": 0, "inversions": 1, "retractions": 2, **both})
+    ledger.final("n1", {"puts": 5, "sent": 5, "sent_hash": 0, "host_late": 3, "lag": dict(lag.counts), **both})
     ledger.close()
     metrics = run_metrics(plan, ledger, [point(1, (3, 4, 0, 0)), point(2, (0, 0, 0, 1), told_ms=301)])
 
@@ -200,8 +208,10 @@ def test_a_whole_tiny_run() -> None:
         "sent": 4, "expected": 4 + 3, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 0,
         "lost": {"radio": 0, "partition": 0, "in_flight": 1, "asleep": 0, "frozen": 0, "dead": 0, "overflow": 0},
         "host_lost": 3,  # n1 sent five, of which the recorder saw two
+        "host_late": 0,
         "refused": {},
         "by_kind": {"doa": {"sent": 4, "payload_bytes_max": len(payload)}},
+        "by_role": {},
     }  # fmt: skip
     assert metrics["bytes"]["payload"] == 4 * len(payload)
     assert metrics["latency_ms"] == {
@@ -212,6 +222,8 @@ def test_a_whole_tiny_run() -> None:
     }
     assert metrics["timing"] == {
         "speed": 2.0, "slip_ms": pytest.approx({"p50": 2.0, "p99": 2.0}, rel=0.026), "inversions": 3, "host_late": 3,
+        "retractions": 2, "lag_ms": pytest.approx({"p50": 4.0, "p99": 9.0, "max": 9.0}, rel=0.026),
+        "unsettled": 0, "foreign_corrections": 1,
     }  # fmt: skip
     assert metrics["host_latency_ms"] == pytest.approx({"p50": 1.0, "p99": 1.0}, rel=0.026)
     assert metrics["recorder"]["dropped"] == 3  # n1 sent 5, and 2 were seen
@@ -220,13 +232,35 @@ def test_a_whole_tiny_run() -> None:
 def test_what_the_host_lost_is_not_delivered() -> None:
     plan = tiny()
     ledger = Ledger(plan.run, plan.processes)
-    for t_ms in (100, 200, 300):
-        ledger.sent(Frame("n0", 0, "doa", t_ms * MS, 0, "fusion", "field", b"?"))
-    ledger.final("fusion", {"delivered": 1})
+    sent = [Frame("n0", 0, "doa", t_ms * MS, 0, "fusion", "field", b"?") for t_ms in (100, 200, 300)]
+    for frame in sent:
+        ledger.sent(frame)
+    heard = digest([(sent[1], 0)])
+    ledger.final("fusion", {"heard": 1, "heard_hash": heard.total, "host_late": 1})
     ledger.close()
-    frames = run_metrics(plan, ledger, [])["frames"]
-    assert (frames["expected"], frames["delivered"], frames["host_lost"]) == (3, 1, 2)
-    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
+    metrics = run_metrics(plan, ledger, [])
+    frames = metrics["frames"]
+    assert [frames[key] for key in ("expected", "delivered", "host_lost", "host_late")] == [3, 1, 1, 1]
+    assert metrics["timing"]["host_late"] == 1
+    assert frames["expected"] == sum([frames["delivered"], *frames["lost"].values(), 1, 1])
+
+
+def test_what_came_after_a_last_word_is_late_too() -> None:
+    plan = tiny()
+    ledger = Ledger(plan.run, plan.processes)
+    ledger.final("fusion", {"heard": 0, "heard_hash": 0, "host_late": 0})
+    ledger.sent(Frame("n0", 0, "doa", 100 * MS, 0, "fusion", "field", b"?"))
+    ledger.close()
+    metrics = run_metrics(plan, ledger, [])
+    assert (metrics["frames"]["host_late"], metrics["timing"]["host_late"]) == (1, 1)
+
+
+def test_in_virtual_time_nothing_is_taken_back() -> None:
+    plan = spcpf(1, ["target.steps=3"])
+    timing = run_metrics(plan, *simulated(plan))["timing"]
+    nothing = dict.fromkeys(("retractions", "unsettled", "foreign_corrections"))
+    assert timing | nothing == timing
+    assert set(timing["lag_ms"].values()) == {None}
 
 
 @pytest.mark.parametrize("settings", [["link.loss=0.3"], ["link.model=gilbert_elliott"], []])

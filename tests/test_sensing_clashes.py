@@ -10,7 +10,7 @@ import pytest
 
 import trackfield as tf
 from launcher.plan.prepare import planned
-from launcher.record.ledger import describe
+from launcher.record.books.said import describe
 from tests.rangers import Distance
 from tests.sensing import registered
 from tests.tripwire import Trip

@@ -289,7 +289,10 @@ def test_the_run_goes_on_with_another_router(
     assert "started again" in outcome.complaints[0]
     assert {13, 14, 15, 16} <= tracked_steps(tmp_path)
     frames = outcome.metrics["frames"]
-    assert frames["expected"] == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"]
+    assert (
+        frames["expected"]
+        == frames["delivered"] + sum(frames["lost"].values()) + frames["host_lost"] + frames["host_late"]
+    )
 
 
 def test_an_order_that_was_lost_with_the_router_is_given_again(tmp_path: Path) -> None:

@@ -251,9 +251,10 @@ def test_telemetry_is_shown_with_its_process_and_time() -> None:
         process("a", (5, State("awake")), (6, Radio(False)), (7, Ignored("late")), (8, Write("tty", b"x")))
     )
     assert witness.told_by == [
-        ("a", Told((5 * MS, 2, 5 * MS, "000"), State("awake"))),
-        ("a", Told((6 * MS, 2, 6 * MS, "001"), Radio(False))),
-        ("a", Refused((7 * MS, 2, 7 * MS, "002"), "late")),
+        ("a", Told((5 * MS, 3, 5 * MS, "000"), State("awake"))),
+        ("a", Told((6 * MS, 3, 6 * MS, "001"), Radio(False))),
+        ("a", Refused((7 * MS, 3, 7 * MS, "002"), "late")),
+        ("a", Told((8 * MS, 3, 8 * MS, "003"), Write("tty", b"x"))),
     ]
 
 

@@ -62,7 +62,7 @@ class LiveView:
         while self._alive and not give_up():
             if LIVE in live and _answers(self._page):
                 address = page_address(self._page, self._port)
-                self._tell(f"live view: {address}")
+                self._tell(f"live view: {address} (provisional: what it shows may be taken back)")
                 _open_browser(address)
                 return
             if time.monotonic() > deadline:

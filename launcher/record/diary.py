@@ -23,7 +23,10 @@ class Event:
 
 @dataclass(slots=True)
 class Diary:
-    """One life; ``told`` is all of it, ``radio`` and ``corrections`` what is looked up in it by time."""
+    """One life; ``told`` is all of it, ``radio`` and ``corrections`` what is looked up in it by time.
+
+    What is settled stays, whatever is undone later; ``late`` counts how often that was.
+    """
 
     spec: ProcessSpec
     told: list[Told] = field(default_factory=list)
@@ -32,13 +35,23 @@ class Diary:
     refused: dict[EventKey, str] = field(default_factory=dict)
     died: EventKey | None = None
     passed: int = 0  # how many of ``told`` were handed on as settled
+    late: int = 0
+    clock: Clock | None = None  # made when it is needed first
+    latest_ns: int = -1  # the last event that was told
+    kept_ns: int = -1  # what is told again up to here was settled when it was undone
 
-    def write(self, output: Told | Refused | Undone) -> None:
-        """Add telemetry of the process."""
+    def write(self, output: Told | Refused | Undone, settled_ns: int = -1) -> None:
+        """Add telemetry of the process; what it said of events up to ``settled_ns`` cannot be undone any more."""
+        if isinstance(output, Undone):
+            self._undo(output.key, min(settled_ns, self.latest_ns))
+        elif output.key[0] > self.kept_ns:
+            self.kept_ns = -1  # nothing before this is told again
+            self.latest_ns = max(self.latest_ns, output.key[0])
+            self._add(output)
+
+    def _add(self, output: Told | Refused) -> None:
         if isinstance(output, Refused):
             self.refused[output.key] = output.reason
-        elif isinstance(output, Undone):
-            self._undo(output.key)
         elif isinstance(output.effect, Radio):
             self.radio.append(output)
         else:
@@ -48,8 +61,12 @@ class Diary:
             elif isinstance(output.effect, Corrected):
                 self.corrections.append((output.key, output.effect.correction_ns))
 
-    def _undo(self, since: EventKey) -> None:
-        """Forget what it reported from this event on."""
+    def _undo(self, since: EventKey, settled_ns: int) -> None:
+        """Forget what it reported from this event on, as far as that is not settled."""
+        if since[0] <= settled_ns:
+            self.late += 1
+            since, self.kept_ns = (settled_ns + 1,), settled_ns
+        self.latest_ns = min(self.latest_ns, since[0] - 1)
         for tail in (self.told, self.radio):
             while tail and tail[-1].key >= since:
                 tail.pop()
@@ -91,7 +108,9 @@ class Diary:
 
     def local_ns(self, t_ns: int) -> int:
         """What its clock showed."""
-        return Clock(**self.spec.clock).local(t_ns) + sum(by for at, by in self.spec.jumps if at <= t_ns)
+        if self.clock is None:
+            self.clock = Clock(**self.spec.clock)
+        return self.clock.local(t_ns) + sum(by for at, by in self.spec.jumps if at <= t_ns)
 
     def clock_error_ns(self, t_ns: int) -> int:
         """By how much its clock was ahead, after its own correction."""
@@ -104,3 +123,7 @@ class Diary:
             told = self.told[self.passed]
             self.passed += 1
             yield Event(told.key[0], self.spec.id, told.effect)
+
+    def waiting(self) -> list[Event]:
+        """What it reported and was not handed on."""
+        return [Event(told.key[0], self.spec.id, told.effect) for told in self.told[self.passed :]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from errno import ENOSPC
 from functools import cache, partial
@@ -23,14 +23,16 @@ from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_
 from launcher.records import TRACKS, MessageRow, Plan
 from trackfield.drivers.frames import Charge, Died, Queued
 from trackfield.errors import RunFailed
-from trackfield.role import NS, Note, Publish, State, TrackPoint
-from trackfield.words import quoted
+from trackfield.role import NS, Note, Publish, State, TrackPoint, Write
+from trackfield.words import plain, quoted, shortened
 
 if TYPE_CHECKING:
     from launcher.timeline.timeline import Timeline
 
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
+SHOWN: Final = 32
+"""Of bytes at a port so many are shown."""
 TIMELINE_FAILED: Final = "the timeline failed: "
 
 Unplanned = tuple[str, float | None, str]
@@ -49,7 +51,7 @@ class Telling:
         self.error: Exception | None = None
         self._make = cache(make)
         self.states: dict[str, str] = {}
-        self.errors: dict[str, float | None] = {}
+        self.points: dict[str, TrackPoint] = {}
         self.outcomes: dict[str, int] = {}
         self._errors_told = 0
         self._tracking = frozenset(place.id for place in plan.info.tagged(TRACKS))
@@ -95,9 +97,7 @@ class Telling:
     def _write(self, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
         for row in rows:
             self.outcomes[row.outcome] = self.outcomes.get(row.outcome, 0) + 1
-        for event in events:
-            if isinstance(event.effect, State | Died):
-                self.states[event.process] = event.effect.name if isinstance(event.effect, State) else "dead"
+        self.states |= states(events)
         self.show(lambda timeline: self._tell_all(timeline, rows, events))
 
     def _tell_all(self, timeline: Timeline, rows: Sequence[MessageRow], events: Sequence[Event]) -> None:
@@ -129,8 +129,9 @@ class Telling:
                 truth, _ = nearest(self.plan.paths, point)
                 late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
                 timeline.estimate(point, truth[:2] if truth else None, late_ns)
-                error = hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
-                self.errors[point.tracker] = error
+                self.points[point.tracker] = point
+            case Write(port, data):
+                timeline.note(event.t_ns, event.process, written(port, data))
 
 
 class Journal(Telling):
@@ -160,7 +161,7 @@ class Journal(Telling):
         self._bound = {t_ns: bound[t_ns] for t_ns in sorted({row.t_ns for row in tracks} & bound.keys())}
         patiently(lambda: self._write_tables(tracks, bounds), f"the tables of {self.folder}")
         metrics = run_metrics(self.plan, self.ledger, tracks, bounds)
-        complaints = [f"{why} ({count} times)" for why, count in strays.items()]
+        complaints = [*(f"{why} ({count} times)" for why, count in strays.items()), *self.ledger.complaints()]
         metrics["recorder"] |= {"messages": messages, "complaints": complaints}
         return metrics
 
@@ -191,17 +192,40 @@ class Journal(Telling):
         return f"{TIMELINE_FAILED}{why}"
 
 
-def summary(journal: Journal) -> dict[str, Any]:
-    """What the live table shows: counts so far, states now, the latest error of each tracker (m)."""
-    states: dict[str, int] = {}
-    for name in journal.states.values():
-        states[name] = states.get(name, 0) + 1
+def states(events: Iterable[Event]) -> dict[str, str]:
+    """The latest state of each process in these events."""
+    found = ((event.process, event.effect) for event in events if isinstance(event.effect, State | Died))
+    return {process: effect.name if isinstance(effect, State) else "dead" for process, effect in found}
+
+
+def written(port: str, data: bytes) -> str:
+    """Bytes at a port in words."""
+    shown = data[:SHOWN].hex(" ") + (" ..." if len(data) > SHOWN else "")
+    return f"wrote {len(data)} byte{'s' * (len(data) != 1)} to {shortened(plain(port))}: {shown}"
+
+
+def summary(journal: Journal, now_ns: int) -> dict[str, Any]:
+    """What the live table shows: counts so far, states now (true time), the latest error of each tracker (m).
+
+    It is provisional: what is not settled yet counts by what is known of it.
+    """
+    ledger, waiting = journal.ledger, journal.ledger.unsettled(now_ns)
+    points = dict(journal.points)
+    for event in waiting:
+        if isinstance(event.effect, Publish) and not journal.stray(event.effect.estimate):
+            points[event.effect.estimate.tracker] = event.effect.estimate
     return {
-        "sent": sum(journal.ledger.sent_kinds.values()),
-        "outcomes": dict(journal.outcomes),
-        "states": states,
-        "errors": dict(journal.errors),
+        "sent": ledger.leaving.left,
+        "outcomes": dict(+(Counter(journal.outcomes) + ledger.leaving.ways)),
+        "states": dict(Counter((journal.states | states(waiting)).values())),
+        "errors": {tracker: _error(journal.plan, point) for tracker, point in points.items()},
     }
+
+
+def _error(plan: Plan, point: TrackPoint) -> float | None:
+    """How far (m) a point is from the truth; None where one of them is missing."""
+    truth, _ = nearest(plan.paths, point)
+    return hypot(point.mean[0] - truth[0], point.mean[1] - truth[1]) if truth and point.mean else None
 
 
 def write_json(value: object, file: FilePath) -> None:

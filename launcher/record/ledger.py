@@ -3,28 +3,32 @@
 As the fate of a frame is a pure function, the ledger computes what became of each frame at each receiver from the frame
 alone; what depends on the receiver's state (asleep, refused as late) it takes from the receiver's telemetry, and the
 receivers' own counters are the cross-check. Its input are ``sent``, ``told`` and ``final``, from Zenoh or from the
-virtual driver alike.
+virtual driver alike. Of each frame the highest version holds, in whatever order they come; all accounts are made when a
+frame is settled, so one that was taken back before leaves no trace.
 """
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from heapq import heappop, heappush
+from itertools import count
 from typing import Any, Final, NamedTuple
 
+from launcher.record.books.balance import Balance
+from launcher.record.books.leaving import Entry, Leaving, Way
+from launcher.record.books.said import Said, describe
 from launcher.record.diary import Diary, Event
 from launcher.records import MessageRow
-from trackfield.drivers.frames import LATE, Died, Frame, Overflowed, Refused, Told, Undone
+from trackfield.drivers.frames import LATE, Died, Frame, Identity, Overflowed, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
+from trackfield.drivers.versions import hash_of
 from trackfield.role import Publish, TrackPoint
 from trackfield.sensing.complete import Kind
-from trackfield.sensing.kinds import SENSORS, known_kind
-from trackfield.wire.codec import WireError, decode
+from trackfield.sensing.kinds import known_kind
+from trackfield.wire.error import WireError
 from trackfield.wire.keys import id_of
-from trackfield.wire.messages import Measurement, SyncReply, SyncRequest, Threshold, Track
 
 FRAMES: Final = "frames"
 """Interference: frames in the name of a process that did not send them."""
@@ -48,12 +52,17 @@ class Published(NamedTuple):
 
 
 class Ledger:
-    """The frames of one run; ``rows`` grows as outcomes settle."""
+    """The frames of one run; ``rows`` grows as outcomes settle.
 
-    def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec]) -> None:
+    ``corrected`` counts the frames to each place that were taken back or replaced, and ``foreign`` are the places that
+    send frames without versions. What a ``provisional`` ledger has handed on can still be undone.
+    """
+
+    def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec], *, provisional: bool = False) -> None:
         self.run = run
         self.rows: list[MessageRow] = []
-        self.sent_by: Counter[str] = Counter()
+        self.corrected: Counter[str] = Counter()
+        self.foreign: set[str] = set()
         self.sent_kinds: Counter[str] = Counter()
         self.payload_max: Counter[str] = Counter()
         self.payload_bytes = 0
@@ -64,46 +73,44 @@ class Ledger:
         self.diaries = {p.name: Diary(p) for p in processes}
         self.clock_errors: dict[tuple[int, str], int] = {}
         self.refused: Counter[str] = Counter()
-        self._interfered: Counter[str] = Counter()
-        self._told_by: Counter[str] = Counter()
+        self.balance = Balance()
         self.link = link_of(run, places_of(processes))
+        self._provisional = provisional
+        self._interfered: Counter[str] = Counter()
         self._processes = {p.id: p for p in processes}
         self._lives: defaultdict[str, list[Diary]] = defaultdict(list)
         for p in processes:
             self._lives[p.id].append(self.diaries[p.name])
-        self._listeners = [p for p in self._processes.values() if p.cells]
+        self.leaving = Leaving(self._processes, self.link, run.end_ns)
         self._kinds: dict[str, Kind | None] = {}
         self._timed = {p.id for p in processes if p.clock or p.jumps}
         self._written: dict[str, None] = {}
         self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
-        self._pending: list[tuple[int, int, Frame, MessageRow]] = []
-        self._order = 0
+        self._ended: set[str] = set()
+        self._arriving: list[tuple[int, Identity, str, int, Frame, Way, Said, int | None, int]] = []
+        self._order = count()
 
     # --- what is seen ---------------------------------------------------------------------------------------------
 
-    def sent(self, frame: Frame) -> None:
-        """A frame left."""
-        self.sent_by[life_name(frame.src, frame.incarnation)] += 1
-        self.sent_kinds[frame.kind] += 1
-        self.payload_bytes += len(frame.payload)
-        self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
-        cost = frame.cost(self.link)
-        self.on_air += cost.bytes_on_air
-        size, frames = self.sent_bytes[frame.src]
-        self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
-        said, local_ns = describe(frame.payload, self._kind(frame.src)), self._local_ns(frame)
-        for hearer in self._hearers(frame):
-            outcome, due = "in_flight", None
-            if frame.sent_ns < self.run.end_ns:
-                fate = cost if hearer == frame.to else frame.fate(self.link, hearer)
-                outcome, due = fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns
-            self._await(frame, _row(frame, hearer, outcome, due, said, local_ns))
+    @property
+    def sent_by(self) -> Counter[str]:
+        """How many frames each life sent, of those that are settled."""
+        return Counter({name: live.digest.size for name, live in self.balance.live.items()})
+
+    def sent(self, frame: Frame, version: int | None = 0) -> None:
+        """A version of a frame left (None: it is final); without a payload it says that the frame was taken back."""
+        if self.leaving.too_late(frame, version):
+            self.balance.late[life_name(frame.src, frame.incarnation)] += 1
+            return
+        for way in self.leaving.put(frame, version):
+            if way.hearer in self._ended:
+                self._note_tardy(way)
 
     def told(self, process: str, output: Told | Refused | Undone) -> None:
         """Telemetry of a process."""
-        self.diaries[process].write(output)
+        self.diaries[process].write(output, -1 if self._provisional else self.leaving.settled_ns)
         self._written[process] = None
-        self._told_by[process] += 1
+        self.balance.told[process] += 1
 
     def life(self, spec: ProcessSpec) -> None:
         """A process that died unplanned lives again: it gets the frames due from then on. May be called twice."""
@@ -118,11 +125,13 @@ class Ledger:
     def end(self, end_ns: int) -> None:
         """The run was ended early, at this true time."""
         self.run = replace(self.run, end_ns=min(end_ns, self.run.end_ns))
+        self.leaving.end_ns = self.run.end_ns
 
     def final(self, process: str, record: Mapping[str, Any]) -> None:
         """The final record of a process; another one of the same life is not from it."""
         self._interfered[TELEMETRY] += self.finals.get(process, record) != record
         self.finals[process] = dict(record)
+        self._ended.add(id_of(process))
 
     def check(self, frame: Frame) -> None:
         """Raise ``WireError`` unless a process of the run may have sent this frame to those that it is for."""
@@ -150,13 +159,10 @@ class Ledger:
 
     def interference(self) -> dict[str, int]:
         """What others did in the run, by kind: what was refused, and what is more than the processes say they sent."""
-        finals = self.finals.items()
-        frames = sum(max(self.sent_by[name] - record["sent"], 0) for name, record in finals if "sent" in record)
-        told = sum(max(self._told_by[name] - record["told"], 0) for name, record in finals if "told" in record)
         return {
-            FRAMES: self._interfered[FRAMES] + frames,
-            TELEMETRY: self._interfered[TELEMETRY] + told,
-            ANSWERS: sum(record.get("forged", 0) for _, record in finals),
+            FRAMES: self._interfered[FRAMES] + self.balance.strange_frames(self.finals),
+            TELEMETRY: self._interfered[TELEMETRY] + self.balance.strange_telemetry(self.finals),
+            ANSWERS: sum(record.get("forged", 0) for record in self.finals.values()),
         }
 
     def estimates(self) -> list[Published]:
@@ -173,10 +179,11 @@ class Ledger:
 
     def settle(self, until_ns: int) -> tuple[list[MessageRow], list[Event]]:
         """What is final up to this true time and was not returned before, each in time order."""
+        for entry in self.leaving.settle(until_ns):
+            self._account(entry)
         rows = []
-        while self._pending and self._pending[0][0] <= until_ns:
-            _, _, frame, row = heappop(self._pending)
-            rows.append(self._judge(frame, row))
+        while self._arriving and self._arriving[0][0] <= until_ns:
+            rows.append(self._judged(*heappop(self._arriving)[4:]))
         events: list[Event] = []
         while self._kills and self._kills[0][0] <= min(until_ns, self.run.end_ns):
             kill_ns, name = heappop(self._kills)
@@ -193,48 +200,63 @@ class Ledger:
         self.rows += rows
         return rows, sorted(events, key=lambda event: event.t_ns)
 
+    def unsettled(self, until_ns: int) -> list[Event]:
+        """What processes reported up to this true time and was not returned by ``settle``, in time order."""
+        events = [
+            Event(kill_ns, id_of(name), Died("killed"))
+            for kill_ns, name in self._kills
+            if kill_ns <= until_ns and self.diaries[name].died is None
+        ]
+        for name in self._written:
+            events += self.diaries[name].waiting()
+        return sorted((event for event in events if event.t_ns <= until_ns), key=lambda event: event.t_ns)
+
     def close(self, dead: Iterable[str] = ()) -> tuple[list[MessageRow], list[Event]]:
         """Settle all; ``dead`` names lives that ended unplanned, which got only what they had counted."""
-        rows, events = self.settle(max([self.run.end_ns, *(p[0] for p in self._pending)]))
+        arriving = (one[0] for one in self._arriving)
+        rows, events = self.settle(max(self.run.end_ns, self.leaving.last_ns(), *arriving))
         for name in set(dead) & self.diaries.keys():
             self._bury(name)
         return rows, events
 
     def sums(self) -> dict[str, int]:
-        """How many frames were ``expected``, ``delivered`` and ``host_lost``.
+        """How many frames were ``expected``, ``delivered``, ``host_lost`` and ``host_late``.
 
         The machine lost a frame that the recorder saw and a receiver did not get, and one that neither of them saw. A
-        frame that only the recorder missed was delivered.
+        frame that only the recorder missed was delivered. Word that a frame was taken back, which its receiver never
+        got, was expected and lost as well.
         """
-        due: Counter[str] = Counter()
-        for row in self.rows:
-            if row.delivered or row.outcome == "asleep":
-                owner = self._owner(row)
-                due[owner.spec.name if owner else ""] += 1
-        more = [r.get("delivered", 0) + r.get("asleep", 0) - due[name] for name, r in self.finals.items()]
-        missed, unseen = sum(-n for n in more if n < 0), self.dropped()
-        heard_alone = min(sum(n for n in more if n > 0), unseen)
+        missed, unseen = self.balance.missed(self.finals), self.balance.unseen(self.finals)
+        heard_alone = min(missed.more, unseen)
+        unheeded = missed.more - heard_alone
+        arrived = sum(row.delivered for row in self.rows)
         return {
-            "expected": len(self.rows) + unseen,
-            "delivered": sum(row.delivered for row in self.rows) - missed + heard_alone,
-            "host_lost": missed + unseen - heard_alone,
+            "expected": len(self.rows) + unseen + unheeded,
+            "delivered": arrived + heard_alone - missed.lost - missed.late,
+            "host_lost": missed.lost + unseen - heard_alone + unheeded,
+            "host_late": missed.late,
         }
 
     def dropped(self) -> int:
-        """Frames that left a process and never reached the recorder."""
-        return sum(max(r.get("sent", 0) - self.sent_by[name], 0) for name, r in self.finals.items())
+        """Puts that left a process and never reached the recorder: frames, or word that one was taken back."""
+        return self.balance.dropped(self.finals)
+
+    def complaints(self) -> list[str]:
+        """What is wrong with the record by the counts of those who are recorded, a sentence each."""
+        untold = self.balance.untold(self.finals)
+        late, undone = self.balance.late.total(), sum(diary.late for diary in self.diaries.values())
+        found = {
+            f"{untold} pieces of telemetry never reached the recorder: states or tracks may be missing": untold,
+            f"{late} frames were taken back or replaced when they were recorded for good": late,
+            f"{undone} times telemetry was taken back when it was recorded for good": undone,
+        }
+        return [sentence for sentence, times in found.items() if times]
 
     # --- the account of one frame ---------------------------------------------------------------------------------
 
-    def _hearers(self, frame: Frame) -> Iterator[str]:
-        src = self._processes.get(frame.src)
-        cell = src.cell if src else ""
-        asked = self._listeners if frame.broadcast else filter(None, [self._processes.get(frame.to)])
-        return (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell))
-
     def _overflowed(self, frame: Frame) -> list[MessageRow]:
         said = describe(frame.payload, self._kind(frame.src))
-        return [_row(frame, hearer, "overflow", None, said, None) for hearer in self._hearers(frame)]
+        return [_row(frame, hearer, "overflow", None, said, None) for hearer in self.leaving.hearers(frame)]
 
     def _kind(self, id: str) -> Kind | None:
         """The kind of sensing of a process; None if it has no sensor, or is unknown."""
@@ -248,51 +270,78 @@ class Ledger:
         diary = self.diaries.get(life_name(frame.src, frame.incarnation))
         return diary.local_ns(frame.sent_ns) if diary else None
 
-    def _await(self, frame: Frame, row: MessageRow) -> None:
-        self._order += 1
-        heappush(self._pending, (row.due_ns or row.sent_ns, self._order, frame, row))
+    def _note_tardy(self, way: Way) -> None:
+        """Count a put for a life that has said its last word."""
+        if way.due_ns is not None and way.due_ns < self.run.end_ns:
+            owner = self._owner(way.hearer, way.due_ns)
+            if owner is not None and owner.spec.name in self.finals:
+                self.balance.tardy[owner.spec.name] += 1
 
-    def _judge(self, frame: Frame, row: MessageRow) -> MessageRow:
-        self._note_clock(row)
-        if row.due_ns is None:
-            return row
-        if row.due_ns >= self.run.end_ns:
-            return replace(row, outcome="in_flight")
-        owner = self._owner(row)
+    def _account(self, entry: Entry) -> None:
+        """Enter what is left of a frame; what becomes of it at its hearers depends on their telemetry until then."""
+        identity, frame, version, cost, ways = entry
+        life = life_name(frame.src, frame.incarnation)
+        self.balance.puts[life] += (version or 0) + 1
+        if version:
+            self.corrected.update(self.leaving.hearers(frame))
+        if cost is None:
+            return
+        hashed = hash_of(frame, version)
+        self.balance.live[life].add(hashed)
+        self.sent_kinds[frame.kind] += 1
+        self.payload_bytes += len(frame.payload)
+        self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
+        self.on_air += cost.bytes_on_air
+        size, frames = self.sent_bytes[frame.src]
+        self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
+        said, local_ns = describe(frame.payload, self._kind(frame.src)), self._local_ns(frame)
+        for way in ways:
+            at_ns = frame.sent_ns if way.due_ns is None else way.due_ns
+            heappush(
+                self._arriving, (at_ns, identity, way.hearer, next(self._order), frame, way, said, local_ns, hashed)
+            )
+        if ways:
+            self._note_clock(frame)
+
+    def _judged(self, frame: Frame, way: Way, said: Said, local_ns: int | None, hashed: int) -> MessageRow:
+        """The outcome of a frame at a hearer."""
+        self.leaving.ways[way.outcome] -= 1
+        outcome = way.outcome if way.due_ns is None else self._outcome(frame, way.hearer, way.due_ns, hashed)
+        return _row(frame, way.hearer, outcome, way.due_ns, said, local_ns)
+
+    def _outcome(self, frame: Frame, hearer: str, due_ns: int, hashed: int) -> str:
+        if due_ns >= self.run.end_ns:
+            return "in_flight"
+        owner = self._owner(hearer, due_ns)
         if owner is None:
-            return replace(row, outcome="dead")
-        if (cause := owner.misses(frame.medium, row.due_ns)) is not None:
-            return replace(row, outcome=cause)
-        reason = owner.refused.get(frame.key(row.due_ns))
-        if reason is None:
-            return row
-        return replace(row, outcome="late" if reason == LATE else "ignored")
+            return "dead"
+        self.balance.due[owner.spec.name].add(hashed)
+        if (cause := owner.misses(frame.medium, due_ns)) is not None:
+            return cause
+        reason = owner.refused.get(frame.key(due_ns)) if owner.refused else None
+        return "delivered" if reason is None else "late" if reason == LATE else "ignored"
 
-    def _owner(self, row: MessageRow) -> Diary | None:
+    def _owner(self, hearer: str, due_ns: int) -> Diary | None:
         """The life that owns a frame at its receiver."""
-        return next((diary for diary in self._lives[row.dst] if diary.owns(row.due_ns or 0)), None)
+        for diary in self._lives[hearer]:
+            if diary.owns(due_ns):
+                return diary
+        return None
 
-    def _note_clock(self, row: MessageRow) -> None:
+    def _note_clock(self, frame: Frame) -> None:
         """Note how far off the sender's clock was, except for messages that set clocks."""
-        if row.src in self._timed and row.kind not in SYNCHRONISING:
-            diary = self.diaries.get(life_name(row.src, row.incarnation))
+        if frame.src in self._timed and frame.kind not in SYNCHRONISING:
+            diary = self.diaries.get(life_name(frame.src, frame.incarnation))
             if diary is not None:
-                self.clock_errors[row.sent_ns, row.src] = diary.clock_error_ns(row.sent_ns)
+                self.clock_errors[frame.sent_ns, frame.src] = diary.clock_error_ns(frame.sent_ns)
 
     def _bury(self, name: str) -> None:
         """A process that died unplanned got the first frames that it counted, and no more."""
         got, life = self.counts.get(name, {}).get("delivered", 0), self.diaries[name]
-        mine = [i for i, r in enumerate(self.rows) if r.dst == life.spec.id and r.delivered and self._owner(r) is life]
+        theirs = [(i, r) for i, r in enumerate(self.rows) if r.dst == life.spec.id and r.delivered]
+        mine = [i for i, row in theirs if self._owner(row.dst, row.due_ns or 0) is life]
         for i in sorted(mine, key=lambda i: self.rows[i].due_ns or 0)[got:]:
             self.rows[i] = replace(self.rows[i], outcome="dead")
-
-
-class Said(NamedTuple):
-    """The content of a payload: in words; of a report also its numbers, in the units of its kind, and its step."""
-
-    text: str
-    values: tuple[float, ...] = ()
-    step: int | None = None
 
 
 def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
@@ -300,37 +349,3 @@ def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said
         frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
         frame.incarnation, said.text, said.values, said.step, local_ns, frame.payload,
     )  # fmt: skip
-
-
-@cache
-def _own_kinds() -> tuple[Kind, ...]:
-    """Trackfield's own kinds with messages of their own, which need no settings to be told in words."""
-    kinds = (known_kind(name, {}) for name in SENSORS.own)
-    return tuple(kind for kind in kinds if kind.message is not Measurement)
-
-
-def describe(payload: bytes, kind: Kind | None = None) -> Said:
-    """The content of a payload in words, if need be those of its sender's ``kind`` of sensing; never raises."""
-    try:
-        message = decode(payload)
-    except WireError as error:
-        return Said(f"malformed ({error.reason})")
-    kind = next((one for one in (kind, *_own_kinds()) if one is not None and one.takes(message)), None)
-    if kind is not None:
-        try:
-            return Said(kind.words(message), tuple(map(float, kind.values(message))), message.step)
-        except Exception:  # noqa: BLE001  a user's own methods
-            return Said(repr(message), step=message.step)
-    match message:
-        case Threshold(_, level_db):
-            text = f"report from {level_db:.2f} dB on"
-        case SyncRequest(exchange, sent_us):
-            text = f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)"
-        case SyncReply(exchange, left_us=left_us):
-            text = f"it is {left_us / 1e6:.6f} s (exchange {exchange})"
-        case Track(at_us, age_ms, tracker, sensors=sensors):
-            of = f"tracker {tracker}, {len(sensors) // 2} reports, {age_ms / 1000:.3f} s old"
-            text = f"the track at {at_us / 1e6:.3f} s ({of})"
-        case _:
-            return Said(repr(message), step=getattr(message, "step", None))
-    return Said(text)

@@ -14,10 +14,12 @@ from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
 from launcher.record.samples import MAX_EVENT, counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.inbox import EARLY_NS, Inbox, Seen, bytes_of, frame_in, no_stamp, take_in
+from trackfield.drivers.inbox import EARLY_NS, Inbox, bytes_of, frame_in, no_stamp, take_in
+from trackfield.drivers.incoming import HORIZON_S
 from trackfield.drivers.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import role_factories
+from trackfield.drivers.versions import Versions
 from trackfield.role import NS
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
@@ -26,8 +28,8 @@ from trackfield.wire.keys import parse_telemetry
 
 FLUSH_S: Final = 0.25
 """How often received samples are processed."""
-SETTLE_S: Final = 1.0
-"""How far the timeline lags behind (wall time), so that what it shows is rarely undone."""
+SETTLE_S: Final = HORIZON_S + 1.0
+"""How long (wall time) what a recorder writes can be taken back: a process can do so up to its horizon."""
 
 MAX_WAITING: Final = 10_000
 """How many samples may wait until the life that they are from is announced."""
@@ -47,18 +49,19 @@ Arrived = tuple[int, str, bytes, bytes | None]
 class Intake:
     """Feeds the ledger with samples, wherever they come from.
 
-    ``deaths`` are the unplanned ones of which the launcher told at the end (None: it has not told).
+    ``deaths`` are the unplanned ones of which the launcher told at the end (None: it has not told). What a
+    ``provisional`` ledger has handed on can still be undone.
     """
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, *, provisional: bool = False) -> None:
         self.plan = plan
         self._factories = {p.id: p.factory for p in plan.processes}
         for factory in set(self._factories.values()):
             role_factories(factory)  # to know the message kinds that it defines
-        self.ledger = Ledger(plan.run, plan.processes)
+        self.ledger = Ledger(plan.run, plan.processes, provisional=provisional)
         self.deaths: list[Unplanned] | None = None
         self._start_ns: int | None = None
-        self._seen = Seen()
+        self._versions = Versions(round(SETTLE_S * plan.run.speed * NS))
         self._early_ns = round(EARLY_NS * plan.run.speed)
         self._backlog_ns = (plan.run.queue + 1) * SLOWEST_NS
 
@@ -83,13 +86,15 @@ class Intake:
             raise WireError("key", "nothing of a run")
 
     def _data(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None) -> None:
-        frame, *_ = frame_in(key, payload, attachment, self._foreign)
+        frame, envelope, _ = frame_in(key, payload, attachment, self._foreign)
         self.ledger.check(frame)
-        if attachment is None:
-            return  # its receivers stamp it
-        self._check_time(frame.sent_ns, now_ns)
-        if not self._seen.again(frame):  # its receivers count it as a duplicate
-            self.ledger.sent(frame)
+        if attachment is not None:  # else its receivers stamp it
+            self._check_time(frame.sent_ns, now_ns)
+            news, _ = self._versions.take(frame, envelope.version, now_ns or 0)
+            if news:  # else its receivers count it as a duplicate
+                self.ledger.sent(frame, envelope.version)
+        if envelope.version is None:
+            self.ledger.foreign.add(frame.src)
 
     def _check_time(self, t_ns: int, now_ns: int | None) -> None:
         """Raise ``WireError`` (``future``) for what cannot have happened yet.
@@ -127,8 +132,10 @@ class Intake:
 class Listener(Intake):
     """Takes samples from Zenoh's thread; ``received`` counts them. ``log``, if there is one, gets those it accepts."""
 
-    def __init__(self, session: zenoh.Session, plan: Plan, seal: Seal, log: Log | None = None) -> None:
-        super().__init__(plan)
+    def __init__(
+        self, session: zenoh.Session, plan: Plan, seal: Seal, log: Log | None = None, *, provisional: bool = False
+    ) -> None:
+        super().__init__(plan, provisional=provisional)
         self.session, self.seal, self.log = session, seal, log
         self.received = 0
         self._inbox: Inbox = deque()
@@ -151,11 +158,11 @@ class Listener(Intake):
     def _emulated_ns(self, at_ns: int) -> int | None:
         return None if self._start_ns is None else round((at_ns - self._start_ns) * self.plan.run.speed)
 
-    def pulse(self, telling: Telling) -> None:
-        """Process what arrived, and hand on what is settled; to be called every ``FLUSH_S``."""
+    def pulse(self, telling: Telling, settle_s: float = SETTLE_S) -> None:
+        """Process what arrived, and hand on what is so old (wall time); to be called every ``FLUSH_S``."""
         self.drain()
         if (now_ns := self.now_ns()) is not None:
-            telling.settle(now_ns - round(SETTLE_S * self.plan.run.speed * NS))
+            telling.settle(now_ns - round(settle_s * self.plan.run.speed * NS))
 
     def drain(self) -> None:
         """Process what arrived; what cannot be from a process of this run is refused and counted."""

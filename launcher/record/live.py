@@ -1,12 +1,14 @@
 """A recorder that shows a run while it goes on: it serves the timeline to browsers and writes no file.
 
-It is not part of the field. A browser that hangs holds up this recorder, never the one that writes the run folder.
+It is not part of the field. A browser that hangs holds up this recorder, never the one that writes the run folder. What
+it shows is provisional: it may be taken back by processes after it was drawn.
 """
 
 from __future__ import annotations
 
 import signal
 from threading import Event
+from typing import Final
 
 import zenoh
 
@@ -19,12 +21,15 @@ from trackfield.drivers.session import open_client
 from trackfield.plugins import give
 from trackfield.wire import keys
 
+LAG_S: Final = 1.0
+"""How far it lags behind (wall time), so that what it shows is rarely taken back."""
+
 
 class LiveRecorder(Listener):
     """Shows what it receives, at a port of this machine, until it is told to end."""
 
     def __init__(self, session: zenoh.Session, plan: Plan, port: int, seal: Seal) -> None:
-        super().__init__(session, plan, seal)
+        super().__init__(session, plan, seal, provisional=True)
         self.timeline = Timeline(port, plan.info)
         self.telling = Telling(plan, self.ledger, lambda: self.timeline)
         self.end = Event()
@@ -33,7 +38,7 @@ class LiveRecorder(Listener):
     def run(self) -> None:
         """Show the run up to its end."""
         while not self.end.wait(FLUSH_S):
-            self.pulse(self.telling)
+            self.pulse(self.telling, LAG_S)
         self.drain()
         self.telling.end()
         self.telling.show(lambda timeline: timeline.close())

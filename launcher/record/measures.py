@@ -134,8 +134,8 @@ class Kind(_Figures):
 class RoleFrames(_Figures):
     """The frames of one role, of processes that have several."""
 
-    delivered: Count
-    ignored: Count
+    delivered: Count | None
+    ignored: Count | None
 
 
 class Frames(_Figures):
@@ -151,9 +151,10 @@ class Frames(_Figures):
     ignored: Count
     lost: Lost
     host_lost: Signed | None
+    host_late: Signed | None
     refused: Mapping[str, Count]
     by_kind: Mapping[str, Kind]
-    by_role: Mapping[str, RoleFrames] | None
+    by_role: Mapping[str, RoleFrames]
 
 
 class Bytes(_Figures):
@@ -187,6 +188,12 @@ class HostQuantiles(_Figures):
     p99: Number | None
 
 
+class Lag(HostQuantiles):
+    """How late corrections came, in ms on this machine."""
+
+    max: Number | None
+
+
 class Timing(_Figures):
     """How well this machine kept up."""
 
@@ -194,6 +201,10 @@ class Timing(_Figures):
     slip_ms: HostQuantiles
     inversions: Count | None
     host_late: Count | None
+    retractions: Count | None
+    lag_ms: Lag
+    unsettled: Count | None
+    foreign_corrections: Count | None
 
 
 class EnergyByCause(_Figures):

@@ -72,14 +72,15 @@ def ended_because(why: str) -> Metrics:
 def cut_off(metrics: Metrics) -> Metrics:
     """The metrics of a record that broke off: without all that final records or the launcher tell, null and not 0."""
     known = {
-        "frames": ("duplicate", "host_lost", "by_role"),
+        "frames": ("duplicate", "host_lost", "host_late"),
         "processes": ("died", "stopped"),
-        "timing": ("inversions", "host_late"),
+        "timing": ("inversions", "host_late", "retractions", "unsettled", "foreign_corrections"),
         "lifetime_s": ("first_death", "half_dead", "coverage_lost", "extrapolated"),
         "recorder": ("dropped",),
     }
     parts = {part: metrics[part] | dict.fromkeys(unknown) for part, unknown in known.items()}
-    parts["timing"]["slip_ms"] = _blank(metrics["timing"]["slip_ms"])
+    parts["frames"]["by_role"] = _blank(metrics["frames"]["by_role"])
+    parts["timing"] |= {key: _blank(metrics["timing"][key]) for key in ("slip_ms", "lag_ms")}
     return metrics | parts | {key: _blank(metrics[key]) for key in ("cpu_s", "host_latency_ms", "energy_j")}
 
 
@@ -135,11 +136,18 @@ def _processes(started: int) -> Metrics:
 
 
 def _timing(plan: Plan, ledger: Ledger) -> Metrics:
+    """How well the machine kept up; processes alone take frames back. The launcher adds who was not settled."""
+    processes = any("retractions" in record for record in ledger.finals.values())
+    lag = _merged(ledger, "lag")
     return {
         "speed": plan.run.speed,
         "slip_ms": _quantiles(_merged(ledger, "slip")),
         "inversions": _total(ledger, "inversions"),
-        "host_late": _total(ledger, "host_late"),
+        "host_late": _total(ledger, "host_late") + ledger.balance.missed(ledger.finals).uncounted,
+        "retractions": _total(ledger, "retractions") if processes else None,
+        "lag_ms": {**_quantiles(lag), "max": lag.quantile_ms(1.0)},
+        "unsettled": 0 if processes else None,
+        "foreign_corrections": sum(ledger.corrected[id] for id in ledger.foreign) if processes else None,
     }
 
 
@@ -155,6 +163,7 @@ def _frames(plan: Plan, ledger: Ledger) -> Metrics:
         "ignored": outcomes["ignored"],
         "lost": {cause: outcomes[cause] for cause in CAUSES},
         "host_lost": sums["host_lost"],
+        "host_late": sums["host_late"],
         "refused": dict(sorted(ledger.refused.items())),
         "by_kind": {
             kind: {"sent": n, "payload_bytes_max": ledger.payload_max[kind]}

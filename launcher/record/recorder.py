@@ -1,8 +1,9 @@
 """The recorder process: receives all messages of a run over Zenoh and records them.
 
-What it accepts goes to a log on disk as it comes, and settled events to the timeline; tables and metrics are made at
-the end, from the same samples. It writes what it has when it is told to finish, and also when it is terminated: by the
-launcher, or by the kernel because the launcher died. Then it is the last process of the run, and its metrics say so.
+What it accepts goes to a log on disk as it comes, and to the timeline when it is settled, that is, when nobody can take
+it back any more; tables and metrics are made at the end, from the same samples. It writes what it has when it is told
+to finish, and also when it is terminated: by the launcher, or by the kernel because the launcher died. Then it is the
+last process of the run, and its metrics say so.
 """
 
 from __future__ import annotations
@@ -98,7 +99,8 @@ class Recorder(Listener):
         self.session.put(key, status, attachment=self.seal.stamp(key, status))
 
     def _status(self) -> dict[str, Any]:
-        return {"t_s": (max(self.now_ns() or 0, 0) - self.plan.origin_ns) / NS, **summary(self.journal)}
+        now_ns = max(self.now_ns() or 0, 0)
+        return {"t_s": (now_ns - self.plan.origin_ns) / NS, **summary(self.journal, now_ns)}
 
     def _hear_the_last(self) -> None:
         """Await final records, or, terminated, note who has not sent one."""

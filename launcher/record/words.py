@@ -19,6 +19,7 @@ FATES: Final[Mapping[str, str]] = {
     "dead": "to a dead receiver",
     "overflow": "never sent, as the queue was full",
     "host_lost": "lost by the machine itself",
+    "host_late": "too late on this machine to be handled",
 }
 """What became of a frame that was of no use in time."""
 
@@ -44,7 +45,7 @@ def _digits(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def losses(fates: Mapping[str, int]) -> str:
+def losses(fates: Mapping[str, int | None]) -> str:
     """What became of frames that did not come in time, in words."""
     return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if n and name != "delivered")
 
@@ -80,8 +81,18 @@ def alarms(metrics: dict[str, Any]) -> list[str]:
             f"timing: {timing['host_late']} events came too late on this machine to be handled in order "
             "(timing.host_late): a lower --speed, or --virtual, is exact"
         )
+    if timing["unsettled"]:
+        found.append(
+            f"timing: {timing['unsettled']} processes were not settled when the run was ended (timing.unsettled): "
+            "frames may have been taken back after that"
+        )
+    if timing["foreign_corrections"]:
+        found.append(
+            f"timing: {timing['foreign_corrections']} frames to foreign devices were taken back or replaced "
+            "(timing.foreign_corrections): what a device did in reaction to them stands"
+        )
     if frames["expected"] and not frames["delivered"]:
-        lost = losses({**frames["lost"], "host_lost": frames["host_lost"]})
+        lost = losses({**frames["lost"], **{key: frames[key] for key in ("host_lost", "host_late")}})
         found.append(f"none of {frames['expected']:,} frames arrived ({lost}): {uninformed(metrics)}")
     if not frames["expected"]:
         found.append(f"no frame was sent: {uninformed(metrics)}")

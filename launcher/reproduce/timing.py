@@ -34,9 +34,9 @@ class _Ear(Ledger):
         super().__init__(plan.run, plan.processes)
         self.heard: list[tuple[str, Doa]] = []
 
-    def sent(self, frame: Frame) -> None:
+    def sent(self, frame: Frame, version: int | None = 0) -> None:
         """A frame left."""
-        super().sent(frame)
+        super().sent(frame, version)
         message = decode(frame.payload)
         if isinstance(message, Doa):
             self.heard.append((frame.src, message))

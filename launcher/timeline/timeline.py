@@ -47,6 +47,7 @@ MOVES_NS: Final = NS // 4
 """How often a process that moves is drawn."""
 LINES: Final = 100
 """The most messages that are listed at a flush of a live timeline."""
+PROVISIONAL: Final = "what is shown while the run goes on may be taken back; run.rrd has what holds"
 LIVE_MEMORY: Final = "256MiB"
 """Memory for viewers that connect late; the oldest data is dropped first."""
 LINGER_S: Final = 1.0
@@ -94,6 +95,7 @@ class Timeline:
             self._lay_out(views.layout(info))
         else:  # the layout has to come first: a viewer that has begun to show data keeps a layout of its own
             self._rec.set_sinks(_server(to), default_blueprint=views.layout(info, live=True))
+            self._note(0, "live view", PROVISIONAL, "WARN")
         self._rec.send_recording_name(info.run)
         for static in scenery.parts(info):
             self._static(*static)

@@ -147,7 +147,7 @@ def _recovered(after: Aftermath) -> Generator[str, None, bool]:
 
 def _figures(after: Aftermath, metrics: dict[str, Any]) -> Iterator[str]:
     frames = metrics["frames"]
-    parts = [frames["delivered"], *frames["lost"].values(), frames["host_lost"]]
+    parts = [frames["delivered"], *frames["lost"].values(), frames["host_lost"], frames["host_late"]]
     if frames["expected"] is None:
         yield "the figures are empty"
     elif None in parts and not metrics.get("complete"):

@@ -65,7 +65,9 @@ def _figures(run: Attacked, alarm: bool) -> Iterator[str]:
     figures = run.metrics["frames"]
     if figures["expected"] is None:
         yield "has no tables"
-    elif figures["expected"] != figures["delivered"] + sum(figures["lost"].values()) + figures["host_lost"]:
+    elif figures["expected"] != figures["delivered"] + sum(
+        figures["lost"].values(), figures["host_lost"] + figures["host_late"]
+    ):
         yield f"the ledger does not close: {figures}"
     if not alarm and (figures["host_lost"] or run.metrics["recorder"]["dropped"]):
         yield f"the machine is blamed: {figures['host_lost']} lost, {run.metrics['recorder']['dropped']} unseen"

@@ -11,6 +11,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Iterable
+from itertools import count
 from threading import Event
 from typing import Any, Final
 
@@ -20,7 +21,7 @@ from zenoh.handlers import Callback
 
 from trackfield.drivers.conditions import NEVER
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import RANK_TIMER, Frame, Output, Sent, TakenBack, Told
+from trackfield.drivers.frames import RANK_TIMER, Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
 from trackfield.drivers.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.inbox import Inbox, no_stamp, take_in
@@ -28,10 +29,11 @@ from trackfield.drivers.incoming import HORIZON_S, Incoming
 from trackfield.drivers.intake import Refusals, begun, nanoseconds, opened
 from trackfield.drivers.join import confirm, join, token
 from trackfield.drivers.outgoing import Outgoing
+from trackfield.drivers.ports import Devices
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import build_core, link_of
 from trackfield.drivers.telemetry import pack
-from trackfield.role import Store
+from trackfield.role import Store, Write
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -42,6 +44,8 @@ LINGER_NS: Final = 300_000_000
 """A process that was killed as planned ends when it has heard nothing for so long (wall time)."""
 HORIZON_NS: Final = round(HORIZON_S * 1e9)
 """It ends after so long in any case (wall time)."""
+FROM_DEVICES: Final = 2**31
+"""The numbers from which inputs are counted that no plan knows: after all others of their instant."""
 LAST_WAVE: Final = 2**62
 """The number of what a process says as it ends, after all questions."""
 ORDER_BYTES: Final = 64
@@ -70,6 +74,9 @@ class Process:
         self.core: Core = build_core(joined.run, joined.process, link, horizon_ns=horizon_ns)
         self._incoming = Incoming(self.spec, link, self.core, self._wall)
         self._outgoing = Outgoing(self._put)
+        self._at_ports: deque[tuple[int, str, bytes]] = deque()
+        self._devices = Devices(self.spec.ports, self._on_port)
+        self._port_inputs = count(FROM_DEVICES)
         self._told, self._stored = 0, b""
         self._counts_ns, self._reached_ns, self._replay_ns, self._heard_ns = NEVER, 0, 0, 0
         self._wave = self._said_wave = 0
@@ -106,6 +113,10 @@ class Process:
 
     def _on_data(self, sample: zenoh.Sample) -> None:
         self._inbox.append((time.monotonic_ns(), sample))
+        self._wake.set()
+
+    def _on_port(self, port: str, data: bytes) -> None:
+        self._at_ports.append((time.monotonic_ns(), port, data))
         self._wake.set()
 
     def _on_order(self, sample: zenoh.Sample) -> None:
@@ -156,6 +167,7 @@ class Process:
 
     def _work(self, now: int) -> int:
         """Handle at most one thing that is due; returns when (wall) the next may be."""
+        self._devices.release(now, self.core.forgotten_ns)
         if self._outgoing.release(now):
             return now
         key = self.core.next_key()
@@ -184,7 +196,7 @@ class Process:
 
     def _next_ns(self, now: int) -> int:
         """When (wall) to send a frame that waits for its radio or report again, after reporting what is due."""
-        return min(self._outgoing.next_ns(NEVER), self._report(now))
+        return min(self._outgoing.next_ns(NEVER), self._devices.next_ns(NEVER), self._report(now))
 
     def _handle_next(self) -> None:
         if not self.core.life.started:
@@ -219,6 +231,11 @@ class Process:
             envelope = self._incoming.take(sample, arrived_ns, self._end_ns, lambda: self._stamped(self._heard_ns))
             if envelope is not None and envelope.put_ns:
                 self._latency.add(arrived_ns - envelope.put_ns)
+        while self._at_ports:
+            arrived_ns, port, data = self._at_ports.popleft()
+            due_ns = round((arrived_ns - (self._start_ns or arrived_ns)) * self._speed)
+            if self.core.owns(due_ns):
+                self.core.offer(PortInput(due_ns, next(self._port_inputs), port, data))
 
     def _stamped(self, arrived_ns: int) -> Envelope:
         """The envelope of a foreign device's frame that came without one."""
@@ -270,10 +287,19 @@ class Process:
             elif not (isinstance(output, Told) and isinstance(output.effect, Store)):
                 self._told += 1
                 self._say("event", pack(output), must=False)
+                self._write(output)
+        self.core.host_late += self._devices.mistaken()
         self._outgoing.forget(self.core.forgotten_ns)
         if self.core.life.stored != self._stored:  # also if what had been stored is undone
             self._stored = self.core.life.stored
             self._say("stored", self._stored)
+
+    def _write(self, output: Told | Refused | Undone) -> None:
+        """Write to devices what an event wrote to their ports."""
+        if isinstance(output, Undone):
+            self._devices.undo(output.key)
+        elif isinstance(output, Told) and isinstance(output.effect, Write):
+            self._devices.write(output.key, output.effect, self._wall(output.key[0]))
 
     def _put(self, frame: Frame, version: int) -> None:
         seq = self._outgoing.seq

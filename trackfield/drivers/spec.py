@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Self
 
 from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
 from trackfield.drivers.core import Core
+from trackfield.drivers.ports import Port, inputs
 from trackfield.host import Host
 from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
@@ -59,7 +60,7 @@ class ProcessSpec:
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
     ``clock`` holds the arguments of its ``Clock``, ``power`` those of its ``Power`` (empty: not counted). ``freezes``
     are times (from ns, until ns) at which it does nothing, ``jumps`` (at ns, by ns) belong to its clock, and
-    ``faults`` to its sensor, as in ``world/faulty.py``.
+    ``faults`` to its sensor, as in ``world/faulty.py``. ``ports`` are those of its devices, by name.
     """
 
     id: str
@@ -83,6 +84,7 @@ class ProcessSpec:
     jumps: tuple[tuple[int, int], ...] = ()
     faults: tuple[Plain, ...] = ()
     legs: Path = ()
+    ports: Mapping[str, Port] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -108,7 +110,8 @@ class ProcessSpec:
         pairs = {name: tuple((a, b) for a, b in plain[name]) for name in ("freezes", "jumps")}
         power = {name: None if value is None else int(value) for name, value in plain["power"].items()}
         peers = {id: _place(place) for id, place in plain["peers"].items()}
-        places = {"peers": peers, "legs": _legs(plain["legs"])}
+        ports = {name: Port.from_plain(port) for name, port in plain["ports"].items()}
+        places = {"peers": peers, "legs": _legs(plain["legs"]), "ports": ports}
         return cls(**{**plain, **tuples, **pairs, **places, "power": power, "factory": factory})
 
     @property
@@ -182,7 +185,7 @@ def link_of(run: RunSpec, places: Places) -> Link:
 def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int = 0) -> Core:
     """A process's engine with its sensors, clock, battery and faults; ``link`` tells what its frames cost."""
     clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at <= spec.start_ns))
-    return Core(
+    core = Core(
         make_role(spec.factory, spec.config, spec.id),
         owner=spec.id,
         clock=clock,
@@ -199,6 +202,10 @@ def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int =
         incarnation=spec.incarnation,
         horizon_ns=horizon_ns,
     )
+    for one in inputs(spec.ports):
+        if core.owns(one.due_ns):  # bytes wait until a frozen process reads them
+            core.offer(replace(one, due_ns=core.conditions.thaw_ns(one.due_ns)))
+    return core
 
 
 def _senses(spec: ProcessSpec) -> Sense:

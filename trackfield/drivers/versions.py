@@ -45,7 +45,8 @@ class Versions:
         Raises ``WireError`` (``conflict``) for another payload of a version that came before, and for another version
         of a frame that is final: one of the two is forged.
         """
-        before = self._known.get(frame.identity)
+        identity = frame.identity
+        before = self._known.get(identity)
         if before is not None:
             if (before.version is None) != (version is None):
                 raise WireError("conflict", "another version of a frame that is final")
@@ -56,8 +57,9 @@ class Versions:
                 return False, None
         if version is None and not frame.payload:
             raise WireError("malformed", "a frame without a version cannot be taken back")
-        self._known.pop(frame.identity, None)
-        self._known[frame.identity] = Taken(version, frame, now_ns)
+        if before is not None:
+            del self._known[identity]
+        self._known[identity] = Taken(version, frame, now_ns)
         self._forget(now_ns - self.keep_ns)
         return True, before if before is not None and before.frame.payload else None
 
@@ -88,6 +90,25 @@ def hash_of(frame: Frame, version: int | None) -> int:
     """63 bits that stand for this version of a frame."""
     text = "\0".join(map(str, (*frame.identity, version)))
     return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little") >> 1
+
+
+class Sum:
+    """A digest that grows."""
+
+    __slots__ = ("_count", "_total")
+
+    def __init__(self) -> None:
+        self._count = self._total = 0
+
+    def add(self, hashed: int) -> None:
+        """Another frame, by its hash."""
+        self._count += 1
+        self._total += hashed
+
+    @property
+    def digest(self) -> Digest:
+        """Of all that were added."""
+        return Digest(self._count, self._total % _MODULUS)
 
 
 def digest(frames: Iterable[tuple[Frame, int | None]]) -> Digest:

@@ -195,6 +195,7 @@ class Kind:
 _by_number: dict[int, Kind] = {}
 _by_name: dict[str, Kind] = {}
 _by_class: dict[type, Kind] = {}
+_most_bytes: dict[str, int] = {}
 
 
 def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
@@ -222,6 +223,7 @@ def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
         if made.most_bytes > MAX_BYTES:
             raise TypeError(f"{name}: up to {made.most_bytes} bytes, at most {MAX_BYTES} fit a message")
         _by_number[number] = _by_name[name] = _by_class[cls] = made
+        _most_bytes[name] = made.most_bytes
         return cls
 
     return register
@@ -257,8 +259,7 @@ def kind_by_number(number: object) -> Kind:
 
 def check_size(name: str, size: int) -> None:
     """Raise ``WireError`` (``size``) for a payload that is too long for the kind of this name."""
-    kind = _by_name.get(name)
-    most = MAX_BYTES if kind is None else kind.most_bytes
+    most = _most_bytes.get(name, MAX_BYTES)
     if size > most:
         raise WireError("size", f"{size} bytes of {name}, at most {most}")
 

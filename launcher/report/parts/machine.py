@@ -40,8 +40,9 @@ def lines(run: Run) -> list[Line]:
 
 def _processes(m: Mapping[str, Any]) -> list[Line]:
     """The lines that only a run over processes has."""
-    host, slip = m["host_latency_ms"], m["timing"]["slip_ms"]
-    return [
+    host, timing = m["host_latency_ms"], m["timing"]
+    slip, lag, unsettled, foreign = (timing[key] for key in ("slip_ms", "lag_ms", "unsettled", "foreign_corrections"))
+    lines = [
         ("processes", number(m["processes"]["started"]), False),
         ("all ready after", number(m["processes"]["ready_s"], "s"), False),
         ("memory of a node", number(m["processes"]["pss_mb_per_node"], "MB"), False),
@@ -51,5 +52,15 @@ def _processes(m: Mapping[str, Any]) -> list[Line]:
             False,
         ),
         ("events handled late by, median / 99 %", f"{number(slip['p50'])} / {number(slip['p99'], 'ms')}", False),
-        ("events put back in order", number(m["timing"]["inversions"]), False),
+        ("events put back in order", number(timing["inversions"]), False),
+        ("frames taken back or replaced", number(timing["retractions"]), False),
+        (
+            "corrections came late by, median / 99 % / most",
+            f"{number(lag['p50'])} / {number(lag['p99'])} / {number(lag['max'], 'ms')}",
+            False,
+        ),
+        ("processes not settled at the end", number(unsettled), bool(unsettled)),
     ]
+    if foreign:
+        lines.append(("frames to foreign devices taken back or replaced", number(foreign), True))
+    return lines

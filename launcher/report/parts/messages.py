@@ -24,6 +24,7 @@ FATES: Final = {
     "dead": "the receiver was dead",
     "overflow": "never sent: the queue of the sender's radio was full",
     "host_lost": "lost by the machine itself",
+    "host_late": "came too late on this machine to be handled in order",
 }
 
 
@@ -42,6 +43,7 @@ def fates(run: Run) -> list[Bar]:
         "ignored": arrived - frames["late"],
         **frames["lost"],
         "host_lost": frames["host_lost"],
+        "host_late": frames["host_late"],
     }
     total = max(frames["expected"], 1)
     return [

@@ -117,7 +117,10 @@ def _bounds(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:
 
 
 def _frames(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
-    lost = [sum(m["frames"]["lost"].values()) + (m["frames"]["host_lost"] or 0) for m in metrics]
+    lost = [
+        sum(m["frames"]["lost"].values()) + sum(m["frames"][key] or 0 for key in ("host_lost", "host_late"))
+        for m in metrics
+    ]
     shares = (
         n / m["frames"]["expected"] if m["frames"]["expected"] else None for n, m in zip(lost, metrics, strict=True)
     )
@@ -128,7 +131,10 @@ def _frames(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:
     yield from _telling(
         *(_row(metrics, f"lost: {cause.replace('_', ' ')}", "frames", "lost", cause) for cause in causes)
     )
-    yield from _telling(_row(metrics, "lost by the machine", "frames", "host_lost"))
+    yield from _telling(
+        _row(metrics, "lost by the machine", "frames", "host_lost"),
+        _row(metrics, "too late on the machine", "frames", "host_late"),
+    )
 
 
 def _costs(metrics: Sequence[Mapping[str, Any]], sums: Better | None) -> list[Row]:

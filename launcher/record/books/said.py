@@ -1,0 +1,53 @@
+"""Payloads in words."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+from trackfield.sensing.complete import Kind
+from trackfield.sensing.kinds import SENSORS, known_kind
+from trackfield.wire.codec import WireError, decode
+from trackfield.wire.messages import Measurement, SyncReply, SyncRequest, Threshold, Track
+
+
+class Said(NamedTuple):
+    """The content of a payload: in words; of a report also its numbers, in the units of its kind, and its step."""
+
+    text: str
+    values: tuple[float, ...] = ()
+    step: int | None = None
+
+
+@cache
+def _own_kinds() -> tuple[Kind, ...]:
+    """Trackfield's own kinds with messages of their own, which need no settings to be told in words."""
+    kinds = (known_kind(name, {}) for name in SENSORS.own)
+    return tuple(kind for kind in kinds if kind.message is not Measurement)
+
+
+def describe(payload: bytes, kind: Kind | None = None) -> Said:
+    """The content of a payload in words, if need be those of its sender's ``kind`` of sensing; never raises."""
+    try:
+        message = decode(payload)
+    except WireError as error:
+        return Said(f"malformed ({error.reason})")
+    kind = next((one for one in (kind, *_own_kinds()) if one is not None and one.takes(message)), None)
+    if kind is not None:
+        try:
+            return Said(kind.words(message), tuple(map(float, kind.values(message))), message.step)
+        except Exception:  # noqa: BLE001  a user's own methods
+            return Said(repr(message), step=message.step)
+    match message:
+        case Threshold(_, level_db):
+            text = f"report from {level_db:.2f} dB on"
+        case SyncRequest(exchange, sent_us):
+            text = f"what time is it? (exchange {exchange}, here {sent_us / 1e6:.6f} s)"
+        case SyncReply(exchange, left_us=left_us):
+            text = f"it is {left_us / 1e6:.6f} s (exchange {exchange})"
+        case Track(at_us, age_ms, tracker, sensors=sensors):
+            of = f"tracker {tracker}, {len(sensors) // 2} reports, {age_ms / 1000:.3f} s old"
+            text = f"the track at {at_us / 1e6:.3f} s ({of})"
+        case _:
+            return Said(repr(message), step=getattr(message, "step", None))
+    return Said(text)

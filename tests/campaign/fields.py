@@ -1,0 +1,99 @@
+"""Fields of sensors that track a target: the scenario of a seed, and its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+from launcher.plan.prepare import planned
+from launcher.records import Plan
+from tests.campaign.draws import LINKS, Draw
+from trackfield.errors import ScenarioError
+from trackfield.filters.trackers import TRACKERS
+from trackfield.scenario import Scenario
+
+SPACING_M: Final = 50.0
+KINDS: Final = ("kill", "freeze", "restart", "partition", "stuck", "bias", "deaf", "babble", "clock_jump")
+OF_SENSORS: Final = ("stuck", "bias", "deaf", "babble")
+
+
+def settings(seed: int) -> dict[str, Any]:
+    """Keys of the scenario; faults that contradict earlier ones are left out."""
+    draw = Draw(seed)
+    side, steps = draw.randint(5, 8), draw.randint(15, 30)
+    settings = dict(surroundings(draw, side, steps)) | {"seed": seed}
+    ids = [place.id for place in field(settings).info.places if place.role == "node"]
+    faults: list[dict[str, Any]] = []
+    wanted = draw.randint(1, 6)
+    while len(faults) < wanted:
+        one = fault(draw, ids, steps)
+        field({**settings, "faults": [one]})
+        try:
+            field({**settings, "faults": [*faults, one]})
+        except ScenarioError:
+            continue
+        faults.append(one)
+    return {**settings, "faults": faults}
+
+
+def field(settings: dict[str, Any]) -> Plan:
+    """The plan of a scenario."""
+    return planned(Scenario.load({"name": "campaign"}, settings, known_trackers=TRACKERS))
+
+
+def surroundings(draw: Draw, side: int, steps: int) -> Iterator[tuple[str, Any]]:
+    """All of a scenario but its faults."""
+    extent = (side - 1) * SPACING_M
+    yield "field.layout", draw.choice(["grid", "jittered", "random"])
+    yield "field.spacing_m", SPACING_M
+    yield "field.extent_m", extent
+    yield "sensor.threshold", draw.choice([0.7, 0.75, 0.78, "adaptive"])
+    yield "sensor.level_sd_db", draw.choice([0.0, 1.0])
+    yield "target.path", "waypoints"
+    yield "target.waypoints", route(draw, extent, steps)
+    yield "fusion.trackers", ["fix-imm-ukf", *draw.maybe(0.15, lambda: "spcpf")]
+    yield "fusion.deadline_s", draw.choice([0.1, 0.3, 0.9])
+    yield "fusion.max_age_s", draw.choice([0.0, 0.0, 1.5, 4.0])
+    yield "fusion.prior", draw.choice(["paper", "none"])
+    for path in draw.maybe(0.2, lambda: route(draw, extent, steps)):
+        yield "fusion.path", path
+    for key, value in LINKS[draw.choice(sorted(LINKS))](draw).items():
+        yield f"link.{key}", value
+    if draw.random() < 0.6:
+        yield "clock.offset_ms", draw.choice([0.5, 20.0, 400.0, 3000.0])
+        yield "clock.drift_ppm", draw.choice([0.0, 20.0, 500.0])
+        yield "clock.ramp_ppm_per_h", draw.choice([0.0, 50.0])
+        yield "clock.sync", draw.random() < 0.8
+        yield "clock.exchanges", draw.randint(1, 8)
+        yield "clock.resync_s", draw.choice([1.0, 7.0, 60.0])
+    if draw.random() < 0.5:
+        yield "energy.battery_j", round(10 ** draw.uniform(-1.3, 0.7), 4)
+        yield "energy.sample_mj", draw.choice([0.0, 1.0])
+        for joules in draw.maybe(0.2, lambda: draw.number(0.3, 3.0)):
+            yield "energy.centre_battery_j", joules
+
+
+def route(draw: Draw, extent: float, steps: int) -> list[list[float]]:
+    """Straight legs through the field that last as long as the run."""
+    times = [0.0, *sorted(draw.sample(range(2, steps - 1), draw.randint(0, 2))), float(steps)]
+    return [[float(t), draw.number(0, extent), draw.number(0, extent)] for t in times]
+
+
+def fault(draw: Draw, ids: Sequence[str], steps: int) -> dict[str, Any]:
+    """One fault, of sensors or, where it can be, of the centre too."""
+    kind = draw.choice(KINDS)
+    fault: dict[str, Any] = {"kind": kind, "at_s": draw.number(0.5, steps - 2)}
+    if draw.random() < 0.3:
+        fault["share"] = draw.choice([0.1, 0.3, 0.6])
+    else:
+        centre = [] if kind in OF_SENSORS else ["fusion"]
+        fault["nodes"] = sorted(draw.sample([*ids, *centre * 10], draw.randint(1, 3))[:1])
+        fault["nodes"] = sorted({*fault["nodes"], *draw.sample(list(ids), draw.randint(0, 2))})
+    if kind == "clock_jump":
+        fault["jump_ms"] = draw.choice([-1, 1]) * draw.choice([20.0, 700.0, 1000.0, 4000.0])
+    if kind == "bias":
+        fault["bias_deg"] = draw.choice([-20.0, 20.0, 170.0])
+        fault["bias_db"] = draw.choice([-5.0, 0.0, 5.0])
+    if kind in ("freeze", "restart", "partition") or (kind in OF_SENSORS and draw.random() < 0.5):
+        fault["until_s"] = round(min(fault["at_s"] + draw.choice([1.0, 2.5, 10.0]), steps), 3)
+    return fault

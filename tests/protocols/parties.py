@@ -1,0 +1,26 @@
+"""The protocols by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from tests.protocols import election, hosted, relay, ring
+from trackfield.drivers.spec import ProcessSpec, RunSpec
+
+Party = tuple[RunSpec, list[ProcessSpec]]
+
+PARTIES: Final[Mapping[str, Callable[..., Party]]] = {
+    "election": election.party,
+    "relay": relay.party,
+    "ring": ring.party,
+    "hosted": hosted.party,
+}
+"""Each makes a party of a ``seed``, and of a ``speed``, ``size``, ``seconds`` and ``loss`` if they are given."""
+KINDS: Final[Mapping[str, frozenset[str]]] = {
+    "election": frozenset({"claim"}),
+    "relay": frozenset({"item", "taken"}),
+    "ring": frozenset({"token"}),
+    "hosted": frozenset({"ask", "answer"}),
+}
+"""The messages of each."""
