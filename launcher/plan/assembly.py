@@ -92,7 +92,7 @@ class _Assembly:
             float(process.x),
             float(process.y),
             self._built.site.sensor(self._numbers[id]).to_plain() if process.senses else {},
-            sink=not process.senses,
+            sink=not process.senses or bool(process.fuses),
             clock=clock_of(self._scenario, id) if process.asks else {},
             power=self._power(process),
             legs=tuple((int(t), float(x), float(y)) for t, x, y in process.route),
