@@ -25,6 +25,8 @@ DOCS: Final = (ROOT / "docs" / "extending.md").read_text()
 EXAMPLES: Final = dict(re.findall(r"`(\w+\.py)`:\n\n```python\n(.*?)```", DOCS, re.DOTALL))
 PROMISED: Final = {name: ast.literal_eval(said) for name, said in re.findall(r"python (\w+\.py) +# (\{.*?\})", DOCS)}
 
+PRINTED: Final = {"kalman.py", "sonar.py", "strength.py", "two_centres.py", "base_node.py"}
+
 TOGETHER: Final = """
 import sys
 import trackfield as tf
@@ -43,7 +45,7 @@ tf.run(scenario, driver=driver, speed=float(speed) if driver == "processes" else
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A directory that holds the examples."""
-    assert EXAMPLES.keys() == PROMISED.keys() == {"kalman.py", "sonar.py", "strength.py", "two_centres.py"}
+    assert EXAMPLES.keys() == PROMISED.keys() == PRINTED
     for name, code in EXAMPLES.items():
         (tmp_path / name).write_text(code)
     return tmp_path

@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run
 from tests.test_core_battery import died_at, powered
+from tests.test_ports import Echo
 from tests.toys import Feedback, Reply, Request, mix
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Frame, Output, Refused, Told, Undone
+from trackfield.drivers.ports import Port
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.drivers.virtual import Virtual
 from trackfield.host import Host
@@ -21,6 +23,8 @@ from trackfield.role import (
     NEIGHBOURHOOD,
     NS,
     CancelTimer,
+    ClockSet,
+    Corrected,
     Effect,
     Event,
     Ignored,
@@ -35,8 +39,10 @@ from trackfield.role import (
     Send,
     SetTimer,
     Started,
+    Store,
     Timer,
     TrackPoint,
+    Write,
 )
 from trackfield.wire.messages import Doa
 
@@ -111,6 +117,57 @@ def test_a_host_is_pure(calls: list[tuple[int, int, str]]) -> None:
         assert first == second
         assert state == before
         state = first[0]
+
+
+class Keeper:
+    """Answers requests as its number decides, stores it, and takes each for a correction of the clock."""
+
+    kinds = frozenset({"request"})
+
+    def begin(self) -> int:
+        return 1
+
+    def handle(self, state: int, event: Event) -> tuple[int, tuple[Effect, ...]]:
+        if not isinstance(event, Received):
+            return state, ()
+        chain = mix(state, event.message.chain)
+        if chain % 3 == 0:
+            return chain, (Ignored("late"),)
+        return chain, (Store(b"%d" % chain), Corrected(chain), Send(Reply(chain), frozenset({"me", "far"})))
+
+
+class Follower:
+    """Counts requests, messages of the keeper, its corrections and its own timers in, and stores its number, too."""
+
+    kinds, follows = frozenset({"request", "reply"}), True
+
+    def begin(self) -> int:
+        return 2
+
+    def handle(self, state: int, event: Event) -> tuple[int, tuple[Effect, ...]]:
+        value = event.correction_ns if isinstance(event, ClockSet) else len(type(event).__name__)
+        chain = mix(state, event.message.chain if isinstance(event, Received) else value)
+        return chain, (Store(b"%d" % chain), *((SetTimer("t", event.now + 2 * MS),) if chain % 2 else ()))
+
+
+@given(requests)
+def test_several_roles_live_the_same_in_whatever_order_frames_come(
+    calls: list[tuple[int, int, str]],
+) -> None:
+    """What each role stores and counts is undone and done again with the rest."""
+
+    def hosting() -> Host:
+        return Host({"keeper": Keeper(), "follower": Follower()}, id="me")
+
+    late, _ = life(hosting(), calls)
+    ordered = core_of(hosting())
+    for t, number, src in calls:
+        ordered.offer(arrival(t * MS, Request(number), src=src))
+    run(ordered, 20 * MS)
+    assert late.state == ordered.state
+    assert (late.tally, late.life.stored) == (ordered.tally, ordered.life.stored)
+    assert sum(delivered for delivered, _ in late.state.counts.values()) == 2 * len(calls)
+    assert late.record(NS)["roles"] == ordered.record(NS)["roles"]
 
 
 # --- the same story as in two processes ---------------------------------------------------------------------------
@@ -214,6 +271,7 @@ class Witness:
     def __init__(self) -> None:
         self.frames: list[Frame] = []
         self.points: list[tuple[int, TrackPoint]] = []
+        self.written: list[Write] = []
 
     def sent(self, frame: Frame) -> None:
         self.frames.append(frame)
@@ -221,6 +279,8 @@ class Witness:
     def told(self, process: str, output: Told | Refused | Undone) -> None:
         if isinstance(output, Told) and isinstance(output.effect, Publish):
             self.points.append((output.key[0], output.effect.estimate))
+        if isinstance(output, Told) and isinstance(output.effect, Write):
+            self.written.append(output.effect)
 
     def final(self, process: str, record: object) -> None:
         pass
@@ -274,3 +334,22 @@ def test_roles_share_one_battery() -> None:
     )
     assert died_at(run(one, NS)) == died_at(run(two, 2 * NS)) < (died_at(run(half, NS)) or 0)
     assert two.state.states == {"a": (Started(0),), "b": (Started(0),)}
+
+
+# --- ports --------------------------------------------------------------------------------------------------------
+
+
+def echo_and_listener() -> Host:
+    return Host({"echo": Echo(), "listener": Listener()}, id="pair")
+
+
+def test_devices_belong_to_a_role_by_the_name_of_their_port() -> None:
+    """A recorded one, under a driver; the role knows it as its own."""
+    ports = {"echo/tty": Port(((MS, b"ab"), (3 * MS, b"c")))}
+    spec = ProcessSpec("pair", "pair", "tests.test_host_story:echo_and_listener", ports=ports)
+    run_spec, witness = RunSpec("host", 1, NS, {"model": "ideal"}), Witness()
+    virtual = Virtual(run_spec, [spec], witness)
+    virtual.run()
+    assert [(t, point.mean[0]) for t, point in witness.points] == [(MS, 2.0), (3 * MS, 3.0)]
+    assert virtual.cores["pair"].state.states == {"echo": 3, "listener": Sum()}
+    assert witness.written == [Write("echo/tty", b"ab\x02"), Write("echo/tty", b"c\x03")]

@@ -35,6 +35,7 @@ processes.{started,ready_s,died,stopped,pss_mb_per_node}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
 frames.{host_lost,host_late} frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
+frames.by_role.<role>.{delivered,ignored}
 bytes.{payload,on_air}
 latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
 host_latency_ms.{p50,p99}
@@ -47,6 +48,8 @@ lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens,questions}
 """
+BY_ROLE = {f"frames.by_role.<role>.{what}" for what in ("delivered", "ignored")}
+"""Of processes with several roles only (``test_hosted_processes.py``)."""
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),
     *("steps_expected", "steps_tracked", "share_within", "longest_blackout_s", "gap"),
@@ -66,6 +69,7 @@ NAMES = {
     "trackers.<name>.sources.": "<id>",
     "trackers.<name>.views.": "<view>",
     "frames.by_kind.": "<kind>",
+    "frames.by_role.": "<role>",
     "frames.refused.": "<reason>",
 }
 """What stands for the names that a run gives, by where they are."""
@@ -89,7 +93,7 @@ def test_every_key_is_there_and_no_other() -> None:
     ledger, tracks = simulated(plan)
     ledger.refuse("data/field/to/fusion/nobody/doa", "sender")
     metrics = run_metrics(plan, ledger, tracks)
-    assert set(paths(metrics)) == set(expanded(KEYS))
+    assert set(paths(metrics)) == set(expanded(KEYS)) - BY_ROLE
     assert metrics["trackers"].keys() == {"fix-imm-ukf", "spcpf"}
     assert metrics["frames"]["by_kind"].keys() == {"doa"}
     for tracker in metrics["trackers"].values():
@@ -103,7 +107,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     metrics = run_metrics(plan, Ledger(plan.run, plan.processes), [])
     named = set(expanded("trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id>"))
     by_kind = set(expanded("frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}"))
-    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind
+    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind - BY_ROLE
     assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
     nothing = {
@@ -207,6 +211,7 @@ def test_a_whole_tiny_run() -> None:
         "host_late": 0,
         "refused": {},
         "by_kind": {"doa": {"sent": 4, "payload_bytes_max": len(payload)}},
+        "by_role": {},
     }  # fmt: skip
     assert metrics["bytes"]["payload"] == 4 * len(payload)
     assert metrics["latency_ms"] == {

@@ -134,8 +134,8 @@ class Kind(_Figures):
 class RoleFrames(_Figures):
     """The frames of one role, of processes that have several."""
 
-    delivered: Count
-    ignored: Count
+    delivered: Count | None
+    ignored: Count | None
 
 
 class Frames(_Figures):
@@ -154,7 +154,7 @@ class Frames(_Figures):
     host_late: Signed | None
     refused: Mapping[str, Count]
     by_kind: Mapping[str, Kind]
-    by_role: Mapping[str, RoleFrames] | None
+    by_role: Mapping[str, RoleFrames]
 
 
 class Bytes(_Figures):

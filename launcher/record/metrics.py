@@ -72,13 +72,14 @@ def ended_because(why: str) -> Metrics:
 def cut_off(metrics: Metrics) -> Metrics:
     """The metrics of a record that broke off: without all that final records or the launcher tell, null and not 0."""
     known = {
-        "frames": ("duplicate", "host_lost", "host_late", "by_role"),
+        "frames": ("duplicate", "host_lost", "host_late"),
         "processes": ("died", "stopped"),
         "timing": ("inversions", "host_late", "retractions", "unsettled", "foreign_corrections"),
         "lifetime_s": ("first_death", "half_dead", "coverage_lost", "extrapolated"),
         "recorder": ("dropped",),
     }
     parts = {part: metrics[part] | dict.fromkeys(unknown) for part, unknown in known.items()}
+    parts["frames"]["by_role"] = _blank(metrics["frames"]["by_role"])
     parts["timing"] |= {key: _blank(metrics["timing"][key]) for key in ("slip_ms", "lag_ms")}
     return metrics | parts | {key: _blank(metrics[key]) for key in ("cpu_s", "host_latency_ms", "energy_j")}
 

@@ -138,6 +138,9 @@ def bad_final_record(draw: Draw) -> Sample:
         {"sent": None},
         {"slip": 3},
         {"stored": 5, "spent": {}},
+        {"roles": {"node": {"delivered": -1}}},
+        {"roles": {"node": {"lost": 1}}},
+        {"roles": ["node"]},
         draw.value(),
     ]
     name = draw.choice([draw.anyone(), *draw.known.lives])

@@ -60,7 +60,8 @@ class ProcessSpec:
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
     ``clock`` holds the arguments of its ``Clock``, ``power`` those of its ``Power`` (empty: not counted). ``freezes``
     are times (from ns, until ns) at which it does nothing, ``jumps`` (at ns, by ns) belong to its clock, and
-    ``faults`` to its sensor, as in ``world/faulty.py``. ``ports`` are those of its devices, by name.
+    ``faults`` to its sensor, as in ``world/faulty.py``. ``ports`` are those of its devices, by name; a process with
+    several roles has them as ``role/port``.
     """
 
     id: str
