@@ -207,6 +207,7 @@ def test_a_whole_tiny_run() -> None:
         "host_late": 0,
         "refused": {},
         "by_kind": {"doa": {"sent": 4, "payload_bytes_max": len(payload)}},
+        "by_role": {},
     }  # fmt: skip
     assert metrics["bytes"]["payload"] == 4 * len(payload)
     assert metrics["latency_ms"] == {
