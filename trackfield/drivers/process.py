@@ -59,17 +59,18 @@ ORDER_BYTES: Final = 64
 class Process:
     """One process of the field: declares itself, waits for the start, runs to the end, and sends its final record.
 
-    Its role is made by ``factory``. Orders and answers count if they have the run's ``seal``.
+    Its role is made by ``factory``. Orders, which come on the key expression ``orders``, and answers count if they have
+    the run's ``seal``.
     """
 
-    def __init__(self, session: zenoh.Session, name: str, factory: str, seal: Seal) -> None:
+    def __init__(self, session: zenoh.Session, name: str, factory: str, seal: Seal, orders: str = keys.ORDERS) -> None:
         self.session, self.name = session, name
         self._seal, self._refused, self._forged = seal, Refusals(), Refusals()
         self._inbox: Inbox = deque()
         self._wake, self._stop = Event(), Event()
         self._start_ns: int | None = None
         self._end_ns = NEVER
-        self._held = [session.declare_subscriber(keys.ORDERS, Callback(self._on_order, indirect=False))]
+        self._held = [session.declare_subscriber(orders, Callback(self._on_order, indirect=False))]
         joined = join(session, name, factory, seal, self._forged)
         self.spec, self._speed = joined.process, joined.run.speed
         self._end_ns = min(self._end_ns, joined.run.end_ns)
@@ -127,7 +128,7 @@ class Process:
     def _on_order(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         try:
-            self._obey(key, opened(sample, self._seal, ORDER_BYTES))
+            self._obey(keys.order_of(key), opened(sample, self._seal, ORDER_BYTES))
         except WireError as error:
             self._refused.add(key, error)
         self._wake.set()
