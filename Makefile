@@ -33,6 +33,7 @@ lint: $(VENV)/dev.stamp  ## style, types and the walls between the rooms
 study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn from seeds, the tables of docs/studies.md and docs/papers.md (an hour)
 	$(BIN)/python -m tests.campaign
 	$(BIN)/python -m pytest -m long
+	$(BIN)/python -m tests.protocols.study
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.hostile
 	$(BIN)/python -m tests.studies

@@ -41,7 +41,7 @@ def pss_mb(body: str) -> float:
     import psutil
 
     from launcher.processes.children import Children
-    from launcher.processes.deployment import REHEARSAL
+    from launcher.processes.preload import REHEARSAL
     from launcher.processes.zygote import Child
 
     with tempfile.TemporaryDirectory() as folder:

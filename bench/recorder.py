@@ -26,7 +26,9 @@ from launcher.plan.prepare import load, planned
 from launcher.processes.children import Children
 from launcher.processes.zygote import Child
 from launcher.records import RECORDER, SENSES, Plan
+from trackfield.drivers.frames import Frame
 from trackfield.drivers.session import open_client
+from trackfield.drivers.versions import Digest, digest
 from trackfield.wire import keys
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope
@@ -53,6 +55,7 @@ class Bench:
         self.endpoint = f"unixsock-stream/{folder / 'router.sock'}"
         self._nodes = [place.id for place in plan.info.tagged(SENSES)]
         (self._centre,) = plan.views[0].sources
+        self._sent_ns: list[int] = []
 
     def __enter__(self) -> Bench:
         self.children = Children(2)
@@ -74,20 +77,31 @@ class Bench:
         to = [keys.unicast("field", self._centre, node, "doa") for node in self._nodes]
         payloads = [encode(Doa(1 + k, 0.7 * k, 60.0)) for k in range(500)]
         begun, begun_ns = time.monotonic(), time.monotonic_ns()
+        self._sent_ns = []
         for k in range(messages):
             if rate is not None and k % CHUNK == 0:
                 time.sleep(max(begun + k / rate - time.monotonic(), 0))
-            envelope = Envelope(time.monotonic_ns() - begun_ns, 0, 0, k, 0).pack()
+            self._sent_ns.append(time.monotonic_ns() - begun_ns)
+            envelope = Envelope(self._sent_ns[-1], seq=k, version=0).pack()
             self.session.put(to[k % len(to)], payloads[k % 500], attachment=envelope, congestion_control=control)
         return time.monotonic() - begun
 
-    def final(self, messages: int) -> None:
-        """Send the final records of frames sent and delivered, as all processes of a run do."""
+    def final(self) -> None:
+        """Send the final records, as all processes of a run do: of the reports that were put last, all got by all."""
+        frames = [
+            (Frame(self._nodes[k % len(self._nodes)], 0, "doa", sent_ns, 0, self._centre, "field", b""), 0)
+            for k, sent_ns in enumerate(self._sent_ns)
+        ]
         for index, name in enumerate(self._nodes):
-            self._final(name, {"sent": len(range(index, messages, len(self._nodes)))})
-        self._final(self._centre, {"sent": 0, "delivered": messages})
+            self._final(name, digest(frames[index :: len(self._nodes)]), Digest())
+        self._final(self._centre, Digest(), digest(frames))
 
-    def _final(self, name: str, record: dict[str, int]) -> None:
+    def _final(self, name: str, sent: Digest, heard: Digest) -> None:
+        record = {
+            "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5, "metered_ns": 0,
+            "sent": sent.size, "sent_hash": sent.total, "heard": heard.size, "heard_hash": heard.total,
+            "puts": sent.size, "retractions": 0, "told": 0, "slip": {}, "lag": {}, "latency": {}, "cpu_s": 0.0,
+        }  # fmt: skip
         blocking = zenoh.CongestionControl.BLOCK
         self.session.put(keys.telemetry(name, "final"), msgpack.packb(record), congestion_control=blocking)
 
@@ -134,7 +148,7 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
     # At a rate some may never arrive; then the count stops growing.
     _until(lambda: heard[-1] >= messages or (rate is not None and len(heard) > 12 and len(set(heard[-12:])) == 1))
     all_s, cpu_s = time.monotonic() - begun, bench.children.cpu_s(RECORDER) - cpu_s
-    bench.final(messages)
+    bench.final()
     bench.session.put(keys.FINISH, msgpack.packb([]))
     bench.children.wait([RECORDER], PATIENCE_S)
     told.undeclare()  # type: ignore[no-untyped-call]

@@ -80,5 +80,16 @@ def run(core: Core, until_ns: int) -> list[Output]:
     return outputs
 
 
+def caught_up(core: Core, *late: Arrival) -> list[Output]:
+    """Offer these frames, and go back and handle all again that was handled before; what leaves."""
+    for frame in late:
+        core.offer(frame)
+    outputs = core.catch_up()
+    while (key := core.next_key()) is not None and key <= core.front:
+        outputs += core.handle_next()
+    assert not core.behind
+    return outputs
+
+
 def frames(outputs: Iterable[Output]) -> list[Frame]:
     return [o.frame for o in outputs if isinstance(o, Sent)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.puppet import MS, arrival, core_of, run
+from tests.puppet import MS, arrival, caught_up, core_of, run
 from tests.toys import Feedback, Reply, Request, mix
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.frames import Arrival, Frame, Identity, Output, Refused, Sent, TakenBack, Told, Undone
@@ -114,11 +114,11 @@ def live(
         for frame in batch:
             core.offer(frame)
         if catch:
-            outputs += core.catch_up()
+            outputs += caught_up(core)
         for _ in range(steps):
             if (key := core.next_key()) is not None and key[0] <= LAST:
                 outputs += core.handle_next()
-    outputs += core.catch_up()
+    outputs += caught_up(core)
     outputs += run(core, BEYOND)
     told: list[Told | Refused] = []
     for output in outputs:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
+from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, script
 from tests.toys import Reply, Request
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
@@ -173,7 +173,7 @@ def test_what_was_kept_by_mistake_is_not_kept() -> None:
     run(core, NS)
     assert core.record(NS)["stored"] == b"wrong"
     core.offer(arrival(2 * MS, Request(1)))
-    core.catch_up()
+    caught_up(core)
     assert core.record(NS)["stored"] == b"right"
 
 
@@ -228,7 +228,7 @@ def test_a_frame_from_before_a_jump_is_put_before_it() -> None:
     run(core, NS)
     for t in (4, 6):
         core.offer(arrival(t * MS, Request(t)))
-    core.catch_up()
+    caught_up(core)
     assert core.state[1:] == (
         Received(4 * MS, Request(4), "peer"), Received(NS + 6 * MS, Request(6), "peer"), Timer(NS + 9 * MS, "a")
     )  # fmt: skip
@@ -239,7 +239,7 @@ def test_a_frame_from_while_it_stood_still_is_counted_and_changes_nothing() -> N
     core = at_start(SetTimer("a", 3 * MS), conditions=Conditions(freezes=((2 * MS, 5 * MS),)))
     run(core, NS)
     core.offer(arrival(4 * MS, Request(1)))
-    assert core.catch_up() == []
+    assert caught_up(core) == []
     assert core.state == (START, Timer(5 * MS, "a"))
     assert core.tally == {"frozen": 1}
 
@@ -252,7 +252,7 @@ def test_a_frame_of_the_end_of_standing_still_is_put_before_the_timers_that_wait
     )
     assert len(frames(run(core, NS))) == 1
     core.offer(arrival(5 * MS, Request(1)))
-    assert core.catch_up() == []
+    assert caught_up(core) == []
     assert core.state == (START, Received(5 * MS, Request(1), "peer"), Timer(5 * MS, "a"))
     assert core.host_late == 0
 

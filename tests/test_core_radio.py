@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
+from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
 from trackfield.drivers.conditions import Conditions
 from trackfield.drivers.core import Core
@@ -239,7 +239,7 @@ def test_those_that_wait_behind_one_that_came_late_leave_later() -> None:
     first = frames(run(core, NS))
     assert [f.sent_ns // MS for f in first] == [3, 8]
     core.offer(arrival(2 * MS, Request(2)))
-    outputs = core.catch_up()
+    outputs = caught_up(core)
     assert [f.sent_ns // MS for f in frames(outputs)] == [2, 7, 12]
     assert [o.frame for o in outputs if isinstance(o, TakenBack)] == first
     assert core.host_late == 0

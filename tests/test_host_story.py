@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.puppet import MS, Puppet, arrival, core_of, frames, run
+from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run
 from tests.test_core_battery import died_at, powered
 from tests.test_ports import Echo
 from tests.toys import Feedback, Reply, Request, mix
@@ -84,7 +84,7 @@ def life(role: Role[Any], calls: Sequence[tuple[int, int, str]]) -> tuple[Core, 
     outputs = run(core, 5 * MS)
     for t, number, src in calls:
         core.offer(arrival(t * MS, Request(number), src=src))
-    outputs += core.catch_up()
+    outputs += caught_up(core)
     return core, outputs + run(core, 20 * MS)
 
 

@@ -81,6 +81,7 @@ def test_orders_that_are_not_the_launchers_are_not_followed(tmp_path: Path) -> N
     [
         ("forged report", "forged report of the past"),
         ("frame once more with other content",),
+        ("frame taken back", "frame replaced"),
         pytest.param(("forged threshold", "forged time", "forged question for the time"), marks=pytest.mark.long),
         ("forged track",),
         pytest.param(("forged event", "forged undoing"), marks=pytest.mark.long),

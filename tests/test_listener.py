@@ -28,7 +28,7 @@ from trackfield.wire.messages import Doa
 NOW = 5 * NS
 REPORT = encode(Doa(1, 90.0, 60.0))
 FINAL = {
-    "sent": 1, "puts": 1, "sent_hash": 0, "told": 1,
+    "sent": 1, "sent_hash": 0, "heard": 0, "heard_hash": 0, "puts": 1, "retractions": 0, "told": 1,
     "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5, "metered_ns": 0,
     "slip": {}, "latency": {}, "lag": {}, "cpu_s": 0.1,
 }  # fmt: skip

@@ -16,7 +16,7 @@ import pytest
 from launcher.run import run_processes
 from launcher.show import Quiet
 from tests.network import field_of, settle
-from tests.puppet import MS, arrival, core_of, run, script
+from tests.puppet import MS, arrival, caught_up, core_of, run, script
 from tests.running import until
 from tests.test_drivers_agree import both, toy_plan
 from tests.toys import Request, party
@@ -73,8 +73,7 @@ def test_bytes_are_read_again_when_a_frame_from_before_turns_up() -> None:
     core = core_of(script({PortRead(3 * MS, "tty", b"x"): (Write("tty", b"y"),), CALL: (Note("called"),)}))
     core.offer(PortInput(3 * MS, 0, "tty", b"x"))
     (wrote,) = [o for o in run(core, NS) if isinstance(o, Told)]
-    core.offer(arrival(2 * MS, Request(1)))
-    undone, called, again = core.catch_up()
+    undone, called, again = caught_up(core, arrival(2 * MS, Request(1)))
     assert isinstance(undone, Undone)
     assert again == wrote
     assert isinstance(called, Told)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from launcher.processes.deployment import REHEARSAL
+from launcher.processes.preload import REHEARSAL
 from trackfield.plugins import load
 
 

@@ -124,6 +124,9 @@ def test_what_the_machine_did_wrong_comes_first(copied: Path) -> None:
     def spoilt(metrics: dict[str, Any]) -> None:
         metrics["timing"]["host_late"] = 3
         metrics["frames"]["host_lost"] = 5
+        metrics["frames"]["host_late"] = 2
+        metrics["timing"] |= {"unsettled": 4, "foreign_corrections": 6, "retractions": 8}
+        metrics["driver"] = "processes"
         metrics["recorder"]["dropped"] = 7
         metrics["processes"]["died"] = [{"id": "n010", "host": "h", "why": "signal 9", "t": 2.5}]
         metrics["processes"]["stopped"] = [{"id": "n011", "host": "h", "t": None, "s": None}]
@@ -131,8 +134,12 @@ def test_what_the_machine_did_wrong_comes_first(copied: Path) -> None:
     changed(copied, spoilt)
     report.write_report(copied)
     made = read(copied)
-    assert sum(attributes.get("role") == "alert" for _, attributes in made.tags) == 4
-    for words in ("3 events came too late", "5 frames were lost by the machine", "7 frames never reached the recorder"):
+    assert sum(attributes.get("role") == "alert" for _, attributes in made.tags) == 6
+    for words in (
+        "3 events came too late", "5 frames were lost by the machine", "7 frames never reached the recorder",
+        "4 processes were not settled", "6 frames to foreign devices were taken back or replaced",
+        "host late", "frames taken back or replaced 8", "processes not settled at the end 4",
+    ):  # fmt: skip
         assert words in made.text
     for words in (
         "2.5 s died: signal 9 n010 not planned",

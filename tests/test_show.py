@@ -248,6 +248,14 @@ def test_figures_in_doubt_are_called_so(plan: Plan, said: Said) -> None:
     assert "a lower --speed, or --virtual, is exact" in said()
 
 
+def test_a_run_that_was_not_settled_and_devices_that_may_have_reacted_are_told(plan: Plan, said: Said) -> None:
+    metrics = metrics_of(plan)
+    metrics["timing"] |= {"unsettled": 2, "foreign_corrections": 4}
+    show.conclude(outcome(metrics))
+    assert "2 processes were not settled when the run was ended (timing.unsettled)" in said()
+    assert "4 frames to foreign devices were taken back or replaced (timing.foreign_corrections)" in said()
+
+
 def test_a_run_without_any_frame_says_so(plan: Plan, said: Said) -> None:
     show.conclude(outcome(run_metrics(plan, Ledger(plan.run, plan.processes), [])))
     assert "no frame was sent: no tracker had any report" in said()

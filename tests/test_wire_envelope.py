@@ -15,6 +15,7 @@ from trackfield.wire import Envelope, WireError
 VECTORS = json.loads((Path(__file__).parent / "golden" / "wire.json").read_text())["envelopes"]
 TIMES = st.integers(0, 2**63 - 1)
 SHORTS = st.integers(0, 2**16 - 1)
+LONGS = st.integers(0, 2**32 - 1)
 
 
 @pytest.mark.parametrize("vector", VECTORS, ids=lambda v: v["hex"])
@@ -24,18 +25,19 @@ def test_golden_envelopes(vector: dict[str, Any]) -> None:
     assert Envelope.unpack(bytes.fromhex(vector["hex"])) == envelope
 
 
-@given(TIMES, SHORTS, SHORTS, st.integers(0, 2**32 - 1), TIMES)
-def test_round_trip(sent_ns: int, incarnation: int, copy: int, seq: int, put_ns: int) -> None:
-    envelope = Envelope(sent_ns, incarnation, copy, seq, put_ns)
+@given(TIMES, SHORTS, SHORTS, LONGS, TIMES, st.none() | LONGS)
+def test_round_trip(sent_ns: int, incarnation: int, copy: int, seq: int, put_ns: int, version: int | None) -> None:
+    envelope = Envelope(sent_ns, incarnation, copy, seq, put_ns, version)
+    assert len(envelope.pack()) == (24 if version is None else 28)
     assert Envelope.unpack(envelope.pack()) == envelope
 
 
-@given(st.binary(max_size=40) | st.binary(min_size=24, max_size=24))
+@given(st.binary(max_size=40) | st.binary(min_size=24, max_size=24) | st.binary(min_size=28, max_size=28))
 def test_no_bytes_crash_it(data: bytes) -> None:
     try:
         envelope = Envelope.unpack(data)
     except WireError as error:
-        assert error.reason == ("range" if len(data) == 24 else "envelope")
+        assert error.reason == ("range" if len(data) in (24, 28) else "envelope")
     else:
         assert envelope.pack() == data
 
@@ -58,6 +60,8 @@ def test_only_bytes_are_an_attachment(data: Any) -> None:
         {"sent_ns": 0, "incarnation": 2**16},
         {"sent_ns": 0, "copy": 2**16},
         {"sent_ns": 0, "seq": 2**32},
+        {"sent_ns": 0, "version": -1},
+        {"sent_ns": 0, "version": 2**32},
         {"sent_ns": 0.5},
     ],
     ids=str,

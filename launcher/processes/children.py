@@ -1,4 +1,4 @@
-"""The operating-system processes of a run: forked from one zygote, watched, and ended with the run."""
+"""The operating-system processes of a run: forked from zygotes, watched, and ended with the run."""
 
 from __future__ import annotations
 
@@ -36,6 +36,8 @@ FORK_S: Final = 60.0
 WAIT_S: Final = 15.0
 """How long it may take to say how a process ended."""
 ZYGOTE: Final = "zygote"
+HEAVY_ZYGOTE: Final = "heavy zygote"
+ZYGOTES: Final = (ZYGOTE, HEAVY_ZYGOTE)
 WITH_ZYGOTE: Final = "ended with its zygote"
 STAT_BYTES: Final = 128
 """Enough of /proc/<pid>/stat for the pid, the name (at most 64 bytes) and the state."""
@@ -43,46 +45,55 @@ _ZYGOTE: Final = """
 import sys
 sys.path[:] = {path!r}
 from launcher.processes.zygote import serve
-serve({orders}, {preload!r})
+serve({orders}, {preload!r}, {title!r})
 """
 
 
 @dataclass(frozen=True, slots=True)
 class _Alive:
-    """A process that is not known to have ended: the file ``end`` is readable once it has, ``stat`` has its state."""
+    """A process that is not known to have ended: the file ``end`` is readable once it has, ``stat`` has its state.
+
+    ``zygote`` is the one that it was forked from, or its own name.
+    """
 
     pid: int
     end: int
     stat: int
+    zygote: str
 
 
 class Children:
-    """Child processes by name, the zygote among them. A name may be forked again once its process is gone.
+    """Child processes by name, the zygotes among them. A name may be forked again once its process is gone.
 
-    All of them end with the zygote. ``preload`` are modules that most of the ``expected`` children need, imported once
-    for all of them, and functions as ``module:attribute``, called once before the first is forked. Raises ``RunFailed``
-    if there can be no zygote.
+    All of them end with any zygote. ``preload`` are modules that most of the ``expected`` children need, imported once
+    for all of them, and functions as ``module:attribute``, called once before the first is forked; ``heavy`` are those
+    of children that are heavy. Raises ``RunFailed`` if there can be no zygote.
     """
 
-    def __init__(self, expected: int, preload: Iterable[str] = ()) -> None:
+    def __init__(self, expected: int, preload: Iterable[str] = (), heavy: Iterable[str] = ()) -> None:
         keep_open()
         _allow_many_files(FILES_EACH * expected + FILES)
-        self._zygote = _Zygote(["launcher.processes.bodies", *preload])
+        self._zygotes = {ZYGOTE: _Zygote(ZYGOTE, preload)}
+        if heavy := tuple(heavy):
+            self._zygotes[HEAVY_ZYGOTE] = _Zygote(HEAVY_ZYGOTE, heavy)
+        self._fallen = False
         self._pids: dict[str, int] = {}
         self._alive: dict[str, _Alive] = {}
         self._exits = select.epoll()
         self._by_end: dict[int, str] = {}
-        self._add(ZYGOTE, self._zygote.pid)
+        for name, zygote in self._zygotes.items():
+            self._add(name, zygote.pid, name)
 
     def fork(self, name: str, body: Child, *arguments: Any) -> None:
         """Start a process that runs ``body``. Raises ``RunFailed`` if that cannot be."""
-        self._add(name, self._zygote.fork(body, *arguments))
+        zygote = HEAVY_ZYGOTE if body.heavy and HEAVY_ZYGOTE in self._zygotes else ZYGOTE
+        self._add(name, self._zygotes[zygote].fork(body, *arguments), zygote)
 
-    def _add(self, name: str, pid: int) -> None:
+    def _add(self, name: str, pid: int, zygote: str) -> None:
         # Even if it has ended already, its id is not given to another until the zygote is asked how it ended.
         self._pids[name] = pid
         try:
-            child = _Alive(pid, os.pidfd_open(pid), os.open(f"/proc/{pid}/stat", os.O_RDONLY))
+            child = _Alive(pid, os.pidfd_open(pid), os.open(f"/proc/{pid}/stat", os.O_RDONLY), zygote)
         except OSError as error:
             raise RunFailed(f"{name} could not be watched: {error.strerror}") from None
         self._alive[name], self._by_end[child.end] = child, name
@@ -93,18 +104,26 @@ class Children:
         return list(self._pids)
 
     def gone(self) -> list[tuple[str, str]]:
-        """(name, how) of each that ended since the last call; none while the zygote, which knows how, stands still."""
-        if self.stopped(ZYGOTE):
+        """(name, how) of each that ended since the last call; none while a zygote, which knows how, stands still."""
+        if any(self.stopped(zygote) for zygote in self._zygotes):
             return []
         ended = [self._by_end[end] for end, _ in self._exits.poll(0, len(self._by_end) or 1)]
         return [(name, self._bury(name)) for name in ended]
 
     def _bury(self, name: str) -> str:
         child = self._forget(name)
-        code = self._zygote.ended() if name == ZYGOTE else self._zygote.wait(child.pid)
+        code = self._last_word(name) if name in self._zygotes else self._zygotes[child.zygote].wait(child.pid)
         if code is None:
             return WITH_ZYGOTE
         return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+    def _last_word(self, name: str) -> int | None:
+        """The exit code of a zygote, with which the other ends; None if that one was the first to end."""
+        code = None if self._fallen else self._zygotes[name].ended()
+        self._fallen = True
+        for zygote in self._zygotes.values():
+            zygote.close()
+        return code
 
     def stopped(self, name: str) -> bool:
         """Whether it is stopped, by SIGSTOP or under a debugger."""
@@ -148,11 +167,12 @@ class Children:
 
     def close(self) -> None:
         """Kill those that are left, and wait for them."""
-        left = [name for name in self._alive if name != ZYGOTE]
+        left = [name for name in self._alive if name not in self._zygotes]
         for name in left:
             self.kill(name)
         self.wait(left, KILL_TIMEOUT_S)
-        self._zygote.close()
+        for zygote in self._zygotes.values():
+            zygote.close()
         for name in list(self._alive):
             self._forget(name)
         self._exits.close()
@@ -175,10 +195,11 @@ class Children:
 class _Zygote:
     """The other end of ``launcher.processes.zygote.serve``. Raises ``RunFailed`` if it cannot be started."""
 
-    def __init__(self, preload: list[str]) -> None:
+    def __init__(self, title: str, preload: Iterable[str]) -> None:
         self._socket, theirs = socket.socketpair()
         self._socket.settimeout(ASK_S)
-        command = _ZYGOTE.format(path=sys.path, orders=theirs.fileno(), preload=preload)
+        modules = ["launcher.processes.bodies", *preload]
+        command = _ZYGOTE.format(path=sys.path, orders=theirs.fileno(), preload=modules, title=title)
         started = threading.Event()
         self._failure: OSError | None = None
 

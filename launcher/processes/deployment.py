@@ -18,10 +18,11 @@ from zenoh.handlers import Callback
 
 from launcher.processes import patience
 from launcher.processes.alarms import Alarms
-from launcher.processes.children import KILL_TIMEOUT_S, WITH_ZYGOTE, ZYGOTE, Children
+from launcher.processes.children import KILL_TIMEOUT_S, WITH_ZYGOTE, ZYGOTES, Children
 from launcher.processes.endpoint import SocketFolder, session_by
 from launcher.processes.logs import Logged
 from launcher.processes.orders import Orders
+from launcher.processes.preload import preload_of
 from launcher.processes.registry import Registry
 from launcher.processes.settling import Settling, answer_of
 from launcher.processes.watch import STOOD_STILL, Stop, Watch
@@ -31,16 +32,13 @@ from launcher.records import RECORDER, Plan
 from trackfield.drivers.intake import opened
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import client_settings
-from trackfield.drivers.spec import ProcessSpec, role_places
+from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
 
 GOOD_END: Final = "exit code 0"
 ROUTER: Final = "router"
-NODE: Final = "node.role:Node"
-REHEARSAL: Final = "launcher.processes.rehearsal:a_node"
-"""What children that are such nodes would all do for the first time."""
 
 
 class Deployment(Logged):
@@ -64,6 +62,7 @@ class Deployment(Logged):
         self.endpoint = self._sockets.endpoint if self._sockets else endpoint
         self._lead_ns = round((patience.LEAD_S + patience.LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._end_ns = plan.run.end_ns
+        self._preload = preload_of(plan.processes)
         self._lives = {p.name: p for p in plan.processes}
         self._restarts: Counter[str] = Counter()
         self._reached: set[str] = set()
@@ -99,9 +98,7 @@ class Deployment(Logged):
         return Registry(self.plan, self.seal, self.alarms)
 
     def _make_children(self) -> Children:
-        light = {life.factory for life in self.plan.processes if not life.sink}
-        preload = sorted({place.partition(":")[0] for one in light for place in role_places(one).values()})
-        return Children(len(self.plan.processes) + 2, [*preload, *([REHEARSAL] if NODE in light else [])])
+        return Children(len(self.plan.processes) + 2, self._preload.light, self._preload.heavy)
 
     @property
     def stops(self) -> list[Stop]:
@@ -118,7 +115,7 @@ class Deployment(Logged):
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
         sockets = str(self._sockets.path) if self._sockets else ""
         self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder, self.seal.token, sockets)
-        for life in self.plan.processes:
+        for life in sorted(self.plan.processes, key=self._is_heavy):  # while the others start, the heavy zygote loads
             self._fork_role(life)
 
     def _fork_router(self) -> None:
@@ -130,10 +127,13 @@ class Deployment(Logged):
     def _fork_role(self, life: ProcessSpec) -> None:
         title = life.name if life.id == life.role else f"{life.role} {life.name}"
         niceness = 0 if life.sink else patience.NICENESS
-        body = Child("launcher.processes.bodies:role", title, str(self.log(life.name)))
+        body = Child("launcher.processes.bodies:role", title, str(self.log(life.name)), heavy=self._is_heavy(life))
         settings = client_settings(self.endpoint, self.plan.run.run)
         own = (life.factory, dict(self.plan.own_places), self.seal.token)
         self._children.fork(life.name, body, settings, life.name, niceness, *own)
+
+    def _is_heavy(self, life: ProcessSpec) -> bool:
+        return life.factory in self._preload.factories
 
     def _connect(self) -> None:
         connect = partial(session_by, self.endpoint, self.plan.run.run)
@@ -202,7 +202,7 @@ class Deployment(Logged):
             if name != ROUTER or not self._start_again(ROUTER, None):
                 raise self.failure(f"{name} died at start ({why})", name)
             self._watch.died(name, why, again=True)
-        self._watch.rouse(ROUTER, {RECORDER, ZYGOTE})
+        self._watch.rouse(ROUTER, {RECORDER, *ZYGOTES})
 
     def _ready_timeout_s(self) -> float:
         return patience.READY_TIMEOUT_S + patience.READY_PER_PROCESS_S * len(self._lives)
@@ -312,7 +312,7 @@ class Deployment(Logged):
         """Handle processes that died or stand still, and repeat orders."""
         for name, why in self._watch.look():
             self._bury(name, why)
-        self._watch.rouse(ROUTER, {RECORDER, ZYGOTE})
+        self._watch.rouse(ROUTER, {RECORDER, *ZYGOTES})
         self._orders.look(self.registry.arrivals)
 
     def _bury(self, name: str, why: str) -> None:

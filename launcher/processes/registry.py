@@ -41,6 +41,7 @@ class Registry:
 
     def __init__(self, plan: Plan, seal: Seal, alarms: Alarms) -> None:
         self.run, self._seal, self._alarms = plan.run, seal, alarms
+        self._told_run = asdict(plan.run)
         self.start_ns: int | None = None
         self.live: set[str] = set()
         self.arrivals = 0
@@ -76,6 +77,7 @@ class Registry:
     def end(self, end_ns: int) -> None:
         """The run ends early, at this emulated time; processes that join later are told so."""
         self.run = replace(self.run, end_ns=end_ns)
+        self._told_run = asdict(self.run)
 
     def next_life(self, name: str, start_ns: int) -> ProcessSpec:
         """The life after the life ``name``, from this emulated time to the planned end of that one."""
@@ -147,7 +149,7 @@ class Registry:
         life = self._life(name, now_ns)
         taken_over = life.name in self._unplanned or life.name not in self._lives
         return {
-            "run": asdict(self.run),
+            "run": self._told_run,
             "process": life.plain(),
             "start_ns": self.start_ns,
             "stored": self._stored.get(life.id, b"") if taken_over else None,

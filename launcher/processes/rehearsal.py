@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import msgpack
 import zenoh
+from zenoh.handlers import Callback
 
 from trackfield.drivers.ask import subject
 from trackfield.drivers.frames import Sent, Told
@@ -39,13 +40,16 @@ class _Launcher:
     def __init__(self, seal: Seal) -> None:
         self._seal = seal
 
-    def get(self, key: str, handler: object, *, payload: bytes, **options: object) -> list[Any]:
+    def get(self, key: str, handler: Callback[Any], *, payload: bytes, **options: object) -> None:
         """As ``zenoh.Session.get``."""
         told = msgpack.packb(
             {"run": asdict(_RUN), "process": _spec().plain(), "start_ns": None, "stored": None, "ticket": "t"}
         )
         stamp = self._seal.stamp(subject(key, payload), told)
-        return [SimpleNamespace(ok=SimpleNamespace(payload=zenoh.ZBytes(told), attachment=zenoh.ZBytes(stamp or b"")))]
+        sample = SimpleNamespace(payload=zenoh.ZBytes(told), attachment=zenoh.ZBytes(stamp or b""))
+        handler.callback(SimpleNamespace(ok=sample))
+        if handler.drop:
+            handler.drop()
 
 
 def a_node() -> int:

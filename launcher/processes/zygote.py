@@ -1,8 +1,8 @@
-"""What every process of a run is forked from, and how each of them begins.
+"""What the processes of a run are forked from, and how each of them begins.
 
 A node is forked with all its imports done and shares their memory with all others. What a child is to become
 comes as ``module:attribute``, imported after the fork unless the zygote was told to preload it. Nothing here may import
-what a node must not carry (numpy, rerun, pydantic).
+what a node must not carry (numpy, rerun, pydantic): roles that need such are forked from a second, heavy zygote.
 
 A node's memory is what it writes to, or the zygote after its fork; and Python writes to every object that it uses. Each
 function that only children call costs each of them about 10 kB. So what can be done before the first fork is done here,
@@ -46,7 +46,7 @@ class Child(NamedTuple):
     """What a child runs: ``place`` (``module:attribute``) is called with its arguments, and the child ends with it.
 
     ``title`` is what ``ps`` shows, ``log`` where its output goes. One that is ``graceful`` is terminated, not killed,
-    when the launcher dies.
+    when the launcher dies; one that is ``heavy`` is forked from the zygote with the heavy modules, if there is one.
     """
 
     place: str
@@ -54,14 +54,15 @@ class Child(NamedTuple):
     log: str
     niceness: int = 0
     graceful: bool = False
+    heavy: bool = False
 
 
-def serve(orders: int, preload: Iterable[str]) -> None:
-    """Run the zygote: follow the orders on the socket ``orders``, until the launcher closes it.
+def serve(orders: int, preload: Iterable[str], title: str) -> None:
+    """Run the zygote of this title: follow the orders on the socket ``orders``, until the launcher closes it.
 
     ``preload`` are modules, and functions as ``module:attribute`` that are called once.
     """
-    _prepare(preload)
+    _prepare(preload, title)
     while order := os.read(orders, ORDER.size):
         size, pid = ORDER.unpack(order)
         answer = _fork(orders, _read(orders, size)) if size else os.waitpid(pid, 0)[1]
@@ -71,14 +72,14 @@ def serve(orders: int, preload: Iterable[str]) -> None:
             pass
 
 
-def _prepare(preload: Iterable[str]) -> None:
+def _prepare(preload: Iterable[str], title: str) -> None:
     """Do once what all children would do."""
     steady()
     os.setsid()  # the terminal's Ctrl-C is for the launcher alone
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _PRCTL(_PR_SET_PDEATHSIG, signal.SIGKILL)
     _PRCTL(_PR_SET_TIMERSLACK, 1000)
-    setproctitle("trackfield zygote")
+    setproctitle(f"trackfield {title}")
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     logging.basicConfig(format="%(asctime)s %(levelname)s %(message)s", stream=sys.stderr, force=True)
     for place in preload:

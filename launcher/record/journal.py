@@ -200,8 +200,9 @@ def states(events: Iterable[Event]) -> dict[str, str]:
 
 def written(port: str, data: bytes) -> str:
     """Bytes at a port in words."""
-    shown = data[:SHOWN].hex(" ") + (" ..." if len(data) > SHOWN else "")
-    return f"wrote {len(data)} byte{'s' * (len(data) != 1)} to {shortened(plain(port))}: {shown}"
+    shown = f": {data[:SHOWN].hex(' ')}" if data else ""
+    more = " ..." if len(data) > SHOWN else ""
+    return f"wrote {len(data)} byte{'s' * (len(data) != 1)} to {shortened(plain(port))}{shown}{more}"
 
 
 def summary(journal: Journal, now_ns: int) -> dict[str, Any]:

@@ -53,8 +53,15 @@ class Record(BaseModel):
     activity: Five
     inherited: Five
     metered_ns: Ns
+    sent: Count
+    sent_hash: Count
+    heard: Count
+    heard_hash: Count
+    puts: Count
+    retractions: Count
+    told: Count
     slip: Buckets
-    lag: Buckets = {}
+    lag: Buckets
     latency: Buckets
     cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
     roles: dict[str, dict[Literal["delivered", "ignored"], Count]] = {}

@@ -113,7 +113,14 @@ def no_envelope(draw: Draw) -> Sample:
 @bad(DATA, REFUSED)
 def bad_envelope(draw: Draw) -> Sample:
     negative = b"\xff" * 8 + bytes(16)
-    return to_centre(draw, report(draw), draw.choice([b"", b"x", bytes(23), bytes(25), draw.junk(20), negative]))
+    lengths = [bytes(n) for n in (0, 1, 23, 25, 27, 29)]
+    return to_centre(draw, report(draw), draw.choice([*lengths, draw.junk(20), negative, negative + bytes(4)]))
+
+
+@bad(DATA, REFUSED)
+def nothing_without_a_version(draw: Draw) -> Sample:
+    """An empty payload takes a frame back, but this one is final."""
+    return to_centre(draw, b"", stamp(draw))
 
 
 @bad(DATA, REFUSED)
@@ -192,6 +199,43 @@ def frame_once_more_with_other_content(draw: Draw) -> Sample | None:
     return replace(draw.choice(frames), payload=report(draw)) if frames else None
 
 
+def versioned(draw: Draw) -> tuple[Sample, Envelope] | None:
+    """A frame of a process of the run, and its envelope."""
+    heard = ((sample, Envelope.unpack(sample.attachment or b"")) for sample in frames_heard(draw))
+    frames = [(sample, envelope) for sample, envelope in heard if envelope.version is not None]
+    return draw.choice(frames) if frames else None
+
+
+@bad(DATA, ALARM)
+def frame_taken_back(draw: Draw) -> Sample | None:
+    """In the name of its sender."""
+    if (frame := versioned(draw)) is None:
+        return None
+    sample, envelope = frame
+    version = (envelope.version or 0) + draw.choice([1, 2, 2**31])
+    return replace(sample, payload=b"", attachment=replace(envelope, version=version).pack())
+
+
+@bad(DATA, ALARM)
+def frame_replaced(draw: Draw) -> Sample | None:
+    """By another report, also without a version: as if that one were final."""
+    frame = versioned(draw)
+    if frame is None or not frame[0].key.endswith("/doa"):
+        return None
+    sample, envelope = frame
+    version = draw.choice([(envelope.version or 0) + 1, None])
+    return replace(sample, payload=report(draw), attachment=replace(envelope, version=version).pack())
+
+
+@bad(DATA, REFUSED)
+def frame_taken_back_by_a_stranger(draw: Draw) -> Sample | None:
+    if (frame := versioned(draw)) is None:
+        return None
+    _, envelope = frame
+    back = replace(envelope, version=(envelope.version or 0) + 1).pack()
+    return Sample(inbox(draw.stranger(), draw.known.centre), b"", back)
+
+
 @bad(DATA, EITHER)
 def mutated_frame(draw: Draw) -> Sample | None:
     frames = frames_heard(draw)
@@ -235,7 +279,8 @@ def forged_track_by_radio(draw: Draw) -> Sample:
 
 @bad(DATA, ALARM)
 def forged_time(draw: Draw) -> Sample:
-    asked = [sample for sample in frames_heard(draw) if sample.key.endswith("/sync-request")]
+    heard = (sample for sample in frames_heard(draw) if sample.payload)
+    asked = [sample for sample in heard if sample.key.endswith("/sync-request")]
     request = msgpack.unpackb(draw.choice(asked).payload) if asked else [1, 2, 0, 0]
     wrong_us = draw.randrange(10**9)
     reply = SyncReply(request[2], request[3], wrong_us, wrong_us)

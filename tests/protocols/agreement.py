@@ -41,11 +41,12 @@ class Compared:
 
     @property
     def retractions(self) -> int:
-        return int(self.metrics["timing"].get("retractions", 0))
+        return int(self.metrics["timing"]["retractions"])
 
     @property
     def lag_ms(self) -> float:
-        return float(self.metrics["timing"].get("lag_ms") or 0)
+        """The largest, 0 if nothing was handled again."""
+        return float(self.metrics["timing"]["lag_ms"]["max"] or 0)
 
 
 def compared(plan: Plan, *speeds: float) -> list[Compared]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from queue import SimpleQueue
 from typing import Any, Final
 
 import msgpack
 import zenoh
+from zenoh.handlers import Callback
 
 from trackfield.drivers.intake import Refusals, printable, unpacked
 from trackfield.drivers.seal import TOKEN, Seal
@@ -78,7 +80,11 @@ def _asked(
 ) -> dict[str, Any] | None:
     """The launcher's answer to a question that is asked once, if it came; what is ``wrong`` with all others."""
     stamp = seal.stamp(_asking(key, question), question)
-    for answer in answers(session, key, question, ASK_TIMEOUT_S, stamp=stamp):
+    came: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
+    # Zenoh's own handler would wake the process ten times a second: too often, if thousands wait.
+    handler = Callback(came.put, lambda: came.put(None), indirect=False)
+    answers(session, key, question, ASK_TIMEOUT_S, handler, stamp)
+    for answer in iter(came.get, None):
         if answer.ok is None:
             continue  # Zenoh's own reply where there is no answer in time, or a stranger's
         try:
@@ -89,10 +95,10 @@ def _asked(
 
 
 def answers(
-    session: zenoh.Session, key: str, question: bytes, timeout_s: float, handler: Any = None, stamp: bytes | None = None
-) -> Any:
-    """Everybody's answers to a question, as they come, or to ``handler``."""
-    return session.get(
+    session: zenoh.Session, key: str, question: bytes, timeout_s: float, handler: Any, stamp: bytes | None = None
+) -> None:
+    """Hand everybody's answers to a question to ``handler``, as they come."""
+    session.get(
         key,
         handler,
         payload=question,

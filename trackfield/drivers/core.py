@@ -16,7 +16,7 @@ from trackfield.drivers.frames import RANK_FRAME, RANK_PORT, RANK_TIMER, EventKe
 from trackfield.drivers.life import Handled
 from trackfield.drivers.living import Living
 from trackfield.drivers.meter import NOTHING, Activity
-from trackfield.drivers.undo import History, difference
+from trackfield.drivers.undo import Former, History
 from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
 from trackfield.role import IllegalEvent, Role
@@ -27,7 +27,7 @@ class Core(Living):
 
     ``horizon_ns`` is how far back (true time) events can be undone; 0: never, then all frames must come in order.
     ``inversions`` counts the frames that had to be inserted; ``host_late`` those that came, or were withdrawn, when
-    that could no longer be done.
+    that could no longer be done; ``front`` is the largest key that was ever handled.
     """
 
     def __init__(
@@ -49,7 +49,8 @@ class Core(Living):
         self._withdrawn: dict[EventKey, Input] = {}
         self._doubtful: EventKey | None = None  # the first event that is to be handled again
         self._last: EventKey = (conditions.start_ns - 1,)
-        self._history = History(self._last)
+        self.front = self._last
+        self._history, self._former = History(self._last), Former()
         self._inherited = NOTHING
 
     def next_key(self) -> EventKey | None:
@@ -71,12 +72,7 @@ class Core(Living):
     @property
     def behind(self) -> bool:
         """Whether ``catch_up`` has something to do."""
-        return bool(self._inverted or self._withdrawn)
-
-    @property
-    def mistaken(self) -> bool:
-        """Whether something was handled that is withdrawn: all that follows from it is in doubt."""
-        return bool(self._withdrawn)
+        return self._doubtful is not None
 
     @property
     def forgotten_ns(self) -> int:
@@ -119,7 +115,11 @@ class Core(Living):
         False if that was too long ago: it is counted, and nothing else happens.
         """
         key = one.key
-        if self._due.remove(key) or self._inverted.pop(key, None) is not None:
+        if self._inverted.pop(key, None) is not None:
+            return True
+        if self._due.remove(key):
+            if self._former:  # it may have been handled before, and never will again
+                self._doubt(key)
             return True
         if key <= self._history.forgotten:
             self.host_late += 1
@@ -129,19 +129,35 @@ class Core(Living):
         return True
 
     def handle_next(self) -> list[Output]:
-        """Handle the next event and return its outputs."""
-        return self._step()
+        """Handle the next event and return its outputs, as far as they are not out already."""
+        outputs = self._step()
+        if not self._former:
+            return outputs
+        return self._former.compared(outputs, self._history) + self._passed()
 
     def catch_up(self) -> list[Output]:
-        """Insert what came out of order, and undo what was withdrawn; returns the resulting outputs."""
+        """Go back to before the first event that came out of order or was withdrawn; returns the resulting outputs.
+
+        All since then is due again. What it had put out is taken back only if it turns out not to be put out again.
+        """
         since, self._doubtful = self._doubtful, None
-        if since is None or not self.behind:
+        if since is None:
             return []
         self.inversions += len(self._inverted)
-        for one in self._inverted.values():
+        undone = self._history.since(since)
+        if undone:
+            self.life, self._last = undone[0].before, undone[0].last
+        back = [h.input for h in undone if h.input is not None and self._withdrawn.get(h.key) != h.input]
+        for one in (*back, *self._inverted.values()):
             self._due.add(one)
         self._inverted.clear()
-        return self._replay(since)
+        self._withdrawn.clear()
+        self._former.add(undone)
+        return self._passed()
+
+    def _passed(self) -> list[Output]:
+        key = self.next_key()
+        return self._former.passed(None if key is None else key[0], self._history)
 
     def _doubt(self, key: EventKey) -> None:
         self._doubtful = key if self._doubtful is None else min(key, self._doubtful)
@@ -174,26 +190,11 @@ class Core(Living):
         key = self.next_key()
         if key is None:
             raise IllegalEvent("nothing is due")
-        before = self.life
+        before, last = self.life, self._last
         came = self._due.pop() if key[1] in (RANK_FRAME, RANK_PORT) else None
         outputs = self.live(key, came)
         # A timer set for this same instant may have a smaller key than the event that set it.
-        self._last = max(self._last, key)
-        self._history.add(Handled(key, before, came, outputs), key[0] - self.horizon_ns, self._doubtful)
+        self._last = max(last, key)
+        self.front = max(self.front, key)
+        self._history.add(Handled(key, before, last, came, outputs), key[0] - self.horizon_ns, self._doubtful)
         return outputs
-
-    # --- going back ----------------------------------------------------------------------------------------------
-
-    def _replay(self, since: EventKey) -> list[Output]:
-        """Undo every event from ``since`` on, and handle all that is due up to the present position."""
-        undone = self._history.since(since)
-        if undone:  # else all events after it disappeared in an earlier replay
-            self.life = undone[0].before
-        for handled in undone:
-            if handled.input is not None and self._withdrawn.get(handled.key) != handled.input:
-                self._due.add(handled.input)
-        self._withdrawn.clear()
-        new: list[Output] = []
-        while (key := self.next_key()) is not None and key <= self._last:
-            new += self._step()
-        return difference([o for h in undone for o in h.outputs], new, since)

@@ -62,10 +62,11 @@ class Life(NamedTuple):
 
 @dataclass(slots=True)
 class Handled:
-    """One entry of the history: the event, the life before it, what came from outside, and its outputs."""
+    """One entry of the history: the event, the life and the largest key before it, what came, and its outputs."""
 
     key: EventKey
     before: Life
+    last: EventKey
     input: Input | None
     outputs: list[Output]
 

@@ -11,6 +11,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Iterable
+from functools import partial
 from itertools import count
 from threading import Event
 from typing import Any, Final
@@ -19,9 +20,10 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from trackfield.drivers.caution import Caution
 from trackfield.drivers.conditions import NEVER
 from trackfield.drivers.core import Core
-from trackfield.drivers.frames import RANK_TIMER, Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
+from trackfield.drivers.frames import Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
 from trackfield.drivers.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.histogram import Histogram
 from trackfield.drivers.inbox import Inbox, no_stamp, take_in
@@ -42,6 +44,8 @@ REPEAT_NS: Final = 1_000_000_000
 """How often changed counters, and the end of the run, are reported (wall time)."""
 LINGER_NS: Final = 300_000_000
 """A process that was killed as planned ends when it has heard nothing for so long (wall time)."""
+LINGER_LATE: Final = 4
+"""And so many times as long as it waits because things come late."""
 HORIZON_NS: Final = round(HORIZON_S * 1e9)
 """It ends after so long in any case (wall time)."""
 FROM_DEVICES: Final = 2**31
@@ -78,9 +82,10 @@ class Process:
         self._devices = Devices(self.spec.ports, self._on_port)
         self._port_inputs = count(FROM_DEVICES)
         self._told, self._stored = 0, b""
-        self._counts_ns, self._reached_ns, self._replay_ns, self._heard_ns = NEVER, 0, 0, 0
+        self._counts_ns, self._reached_ns = NEVER, 0
         self._wave = self._said_wave = 0
         self._slip, self._latency, self._lag = Histogram(), Histogram(), Histogram()
+        self._caution = Caution()
         self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set, seal, self._refused)
         for key in self._inboxes():
             self._held.append(
@@ -162,8 +167,8 @@ class Process:
         kill_ns = self.core.conditions.kill_ns
         if kill_ns == NEVER:
             return NEVER
-        killed = self._wall(kill_ns)
-        return min(max(killed, self._heard_ns) + LINGER_NS, killed + HORIZON_NS)
+        killed, latest = self._wall(kill_ns), self._incoming.latest_ns
+        return min(max(killed, latest) + LINGER_NS + LINGER_LATE * self._caution.at(latest), killed + HORIZON_NS)
 
     def _work(self, now: int) -> int:
         """Handle at most one thing that is due; returns when (wall) the next may be."""
@@ -175,24 +180,17 @@ class Process:
         if due < NEVER and self._waits_for_heritage():
             due = max(due, self._wall(self.spec.start_ns) + PATIENCE_NS)
         if self.core.behind:
-            # What was taken back comes before all else. Other replays take at most a quarter of the time, but a timer's
-            # outputs do not wait for them.
-            waits = not self.core.mistaken and now < self._replay_ns
-            if waits and (now < due or (key is not None and key[1] != RANK_TIMER)):
-                return min(self._replay_ns, self._next_ns(now))
-            self._catch_up(now)
-        elif now < due:
-            return min(due, self._next_ns(now), self._killed_ns())
+            lag = now - self._wall(self.core.doubtful_ns)
+            self._lag.add(lag)
+            self._caution.learn(lag, now)
+            self._release(self.core.catch_up())
+        elif now < (after := due + self._caution.at(now)):
+            return min(after, self._next_ns(now), self._killed_ns())
         else:
-            self._slip.add(now - due)
+            if key is not None and key > self.core.front:
+                self._slip.add(now - due)
             self._handle_next()
         return now
-
-    def _catch_up(self, now: int) -> None:
-        self._lag.add(now - self._wall(self.core.doubtful_ns))
-        self._release(self.core.catch_up())
-        after = time.monotonic_ns()
-        self._replay_ns = after + 3 * (after - now)
 
     def _next_ns(self, now: int) -> int:
         """When (wall) to send a frame that waits for its radio or report again, after reporting what is due."""
@@ -208,7 +206,8 @@ class Process:
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             self._say("counts", msgpack.packb({**self._incoming.counts, **self.core.tally}), must=False)
-        end = NEVER if self.core.behind or self._waits_for_heritage() else self._wall(self._end_ns)
+        key = self.core.next_key()
+        end = self._wall(self._end_ns) if key is None or key[0] >= self._end_ns else NEVER
         if now >= max(end, self._reached_ns) or (now >= end and self._wave > self._said_wave):
             self._reached_ns = now + REPEAT_NS
             self._said_wave = self._wave
@@ -226,9 +225,8 @@ class Process:
     def _drain(self) -> None:
         while self._inbox:
             arrived_ns, sample = self._inbox.popleft()
-            self._heard_ns = arrived_ns
             self._counts_ns = min(self._counts_ns, arrived_ns + REPEAT_NS)
-            envelope = self._incoming.take(sample, arrived_ns, self._end_ns, lambda: self._stamped(self._heard_ns))
+            envelope = self._incoming.take(sample, arrived_ns, self._end_ns, partial(self._stamped, arrived_ns))
             if envelope is not None and envelope.put_ns:
                 self._latency.add(arrived_ns - envelope.put_ns)
         while self._at_ports:

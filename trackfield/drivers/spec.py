@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Self
 
 from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
@@ -100,9 +100,10 @@ class ProcessSpec:
     def plain(self) -> Plain:
         """The form that is sent; a battery's capacity may exceed 64 bits."""
         power = {name: None if value is None else str(value) for name, value in self.power.items()}
-        plain = {**asdict(self), "power": power}
-        del plain["factory"]
-        return plain
+        ports = {name: asdict(port) for name, port in self.ports.items()}
+        # not asdict, which would copy the contents of all: most of what a process that joins costs the launcher
+        plain = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "factory"}
+        return {**plain, "power": power, "ports": ports}
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any], factory: str) -> Self:

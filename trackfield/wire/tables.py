@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from trackfield.wire.registry import Bytes, Field, product_kinds
+
+MOST_DIGITS: Final = 240
+"""Of more hexadecimal digits than this the tables show ..."""
+ENDS: Final = 40
+"""... so many at either end."""
 
 
 def kinds_table() -> str:
@@ -21,7 +26,7 @@ def kinds_table() -> str:
 
 def vectors_tables(vectors: Mapping[str, Any]) -> str:
     """The golden vectors: messages, other accepted spellings, refused payloads, envelopes."""
-    messages = [[_plain(v["kind"], v["fields"]), f"`{v['hex']}`"] for v in vectors["messages"]]
+    messages = [[_plain(v["kind"], v["fields"]), f"`{_short(v['hex'])}`"] for v in vectors["messages"]]
     spellings = [[v["what"], f"`{v['hex']}`", f"`{v['canonical']}`"] for v in vectors["spellings"]]
     refused = [[v["what"], f"`{v['hex']}`", v["reason"]] for v in vectors["refused"]]
     envelopes = [[_plain("", v["fields"]), f"`{v['hex']}`"] for v in vectors["envelopes"]]
@@ -49,7 +54,16 @@ def _plain(name: str, fields: Mapping[str, object]) -> str:
 
 
 def _number(value: object) -> object:
+    if isinstance(value, str):
+        return _short(value)
     return ",".join(map(str, value)) if isinstance(value, list) else value
+
+
+def _short(digits: str) -> str:
+    """Hexadecimal digits, of very many only the ends."""
+    if len(digits) <= MOST_DIGITS:
+        return digits
+    return f"{digits[:ENDS]}...{digits[-ENDS:]} ({len(digits) // 2} bytes)"
 
 
 def _table(head: list[str], rows: Iterable[list[Any]]) -> str:
