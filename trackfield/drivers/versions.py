@@ -84,7 +84,8 @@ class Digest(NamedTuple):
 
 def hash_of(frame: Frame, version: int | None) -> int:
     """63 bits that stand for this version of a frame."""
-    text = "\0".join(map(str, (*frame.identity, version)))
+    src, incarnation, kind, sent_ns, copy, to, medium = frame.identity
+    text = f"{src}\0{incarnation}\0{kind}\0{sent_ns}\0{copy}\0{to}\0{medium}\0{version}"
     return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little") >> 1
 
 
