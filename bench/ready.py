@@ -28,7 +28,7 @@ from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.garbage import look_seldom
 from launcher.records import RECORDER, Plan
 
-CASES: Final = ((121, 1), (320, 64), (1_000, 1), (2_000, 1), (3_000, 1))
+CASES: Final = ((121, 1), (320, 64), (1_000, 1), (3_000, 1))
 """About how many processes, and how many of them with numpy."""
 PSS_SAMPLE: Final = 16
 
