@@ -66,7 +66,7 @@ class Deployment(Logged):
         self._lives = {p.name: p for p in plan.processes}
         self._restarts: Counter[str] = Counter()
         self._reached: set[str] = set()
-        self._settling = Settling()
+        self._settling = Settling(self._lives)
         self.unsettled: set[str] = set()
         self._router_seen = 0.0
         self._stopping = False

@@ -18,7 +18,6 @@ from trackfield.drivers.intake import read, unpacked
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.role import NEIGHBOURHOOD
 from trackfield.wire.error import WireError
-from trackfield.wire.keys import id_of
 
 
 class Answer(NamedTuple):
@@ -44,10 +43,14 @@ def _answer(told: list[int | dict[str, int]]) -> Answer:
 
 
 class Settling:
-    """The latest answer of each life, and what had come to each when the wave before was over."""
+    """The latest answer of each life, and what had come to each when the wave before was over.
 
-    def __init__(self) -> None:
+    ``lives`` are all that there are and were: what a dead one has put counts as well.
+    """
+
+    def __init__(self, lives: Mapping[str, ProcessSpec]) -> None:
         self.wave = 0
+        self._lives = lives
         self._answers: dict[str, Answer] = {}
         self._came: dict[str, int] = {}
 
@@ -84,11 +87,11 @@ class Settling:
         broadcast: Counter[str] = Counter()
         own: Counter[tuple[str, str]] = Counter()
         for name, answer in self._answers.items():
-            id = id_of(name)
+            sender = self._lives[name]
             for to, count in answer.puts.items():
-                if to == NEIGHBOURHOOD and name in lives:
-                    broadcast[lives[name].cell] += count
-                    own[id, lives[name].cell] += count
+                if to == NEIGHBOURHOOD:
+                    broadcast[sender.cell] += count
+                    own[sender.id, sender.cell] += count
                 else:
                     unicast[to] += count
         return {

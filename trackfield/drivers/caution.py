@@ -31,7 +31,7 @@ class Caution:
         """How long to wait, now."""
         if not self._wait_ns:
             return 0
-        wait: float = self._wait_ns * 0.5 ** ((now_ns - self._since_ns) / HALF_NS)
+        wait: float = self._wait_ns * 0.5 ** (max(now_ns - self._since_ns, 0) / HALF_NS)
         if wait < LEAST_NS:
             self._wait_ns = 0.0
         return round(wait)
