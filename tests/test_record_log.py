@@ -7,6 +7,8 @@ import fcntl
 import os
 from pathlib import Path
 
+import msgpack
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,7 +16,17 @@ from hypothesis import strategies as st
 from launcher import files
 from launcher.files import PatientFile, patiently, whole_file
 from launcher.record.kept.log import LOG, MAGIC, MARK, REFUSED, Entry, Log, Reading, frame
+from launcher.record.kept.recovery import recovered
+from tests.rrd import read as read_timeline
+from tests.simulated import spcpf
+from trackfield.drivers.frames import RANK_TIMER, Told, Undone
+from trackfield.drivers.telemetry import pack
 from trackfield.errors import RunFailed
+from trackfield.role import NS, Note
+from trackfield.wire import keys
+from trackfield.wire.codec import encode
+from trackfield.wire.envelope import Envelope
+from trackfield.wire.messages import Doa
 
 entries = st.builds(Entry, st.text(max_size=20), st.binary(max_size=40), st.none() | st.binary(max_size=10))
 
@@ -145,3 +157,30 @@ def test_only_what_may_pass_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(files, "RETRY_S", 0.0)
     with pytest.raises(RunFailed, match=r"^it could not be written \(No space left on device\)$"):
         patiently(lambda: write(errno.ENOSPC, 100), "it")
+
+
+# --- what is made from it -----------------------------------------------------------------------------------------
+
+
+def test_what_was_taken_back_is_not_recovered(tmp_path: Path) -> None:
+    """In whatever order it stands in the log; neither tables nor timeline have it."""
+    plan = spcpf(1, ["target.steps=5"])
+    data, event = "data/field/to/fusion/n060/doa", "telemetry/n060/event"
+    report = encode(Doa(1, 90.0, 60.0))
+    log = Log(tmp_path)
+    for entry in (
+        Entry(keys.START, b"0"),
+        Entry(data, b"", Envelope(NS, version=1).pack()),
+        *(Entry(data, report, Envelope(t_ns, version=0).pack()) for t_ns in (NS, 2 * NS)),
+        *(Entry(event, pack(Told((t_ns, RANK_TIMER, t_ns, "t"), Note(f"at {t_ns // NS}")))) for t_ns in (NS, 2 * NS)),
+        Entry(event, pack(Undone((2 * NS, RANK_TIMER, 2 * NS, "t")))),
+        Entry(keys.FINISH, msgpack.packb([])),
+    ):
+        log.append(entry)
+    log.flush(5 * NS)
+    metrics = recovered(plan, tmp_path)
+    assert (metrics["frames"]["sent"], metrics["frames"]["expected"]) == (1, 1)
+    assert pq.read_table(tmp_path / "messages.parquet")["sent_ns"].to_pylist() == [2 * NS]
+    assert len(read_timeline(tmp_path / "run.rrd", "/messages/doa", "TextLog:text")) == 1
+    notes = [text for _, (text,) in read_timeline(tmp_path / "run.rrd", "/notes", "TextLog:text")]
+    assert [text for text in notes if text.startswith("n060")] == ["n060: at 1"]
