@@ -41,6 +41,7 @@ study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn 
 
 bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)
 	$(BIN)/python -m bench.scale
+	$(BIN)/python -m bench.ready
 	$(BIN)/python -m bench.memory
 	$(BIN)/python -m bench.latency
 	$(BIN)/python -m bench.start

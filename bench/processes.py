@@ -70,11 +70,11 @@ def _used(family: Iterable[tuple[psutil.Process, str]]) -> dict[str, float]:
     """Processor time so far (s) by group; to the nanosecond, as a node uses less than a clock tick in many a second."""
     used = dict.fromkeys(GROUPS, 0.0)
     for process, group in family:
-        used[group] += time.clock_gettime(_clock(process.pid))
+        used[group] += time.clock_gettime(clock(process.pid))
     return used
 
 
-def _clock(pid: int) -> int:
+def clock(pid: int) -> int:
     """Linux's clock of the processor time of a process, with all its threads (clock_getcpuclockid(3))."""
     return (~pid << 3) | 2
 

@@ -1,55 +1,115 @@
-"""How long it takes until all processes of a run are ready, and the processor time of that.
+"""How long it takes until all processes of a run are ready, and what each part of it costs, as a table in Markdown.
 
-python -m bench.ready [--nodes 1000] [--fusing 0]
+    python -m bench.ready [--processes 1000 [--heavy 1]]
+
+Without a number, the table has one row for each of ``CASES``; with one, that case is printed as JSON. Nodes are those
+of ``zhai-spcpf``; processes with numpy are its fusion centre, and others like it to which nobody reports.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import statistics
 import tempfile
 import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import psutil
 
-from bench.processes import GROUPS, _family, _group, _used
+from bench.processes import clock
+from bench.scale import Column, Figures, machine, measured, table
 from launcher.plan.prepare import load, planned
-from launcher.processes.deployment import Deployment
+from launcher.processes.children import ZYGOTES
+from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.garbage import look_seldom
+from launcher.records import RECORDER, Plan
+
+CASES: Final = ((121, 1), (320, 64), (1_000, 1), (2_000, 1), (3_000, 1))
+"""About how many processes, and how many of them with numpy."""
+PSS_SAMPLE: Final = 16
 
 
-def measure(nodes: int, fusing: int) -> dict[str, Any]:
-    plan = planned(load("zhai-spcpf", nodes=nodes, seed=1))
+def with_centres(plan: Plan, heavy: int) -> Plan:
+    """The plan with so many processes with numpy, all like its fusion centre."""
+    centre = next(life for life in plan.processes if life.sink)
+    more = [replace(centre, id=f"c{number:03}") for number in range(1, heavy)]
+    return replace(plan, processes=(*plan.processes, *more))
+
+
+def measure(processes: int, heavy: int, seed: int) -> Figures:
+    """Start about so many processes, and end them when all are ready."""
+    plan = with_centres(planned(load("zhai-spcpf", nodes=processes - heavy, seed=seed)), heavy)
     with tempfile.TemporaryDirectory() as folder:
-        me = psutil.Process()
-        own = time.process_time()
-        begun = time.monotonic()
+        begun, own_cpu_s = time.monotonic(), time.process_time()
         with Deployment(plan, Path(folder)) as field:
-            forked = time.monotonic()
             field.wait_ready(lambda missing, of: False)
-            ready = time.monotonic()
-            used = _used([(p, _group(p)) for p in _family(me.pid)])
-            zyg = time.clock_gettime((~field._children.pid("zygote") << 3) | 2)
-            used["zygote"] = zyg
-            used["launcher"] = time.process_time() - own
-    return {
-        "processes": len(plan.processes),
-        "forked_s": forked - begun,
-        "ready_s": ready - begun,
-        "cpu_s": used,
-        "all": sum(used.values()),
-    }
+            ready_s = time.monotonic() - begun
+            cpu_s = {"launcher": time.process_time() - own_cpu_s, **_used(plan, field.pids())}
+            memory = _memory(plan, field.pids())
+    return {"processes": len(plan.processes), "heavy": heavy, "ready_s": ready_s, "cpu_s": cpu_s, "pss_mb": memory}
+
+
+def _used(plan: Plan, pids: Mapping[str, int]) -> dict[str, float]:
+    """Processor time so far (s) by part."""
+    parts = {"router": [ROUTER], "recorder": [RECORDER], "zygotes": [name for name in ZYGOTES if name in pids]}
+    parts |= {"light": _named(plan, sink=False), "heavy": _named(plan, sink=True)}
+    return {part: sum(time.clock_gettime(clock(pids[name])) for name in names) for part, names in parts.items()}
+
+
+def _memory(plan: Plan, pids: Mapping[str, int]) -> dict[str, float]:
+    """PSS of a process (MB) without and with numpy, the mean of some."""
+    found = {}
+    for part, names in {"light": _named(plan, sink=False), "heavy": _named(plan, sink=True)}.items():
+        some = names[:: max(len(names) // PSS_SAMPLE, 1)]
+        found[part] = statistics.fmean(psutil.Process(pids[name]).memory_full_info().pss / 1e6 for name in some)
+    return found
+
+
+def _named(plan: Plan, *, sink: bool) -> list[str]:
+    return [life.name for life in plan.processes if life.sink is sink]
+
+
+def _each(part: str, how_many: Callable[[Figures], int]) -> Callable[[Figures], object]:
+    return lambda f: f"{1000 * f['cpu_s'][part] / how_many(f):.1f}"
+
+
+def _all(f: Figures) -> int:
+    return int(f["processes"])
+
+
+COLUMNS: Final[Sequence[Column]] = (
+    ("processes", lambda f: f"{f['processes']:,}"),
+    ("with numpy", lambda f: f["heavy"]),
+    ("ready s", lambda f: f"{f['ready_s']:.1f}"),
+    ("CPU s, all", lambda f: f"{sum(f['cpu_s'].values()):.1f}"),
+    ("CPU ms, a node", _each("light", lambda f: f["processes"] - f["heavy"])),
+    ("CPU ms, one with numpy", _each("heavy", lambda f: f["heavy"])),
+    ("router", _each("router", _all)),
+    ("launcher", _each("launcher", _all)),
+    ("zygotes", _each("zygotes", _all)),
+    ("PSS MB, a node", lambda f: f"{f['pss_mb']['light']:.1f}"),
+    ("PSS MB, one with numpy", lambda f: f"{f['pss_mb']['heavy']:.1f}"),
+)
+"""Router, launcher and zygotes: ms of processor time for each process."""
 
 
 def main() -> None:
+    """See the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--nodes", type=int, default=1000)
-    parser.add_argument("--fusing", type=int, default=0)
-    look_seldom()
-    print(json.dumps(measure(**vars(parser.parse_args()))))
+    parser.add_argument("--processes", type=int)
+    parser.add_argument("--heavy", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1)
+    asked: dict[str, Any] = vars(parser.parse_args())
+    if asked["processes"]:
+        look_seldom()  # as the command line does
+        print(json.dumps(measure(**asked)))
+        return
+    found = [measured("bench.ready", processes=processes, heavy=heavy) for processes, heavy in CASES]
+    print(f"Until all processes are ready ({machine()}):\n\n{table(COLUMNS, found)}")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from math import dist
 
 import pytest
 
-from bench import latency, recorder, start
+from bench import latency, ready, recorder, start
 from bench.processes import GROUPS
 from bench.scale import PROCESS_COLUMNS, VIRTUAL_COLUMNS, Column, measured, table
 from bench.virtual import SPEED_M_S, route, scenario
@@ -67,6 +67,14 @@ def test_commands_beside_a_python_that_does_nothing() -> None:
     assert head.count("|") == line.count("|") == row.count("|")
     assert nothing.endswith("| 1 |")
     assert found["trackfield --version"][1] > found[start.NOTHING][1] > 0.0
+
+
+def test_the_start_of_processes_with_and_without_numpy() -> None:
+    found = measured("bench.ready", processes=11, heavy=2)
+    row = cells(tuple(ready.COLUMNS), table(ready.COLUMNS, [found]))
+    assert (row["processes"], row["with numpy"]) == ("11", "2")
+    assert all(cpu_s > 0.0 for cpu_s in found["cpu_s"].values())
+    assert 0.0 < found["pss_mb"]["light"] < found["pss_mb"]["heavy"]
 
 
 @pytest.mark.parametrize("side_m", [50.0, 450.0, 15_750.0])

@@ -12,6 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+from bench.ready import with_centres
 from launcher.plan.prepare import load, planned
 from launcher.processes.children import HEAVY_ZYGOTE, ZYGOTE
 from launcher.processes.deployment import Deployment
@@ -22,13 +23,6 @@ from launcher.show import Quiet
 from tests.two_centres import two_centres
 
 CENTRES = 64
-
-
-def with_centres(plan: Plan, more: int) -> Plan:
-    """The plan with so many more centres, which hear nothing."""
-    centre = next(life for life in plan.processes if life.role == "fusion")
-    copies = [replace(centre, id=f"c{number:03}") for number in range(more)]
-    return replace(plan, processes=(*plan.processes, *copies))
 
 
 def pss_mb(plan: Plan, folder: Path, names: Sequence[str]) -> list[float]:
@@ -46,12 +40,12 @@ def test_one_process_with_numpy_needs_no_zygote_of_its_own(tmp_path: Path) -> No
 
 
 def test_two_are_forked_from_the_heavy_one_and_nodes_from_the_other(tmp_path: Path) -> None:
-    plan = with_centres(planned(load("spcpf", nodes=16)), 1)
+    plan = with_centres(planned(load("spcpf", nodes=16)), 2)
     assert preload_of(plan.processes).heavy == ("fusion.role",)
     with Deployment(plan, tmp_path) as field:
         pids = field.pids()
         parents = {name: psutil.Process(pid).ppid() for name, pid in pids.items()}
-    assert {parents["fusion"], parents["c000"]} == {pids[HEAVY_ZYGOTE]}
+    assert {parents["fusion"], parents["c001"]} == {pids[HEAVY_ZYGOTE]}
     assert {parents["n001"], parents[RECORDER]} == {pids[ZYGOTE]}
 
 
@@ -96,7 +90,7 @@ def test_sixty_four_processes_share_the_memory_of_numpy(tmp_path: Path) -> None:
     """Of 320 processes; one that imported numpy by itself has more than twice as much."""
     field = planned(load("zhai-spcpf", nodes=256))
     [alone] = pss_mb(field, tmp_path, ["fusion"])
-    shared = with_centres(field, CENTRES - 1)
+    shared = with_centres(field, CENTRES)
     names = [life.name for life in shared.processes if life.sink]
     assert (len(shared.processes), len(names)) == (320, CENTRES)
     assert statistics.fmean(pss_mb(shared, tmp_path, names)) < 0.5 * alone

@@ -138,8 +138,10 @@ def test_a_message_that_is_handed_over_is_no_late_frame() -> None:
 
 
 def test_the_frames_of_each_role_are_counted_and_what_is_handed_over_is_none() -> None:
-    """Delivered to both of those that consume requests, of which one ignores them; an unexpected frame is nobody's."""
-    head = script({ASK: (Send(Reply(1), "me"),)}, kinds=["request"])
+    """Delivered to both of those that consume requests, of which one ignores them, the other uses them though late; an
+    unexpected frame is nobody's.
+    """
+    head = script({ASK: (Late(), Send(Reply(1), "me"))}, kinds=["request"])
     late = (Ignored("late"),)
     node = script({ASK: late, Received(5, Reply(1), "me"): late}, kinds=["request", "reply"])
     state, _ = after(host(head=head, node=node, deaf=Puppet()), START, ASK, ASK, Received(6, Doa(1, 2.0, 3.0), "far"))

@@ -27,6 +27,23 @@ def test_the_keys_in_full() -> None:
     assert (keys.JOIN, keys.START, keys.STOP) == ("control/join", "control/start", "control/stop")
 
 
+def test_orders_reach_every_group_and_nothing_else_does() -> None:
+    groups = {keys.orders_to(f"n{number:04}") for number in range(3000)}
+    assert len(groups) == keys.GROUPS
+    order = zenoh.KeyExpr(keys.to_groups(keys.START))
+    assert all(order.intersects(zenoh.KeyExpr(group)) for group in groups)
+    others = [
+        keys.START,
+        keys.JOIN,
+        keys.ORDERS,
+        keys.LIFE,
+        keys.to_groups(keys.LIFE),
+        keys.telemetry("n060", "counts"),
+    ]
+    assert not any(zenoh.KeyExpr(other).intersects(zenoh.KeyExpr(group)) for other in others for group in groups)
+    assert keys.order_of(str(order)) == keys.order_of(keys.START) == keys.START
+
+
 @given(media, ids, ids, ids)
 def test_parse_is_the_inverse(medium: str, target: str, src: str, kind: str) -> None:
     assert parse(unicast(medium, target, src, kind)) == Address(medium, target, None, src, kind)

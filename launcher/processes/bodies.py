@@ -11,6 +11,7 @@ from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import NODE_RUNTIME, open_router, open_session
 from trackfield.plugins import give
+from trackfield.wire import keys
 
 
 def role(settings: str, name: str, niceness: int, factory: str, places: Mapping[str, str], token: bytes) -> None:
@@ -21,7 +22,7 @@ def role(settings: str, name: str, niceness: int, factory: str, places: Mapping[
     """
     os.putenv("ZENOH_RUNTIME", NODE_RUNTIME)
     give(places, installed=False)
-    process = Process(open_session(settings), name, factory, Seal(token))
+    process = Process(open_session(settings), name, factory, Seal(token), keys.orders_to(name))
     os.nice(niceness)
     process.run()
 

@@ -26,9 +26,10 @@ class Orders:
         self._held = session.declare_subscriber(keys.ALL_CONTROL, Callback(self._on_order, indirect=False))
 
     def give(self, key: str, payload: bytes) -> None:
-        """Give an order."""
-        self._given.append((key, payload))
-        self._put(key, payload)
+        """Give an order, to all processes and to all groups of them."""
+        for one in (key, keys.to_groups(key)):
+            self._given.append((one, payload))
+            self._put(one, payload)
 
     def look(self, arrivals: int) -> None:
         """Repeat all orders some time after processes joined or returned (``arrivals`` counts that); look for others.

@@ -8,23 +8,23 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
 from trackfield.drivers.ask import subject
-from trackfield.drivers.frames import Sent, Told
-from trackfield.drivers.intake import Refusals
-from trackfield.drivers.join import join, token
+from trackfield.drivers.process import Process
 from trackfield.drivers.seal import Seal
-from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
-from trackfield.drivers.telemetry import pack
+from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.link.energy import DEVICES
 from trackfield.role import NS
 from trackfield.sensing.kinds import known_sensor
 from trackfield.wire import keys
+from trackfield.wire.codec import encode
+from trackfield.wire.envelope import Envelope
+from trackfield.wire.messages import Threshold
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed
 from trackfield.world.scene import Scene
@@ -34,40 +34,57 @@ _SECONDS: Final = 4
 _RUN: Final = RunSpec("rehearsal", 1, _SECONDS * NS, {"model": "lognormal_prr"})
 
 
-class _Launcher:
-    """A session in which the launcher answers every question: that there is a place for the node."""
+class _Stage:
+    """A session in which the launcher answers every question, and then says stop, and the centre sets a threshold."""
 
     def __init__(self, seal: Seal) -> None:
         self._seal = seal
+        self.put_keys: list[str] = []
 
     def get(self, key: str, handler: Callback[Any], *, payload: bytes, **options: object) -> None:
         """As ``zenoh.Session.get``."""
         told = msgpack.packb(
-            {"run": asdict(_RUN), "process": _spec().plain(), "start_ns": None, "stored": None, "ticket": "t"}
+            {"run": asdict(_RUN), "process": _spec().plain(), "start_ns": 1, "stored": None, "ticket": "t"}
         )
         stamp = self._seal.stamp(subject(key, payload), told)
-        sample = SimpleNamespace(payload=zenoh.ZBytes(told), attachment=zenoh.ZBytes(stamp or b""))
-        handler.callback(SimpleNamespace(ok=sample))
+        handler.callback(SimpleNamespace(ok=_sample(key, told, stamp)))
         if handler.drop:
             handler.drop()
 
+    def declare_subscriber(self, key: str, handler: Callback[Any]) -> None:
+        """As ``zenoh.Session.declare_subscriber``; what it hears comes at once."""
+        if key.startswith("data/"):
+            at = keys.unicast("field", _NODE, _CENTRE, "threshold")
+            handler.callback(_sample(at, encode(Threshold(1, 50.0)), Envelope(NS, version=0).pack()))
+        else:
+            handler.callback(_sample(keys.STOP, b"", self._seal.stamp(keys.STOP, b"")))
+
+    def put(self, key: str, payload: bytes, **options: object) -> None:
+        """As ``zenoh.Session.put``."""
+        self.put_keys.append(key)
+
+    def liveliness(self) -> Self:
+        """As ``zenoh.Session.liveliness``."""
+        return self
+
+    def declare_token(self, key: str) -> None:
+        """As ``zenoh.Liveliness.declare_token``."""
+
+    def close(self) -> None:
+        """As ``zenoh.Session.close``."""
+
+
+def _sample(key: str, payload: bytes, stamp: bytes | None) -> Any:
+    """What comes on a key."""
+    return SimpleNamespace(key_expr=key, payload=zenoh.ZBytes(payload), attachment=zenoh.ZBytes(stamp or b""))
+
 
 def a_node() -> int:
-    """Be a node that joins and hears a target pass by; how many reports it sent."""
-    seal = Seal(_CENTRE.encode())
-    stage: Any = _Launcher(Seal(seal.token))
-    joined = join(stage, _NODE, _spec().factory, seal, Refusals())
-    token(_NODE, joined.ticket, seal)
-    run, spec = joined.run, joined.process
-    core = build_core(run, spec, link_of(run, spec.places), horizon_ns=NS)
-    reports = []
-    while (due := core.next_key()) is not None and due[0] < run.end_ns:
-        for output in core.handle_next():
-            if isinstance(output, Sent):
-                reports.append(keys.unicast("field", _CENTRE, _NODE, output.frame.kind))
-            elif isinstance(output, Told):
-                seal.stamp(keys.telemetry(_NODE, "event"), pack(output))
-    return len(reports)
+    """Be a node that joins, hears a target pass by, and leaves; how many reports it sent."""
+    token = _CENTRE.encode()
+    stage: Any = _Stage(Seal(token))
+    Process(stage, _NODE, _spec().factory, Seal(token)).run()
+    return sum(key.startswith("data/") for key in stage.put_keys)
 
 
 def _spec() -> ProcessSpec:

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from launcher.record.books.balance import Balance
 from launcher.record.books.leaving import Entry, Leaving, Way
-from launcher.record.books.said import Said, describe
+from launcher.record.books.said import Said, describe, row_of
 from launcher.record.diary import Diary, Event
 from launcher.records import MessageRow
 from trackfield.drivers.frames import LATE, Died, Frame, Identity, Overflowed, Refused, Told, Undone
@@ -49,6 +49,10 @@ class Published(NamedTuple):
     source: str
     incarnation: int
     point: TrackPoint
+
+
+Arriving = tuple[int, Identity, str, int, Way, Frame, Said, int | None, int]
+"""A frame at one of its hearers: when (ns) it is settled what became of it, the order of such, and what is known."""
 
 
 class Ledger:
@@ -87,7 +91,7 @@ class Ledger:
         self._written: dict[str, None] = {}
         self._kills = sorted((p.kill_ns, p.name) for p in processes if p.kill_ns is not None)
         self._ended: set[str] = set()
-        self._arriving: list[tuple[int, Identity, str, int, Frame, Way, Said, int | None, int]] = []
+        self._arriving: list[Arriving] = []
         self._order = count()
 
     # --- what is seen ---------------------------------------------------------------------------------------------
@@ -179,11 +183,16 @@ class Ledger:
 
     def settle(self, until_ns: int) -> tuple[list[MessageRow], list[Event]]:
         """What is final up to this true time and was not returned before, each in time order."""
+        arrived: list[Arriving] = []
         for entry in self.leaving.settle(until_ns):
-            self._account(entry)
-        rows = []
+            for one in self._account(entry):
+                if one[0] <= until_ns:
+                    arrived.append(one)
+                else:
+                    heappush(self._arriving, one)
         while self._arriving and self._arriving[0][0] <= until_ns:
-            rows.append(self._judged(*heappop(self._arriving)[4:]))
+            arrived.append(heappop(self._arriving))
+        rows = [self._judged(*one[4:]) for one in sorted(arrived)]
         events: list[Event] = []
         while self._kills and self._kills[0][0] <= min(until_ns, self.run.end_ns):
             kill_ns, name = heappop(self._kills)
@@ -256,7 +265,7 @@ class Ledger:
 
     def _overflowed(self, frame: Frame) -> list[MessageRow]:
         said = describe(frame.payload, self._kind(frame.src))
-        return [_row(frame, hearer, "overflow", None, said, None) for hearer in self.leaving.hearers(frame)]
+        return [row_of(frame, hearer, "overflow", None, said, None) for hearer in self.leaving.hearers(frame)]
 
     def _kind(self, id: str) -> Kind | None:
         """The kind of sensing of a process; None if it has no sensor, or is unknown."""
@@ -265,11 +274,6 @@ class Ledger:
             self._kinds[id] = known_kind(sound["kind"], sound["options"]) if sound else None
         return self._kinds[id]
 
-    def _local_ns(self, frame: Frame) -> int | None:
-        """What its sender's clock showed as it left, where that is known."""
-        diary = self.diaries.get(life_name(frame.src, frame.incarnation))
-        return diary.local_ns(frame.sent_ns) if diary else None
-
     def _note_tardy(self, way: Way) -> None:
         """Count a put for a life that has said its last word."""
         if way.due_ns is not None and way.due_ns < self.run.end_ns:
@@ -277,7 +281,7 @@ class Ledger:
             if owner is not None and owner.spec.name in self.finals:
                 self.balance.tardy[owner.spec.name] += 1
 
-    def _account(self, entry: Entry) -> None:
+    def _account(self, entry: Entry) -> list[Arriving]:
         """Enter what is left of a frame; what becomes of it at its hearers depends on their telemetry until then."""
         identity, frame, version, cost, ways = entry
         life = life_name(frame.src, frame.incarnation)
@@ -285,7 +289,7 @@ class Ledger:
         if version:
             self.corrected.update(self.leaving.hearers(frame))
         if cost is None:
-            return
+            return []
         hashed = hash_of(frame, version)
         self.balance.live[life].add(hashed)
         self.sent_kinds[frame.kind] += 1
@@ -294,20 +298,23 @@ class Ledger:
         self.on_air += cost.bytes_on_air
         size, frames = self.sent_bytes[frame.src]
         self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
-        said, local_ns = describe(frame.payload, self._kind(frame.src)), self._local_ns(frame)
-        for way in ways:
-            at_ns = frame.sent_ns if way.due_ns is None else way.due_ns
-            heappush(
-                self._arriving, (at_ns, identity, way.hearer, next(self._order), frame, way, said, local_ns, hashed)
-            )
-        if ways:
-            self._note_clock(frame)
+        if not ways:
+            return []
+        diary = self.diaries.get(life)
+        if diary is not None:
+            self._note_clock(frame, diary)
+        local_ns = None if diary is None else diary.local_ns(frame.sent_ns)
+        order, what = self._order, (frame, describe(frame.payload, self._kind(frame.src)), local_ns, hashed)
+        return [
+            (frame.sent_ns if way.due_ns is None else way.due_ns, identity, way.hearer, next(order), way, *what)
+            for way in ways
+        ]
 
-    def _judged(self, frame: Frame, way: Way, said: Said, local_ns: int | None, hashed: int) -> MessageRow:
+    def _judged(self, way: Way, frame: Frame, said: Said, local_ns: int | None, hashed: int) -> MessageRow:
         """The outcome of a frame at a hearer."""
         self.leaving.ways[way.outcome] -= 1
         outcome = way.outcome if way.due_ns is None else self._outcome(frame, way.hearer, way.due_ns, hashed)
-        return _row(frame, way.hearer, outcome, way.due_ns, said, local_ns)
+        return row_of(frame, way.hearer, outcome, way.due_ns, said, local_ns)
 
     def _outcome(self, frame: Frame, hearer: str, due_ns: int, hashed: int) -> str:
         if due_ns >= self.run.end_ns:
@@ -328,12 +335,10 @@ class Ledger:
                 return diary
         return None
 
-    def _note_clock(self, frame: Frame) -> None:
+    def _note_clock(self, frame: Frame, diary: Diary) -> None:
         """Note how far off the sender's clock was, except for messages that set clocks."""
         if frame.src in self._timed and frame.kind not in SYNCHRONISING:
-            diary = self.diaries.get(life_name(frame.src, frame.incarnation))
-            if diary is not None:
-                self.clock_errors[frame.sent_ns, frame.src] = diary.clock_error_ns(frame.sent_ns)
+            self.clock_errors[frame.sent_ns, frame.src] = diary.clock_error_ns(frame.sent_ns)
 
     def _bury(self, name: str) -> None:
         """A process that died unplanned got the first frames that it counted, and no more."""
@@ -342,10 +347,3 @@ class Ledger:
         mine = [i for i, row in theirs if self._owner(row.dst, row.due_ns or 0) is life]
         for i in sorted(mine, key=lambda i: self.rows[i].due_ns or 0)[got:]:
             self.rows[i] = replace(self.rows[i], outcome="dead")
-
-
-def _row(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
-    return MessageRow(
-        frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
-        frame.incarnation, said.text, said.values, said.step, local_ns, frame.payload,
-    )  # fmt: skip

@@ -25,13 +25,14 @@ class Incoming:
     """Hands frames to the core, and takes back what it handed over if a later version says so.
 
     ``counts`` are those of frames that did not come that far, ``came`` counts the samples from the run's processes,
-    ``heard`` are the frames that were handed over, of those that came with an envelope.
+    ``heard`` are the frames that were handed over, of those that came with an envelope. ``latest_ns`` is when (wall
+    time) something came last that concerns this life.
     """
 
     def __init__(self, spec: ProcessSpec, link: Link, core: Core, wall: Callable[[int], int]) -> None:
         self.spec, self.core = spec, core
         self.counts = {"radio": 0, "partition": 0, "duplicate": 0, "foreign": 0}
-        self.came, self.heard = 0, Digest()
+        self.came, self.heard, self.latest_ns = 0, Digest(), 0
         self._link, self._wall = link, wall
         self._versions = Versions(round(HORIZON_S * 1e9))
         self._strange = Refusals()
@@ -62,10 +63,12 @@ class Incoming:
         foreign = sample.attachment is None
         self.counts["foreign"] += foreign
         if frame.sent_ns < end_ns:  # else never due in this run, whatever its fate
-            if before is not None:
-                self._withdraw(before.frame, before.version)
-            if frame.payload:
-                self._offer(frame, envelope.version, foreign=foreign)
+            old = self._arrival(before.frame, before.version, -1) if before is not None else None
+            new = self._arrival(frame, envelope.version, 1) if frame.payload else None
+            self._withdraw(old)
+            self._offer(new, counted=not foreign)
+            if old is not None or new is not None:
+                self.latest_ns = arrived_ns
         return envelope
 
     def heard_until(self, end_ns: int) -> Digest:
@@ -76,15 +79,13 @@ class Incoming:
                 heard = heard.minus(one.frame, one.version)
         return heard
 
-    def _offer(self, frame: Frame, version: int | None, *, foreign: bool) -> None:
-        arrival = self._arrival(frame, version, 1)
-        if arrival is not None and self.core.offer(arrival) and not foreign:
-            self.heard = self.heard.plus(frame, version)
-
-    def _withdraw(self, frame: Frame, version: int | None) -> None:
-        arrival = self._arrival(frame, version, -1)
+    def _withdraw(self, arrival: Arrival | None) -> None:
         if arrival is not None and self.core.withdraw(arrival):
-            self.heard = self.heard.minus(frame, version)
+            self.heard = self.heard.minus(arrival.frame, arrival.version)
+
+    def _offer(self, arrival: Arrival | None, *, counted: bool) -> None:
+        if arrival is not None and self.core.offer(arrival) and counted:
+            self.heard = self.heard.plus(arrival.frame, arrival.version)
 
     def _arrival(self, frame: Frame, version: int | None, count: int) -> Arrival | None:
         """The frame as it is due here, in this life; None if it is not, and then its cause is counted so often."""

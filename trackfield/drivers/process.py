@@ -11,6 +11,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Iterable
+from functools import partial
 from itertools import count
 from threading import Event
 from typing import Any, Final
@@ -43,6 +44,8 @@ REPEAT_NS: Final = 1_000_000_000
 """How often changed counters, and the end of the run, are reported (wall time)."""
 LINGER_NS: Final = 300_000_000
 """A process that was killed as planned ends when it has heard nothing for so long (wall time)."""
+LINGER_LATE: Final = 4
+"""And so many times as long as it waits because things come late."""
 HORIZON_NS: Final = round(HORIZON_S * 1e9)
 """It ends after so long in any case (wall time)."""
 FROM_DEVICES: Final = 2**31
@@ -56,17 +59,18 @@ ORDER_BYTES: Final = 64
 class Process:
     """One process of the field: declares itself, waits for the start, runs to the end, and sends its final record.
 
-    Its role is made by ``factory``. Orders and answers count if they have the run's ``seal``.
+    Its role is made by ``factory``. Orders, which come on the key expression ``orders``, and answers count if they have
+    the run's ``seal``.
     """
 
-    def __init__(self, session: zenoh.Session, name: str, factory: str, seal: Seal) -> None:
+    def __init__(self, session: zenoh.Session, name: str, factory: str, seal: Seal, orders: str = keys.ORDERS) -> None:
         self.session, self.name = session, name
         self._seal, self._refused, self._forged = seal, Refusals(), Refusals()
         self._inbox: Inbox = deque()
         self._wake, self._stop = Event(), Event()
         self._start_ns: int | None = None
         self._end_ns = NEVER
-        self._held = [session.declare_subscriber(keys.ORDERS, Callback(self._on_order, indirect=False))]
+        self._held = [session.declare_subscriber(orders, Callback(self._on_order, indirect=False))]
         joined = join(session, name, factory, seal, self._forged)
         self.spec, self._speed = joined.process, joined.run.speed
         self._end_ns = min(self._end_ns, joined.run.end_ns)
@@ -79,7 +83,7 @@ class Process:
         self._devices = Devices(self.spec.ports, self._on_port)
         self._port_inputs = count(FROM_DEVICES)
         self._told, self._stored = 0, b""
-        self._counts_ns, self._reached_ns, self._heard_ns = NEVER, 0, 0
+        self._counts_ns, self._reached_ns = NEVER, 0
         self._wave = self._said_wave = 0
         self._slip, self._latency, self._lag = Histogram(), Histogram(), Histogram()
         self._caution = Caution()
@@ -124,7 +128,7 @@ class Process:
     def _on_order(self, sample: zenoh.Sample) -> None:
         key = str(sample.key_expr)
         try:
-            self._obey(key, opened(sample, self._seal, ORDER_BYTES))
+            self._obey(keys.order_of(key), opened(sample, self._seal, ORDER_BYTES))
         except WireError as error:
             self._refused.add(key, error)
         self._wake.set()
@@ -164,8 +168,8 @@ class Process:
         kill_ns = self.core.conditions.kill_ns
         if kill_ns == NEVER:
             return NEVER
-        killed = self._wall(kill_ns)
-        return min(max(killed, self._heard_ns) + LINGER_NS, killed + HORIZON_NS)
+        killed, latest = self._wall(kill_ns), self._incoming.latest_ns
+        return min(max(killed, latest) + LINGER_NS + LINGER_LATE * self._caution.at(latest), killed + HORIZON_NS)
 
     def _work(self, now: int) -> int:
         """Handle at most one thing that is due; returns when (wall) the next may be."""
@@ -222,9 +226,8 @@ class Process:
     def _drain(self) -> None:
         while self._inbox:
             arrived_ns, sample = self._inbox.popleft()
-            self._heard_ns = arrived_ns
             self._counts_ns = min(self._counts_ns, arrived_ns + REPEAT_NS)
-            envelope = self._incoming.take(sample, arrived_ns, self._end_ns, lambda: self._stamped(self._heard_ns))
+            envelope = self._incoming.take(sample, arrived_ns, self._end_ns, partial(self._stamped, arrived_ns))
             if envelope is not None and envelope.put_ns:
                 self._latency.add(arrived_ns - envelope.put_ns)
         while self._at_ports:

@@ -30,13 +30,10 @@ class Taken(NamedTuple):
 
 
 class Versions:
-    """The latest version of each frame that came within ``keep_ns``, and of the latest ``SEEN`` frames.
-
-    ``stale`` counts samples that a later version had overtaken.
-    """
+    """The latest version of each frame that came within ``keep_ns``, and of the latest ``SEEN`` frames."""
 
     def __init__(self, keep_ns: int) -> None:
-        self.keep_ns, self.stale = keep_ns, 0
+        self.keep_ns = keep_ns
         self._known: dict[Identity, Taken] = {}
 
     def take(self, frame: Frame, version: int | None, now_ns: int) -> tuple[bool, Taken | None]:
@@ -53,7 +50,6 @@ class Versions:
             if before.version == version and before.frame.payload != frame.payload:
                 raise WireError("conflict", "the same frame came with another payload")
             if (version or 0) <= (before.version or 0):
-                self.stale += before.version != version
                 return False, None
         if version is None and not frame.payload:
             raise WireError("malformed", "a frame without a version cannot be taken back")
@@ -88,7 +84,8 @@ class Digest(NamedTuple):
 
 def hash_of(frame: Frame, version: int | None) -> int:
     """63 bits that stand for this version of a frame."""
-    text = "\0".join(map(str, (*frame.identity, version)))
+    src, incarnation, kind, sent_ns, copy, to, medium = frame.identity
+    text = f"{src}\0{incarnation}\0{kind}\0{sent_ns}\0{copy}\0{to}\0{medium}\0{version}"
     return int.from_bytes(blake2b(text.encode(), digest_size=8).digest(), "little") >> 1
 
 

@@ -28,6 +28,9 @@ ALL_CONTROL: Final = "control/**"
 """Everything that is ordered in a run."""
 ORDERS: Final = "control/*"
 """The launcher's orders to all processes."""
+GROUPS: Final = 61
+"""A router looks at all subscribers of a key for each that comes, and for each session. So of thousands of processes
+that start together, each subscribes to the orders to one of so many groups, and the launcher gives all orders twice."""
 START: Final = "control/start"
 """The host's monotonic time (ns, decimal) at which emulated time begins."""
 END: Final = "control/end"
@@ -134,6 +137,21 @@ def telemetry_of_all(what: str) -> str:
 def live(name: str, mark: str = "") -> str:
     """The liveliness token of a life, with the mark by which it is known; raises ``WireError`` (``key``)."""
     return f"live/{check_name(name)}" + (f"/{mark}" if mark else "")
+
+
+def orders_to(name: str) -> str:
+    """The key expression of the orders to the group of this life."""
+    return f"{ORDERS}/{int.from_bytes(name.encode()) % GROUPS}"
+
+
+def to_groups(order: str) -> str:
+    """The key of this order to all groups."""
+    return f"{order}/*"
+
+
+def order_of(key: str) -> str:
+    """The order that came on this key, to all processes or to all groups."""
+    return key.removesuffix("/*")
 
 
 def launcher(session: object) -> str:

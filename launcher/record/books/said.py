@@ -1,10 +1,12 @@
-"""Payloads in words."""
+"""Payloads in words, and frames as rows of messages.parquet."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import NamedTuple
 
+from launcher.records import MessageRow
+from trackfield.drivers.frames import Frame
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import SENSORS, known_kind
 from trackfield.wire.codec import WireError, decode
@@ -51,3 +53,11 @@ def describe(payload: bytes, kind: Kind | None = None) -> Said:
         case _:
             return Said(repr(message), step=getattr(message, "step", None))
     return Said(text)
+
+
+def row_of(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:
+    """What became of a frame at a hearer."""
+    return MessageRow(
+        frame.kind, frame.src, hearer, frame.medium, frame.sent_ns, due_ns, outcome, len(frame.payload), frame.copy,
+        frame.incarnation, said.text, said.values, said.step, local_ns, frame.payload,
+    )  # fmt: skip
