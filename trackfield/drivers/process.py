@@ -250,6 +250,7 @@ class Process:
         while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
             self._handle_next()
         self._outgoing.flush()
+        self._devices.release(NEVER, self.core.forgotten_ns)  # nothing is undone any more
         self._say_reached(LAST_WAVE)
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]
