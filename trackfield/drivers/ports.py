@@ -65,8 +65,14 @@ class Devices:
         self._held: list[tuple[int, EventKey, Write]] = []
         self._left: list[tuple[EventKey, Write]] = []
         self._doubtful: list[tuple[EventKey, Write]] = []
-        for name in self._ports:
-            Thread(target=self._read, args=(name,), name=name, daemon=True).start()
+        self._opened = False
+
+    def open(self) -> None:
+        """From now on there are devices: until a process lives, they are those of the life before it."""
+        if not self._opened:
+            self._opened = True
+            for name in self._ports:
+                Thread(target=self._read, args=(name,), name=name, daemon=True).start()
 
     def write(self, key: EventKey, write: Write, wall_ns: int) -> None:
         """Hold bytes that an event wrote, whose instant is ``wall_ns``; if they have left already, they stay."""

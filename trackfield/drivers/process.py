@@ -200,6 +200,7 @@ class Process:
     def _handle_next(self) -> None:
         if not self.core.life.started:
             self.core.inherit(self._heritage.stored, self._heritage.spent)
+            self._devices.open()
         self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:
