@@ -17,6 +17,7 @@ import pytest
 from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
 from tests.running import SPEEDS, kept_up
+from trackfield.drivers.ports import HOLD_NS, Port
 
 __all__ = ["trackfield"]
 
@@ -25,7 +26,7 @@ DOCS: Final = (ROOT / "docs" / "extending.md").read_text()
 EXAMPLES: Final = dict(re.findall(r"`(\w+\.py)`:\n\n```python\n(.*?)```", DOCS, re.DOTALL))
 PROMISED: Final = {name: ast.literal_eval(said) for name, said in re.findall(r"python (\w+\.py) +# (\{.*?\})", DOCS)}
 
-PRINTED: Final = {"kalman.py", "sonar.py", "strength.py", "two_centres.py", "base_node.py"}
+PRINTED: Final = {"kalman.py", "sonar.py", "strength.py", "two_centres.py", "base_node.py", "console.py"}
 
 TOGETHER: Final = """
 import sys
@@ -68,6 +69,11 @@ def test_an_example_gives_what_the_document_says(name: str, folder: Path) -> Non
     said = python(folder, name)
     assert said.returncode == 0, said.stderr
     assert ast.literal_eval(said.stdout) == pytest.approx(PROMISED[name], rel=1e-6)
+
+
+def test_the_stated_hold_is_the_hold() -> None:
+    (stated,) = re.findall(r"later than they are written, (\d+) ms by default", DOCS)
+    assert int(stated) * 1_000_000 == HOLD_NS == Port().hold_ns
 
 
 def test_both_together_are_the_same_over_processes(folder: Path) -> None:

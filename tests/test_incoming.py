@@ -133,6 +133,17 @@ def test_a_version_that_a_higher_one_has_overtaken_has_no_effect() -> None:
     assert at._versions.stale == 4
 
 
+@pytest.mark.parametrize("payload", [SHORT, b""], ids=["frame", "word"])
+def test_what_comes_again_is_a_duplicate(payload: bytes) -> None:
+    at = incoming()
+    take(at, framed(SHORT), 0)
+    take(at, framed(LONG), 1)
+    assert take(at, framed(payload), 2)
+    run(at.core, NS)
+    assert not take(at, framed(payload), 2)
+    assert (at.counts["duplicate"], at._versions.stale, at.core.behind) == (1, 0, False)
+
+
 def test_word_that_comes_before_its_frame_keeps_it_out() -> None:
     """A tombstone: the frame is on its way still."""
     at = incoming()

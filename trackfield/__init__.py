@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from launcher.api import Comparison, Result, compare, open, replay, run, study
     from launcher.plan.architectures import Arranged, Field, Hosted, Process, register_architecture
     from launcher.study.studies import Study
+    from trackfield.drivers.ports import Port
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
     from trackfield.filters.types import Estimate, Gaussian, Model, Reports
@@ -28,6 +29,7 @@ _HOMES: Final = {
     "Gaussian": "trackfield.filters.types",
     "Hosted": "launcher.plan.architectures",
     "Model": "trackfield.filters.types",
+    "Port": "trackfield.drivers.ports",
     "Process": "launcher.plan.architectures",
     "Reports": "trackfield.filters.types",
     "Result": "launcher.api",
@@ -55,6 +57,7 @@ __all__ = [
     "Gaussian",
     "Hosted",
     "Model",
+    "Port",
     "Process",
     "Reports",
     "Result",

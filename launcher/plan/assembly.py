@@ -96,6 +96,7 @@ class _Assembly:
             clock=clock_of(self._scenario, id) if process.asks else {},
             power=self._power(process),
             legs=tuple((int(t), float(x), float(y)) for t, x, y in process.route),
+            ports=process.ports,
         )
 
     def _config(self, process: Process) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from launcher.plan.architectures.ports import check_devices
 from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.forecast.foresight import foresee
 from launcher.plan.forecast.reception import receptions
@@ -158,6 +159,7 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     """The scenario's plan under a run id of its own, and how well reports get through. Raises ``ScenarioError``."""
     check_speed(speed)
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
+    check_devices(plan)
     if len(plan.info.places) > MAX_LINKS:
         return plan
     return replace(plan, info=replace(plan.info, receptions=tuple(_links(plan))))

@@ -13,6 +13,7 @@ import tty
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from operator import itemgetter
 from threading import Thread
 from typing import Any, Final, Self
 
@@ -48,8 +49,9 @@ class Port:
 
 
 def inputs(ports: Mapping[str, Port]) -> Iterator[PortInput]:
-    """What comes in at these ports, by their names, in order."""
-    reads = sorted((at_ns, name, data) for name, port in ports.items() for at_ns, data in port.reads)
+    """What comes in at these ports, by their names, in order: at one instant by name, then as given."""
+    read = ((at_ns, name, data) for name, port in ports.items() for at_ns, data in port.reads)
+    reads = sorted(read, key=itemgetter(0, 1))
     return (PortInput(at_ns, number, name, data) for number, (at_ns, name, data) in enumerate(reads))
 
 
@@ -63,8 +65,14 @@ class Devices:
         self._held: list[tuple[int, EventKey, Write]] = []
         self._left: list[tuple[EventKey, Write]] = []
         self._doubtful: list[tuple[EventKey, Write]] = []
-        for name in self._ports:
-            Thread(target=self._read, args=(name,), name=name, daemon=True).start()
+        self._opened = False
+
+    def open(self) -> None:
+        """From now on there are devices: until a process lives, they are those of the life before it."""
+        if not self._opened:
+            self._opened = True
+            for name in self._ports:
+                Thread(target=self._read, args=(name,), name=name, daemon=True).start()
 
     def write(self, key: EventKey, write: Write, wall_ns: int) -> None:
         """Hold bytes that an event wrote, whose instant is ``wall_ns``; if they have left already, they stay."""

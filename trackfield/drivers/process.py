@@ -200,6 +200,7 @@ class Process:
     def _handle_next(self) -> None:
         if not self.core.life.started:
             self.core.inherit(self._heritage.stored, self._heritage.spent)
+            self._devices.open()
         self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:
@@ -250,6 +251,7 @@ class Process:
         while self._start_ns is not None and (key := self.core.next_key()) is not None and key[0] < self._end_ns:
             self._handle_next()
         self._outgoing.flush()
+        self._devices.release(NEVER, self.core.forgotten_ns)  # nothing is undone any more
         self._say_reached(LAST_WAVE)
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]

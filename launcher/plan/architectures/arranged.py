@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from trackfield.drivers.ports import Port
+
 
 @dataclass(frozen=True)
 class Hosted:
@@ -38,6 +40,8 @@ class Process:
 
     A process may have several ``roles`` by name, in place of ``factory`` and ``config``, with one sensor, battery,
     radio, clock and address for all (``trackfield.host``). Its ``role`` is then the name of all of them together.
+
+    ``ports`` are those of its devices by name, of a process with several roles as ``role/port``.
     """
 
     id: str
@@ -54,6 +58,7 @@ class Process:
     battery_j: float | None = None
     route: Sequence[tuple[int, float, float]] = ()
     roles: Mapping[str, Hosted] = field(default_factory=dict)
+    ports: Mapping[str, Port] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from numbers import Real
 from typing import Any, Final
 
 from launcher.plan.architectures.arranged import Arranged, Hosted, Process
+from launcher.plan.architectures.ports import checked_ports
 from launcher.plan.references import check_references
 from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS
 from trackfield.errors import ScenarioError
@@ -102,6 +103,7 @@ class _Check:
             tags=tags,
             route=self._route(process),
             roles=roles,
+            ports=checked_ports(process, self._error),
         )
         if roles:
             self._shared(checked)

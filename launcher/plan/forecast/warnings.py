@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from launcher.plan.forecast.answers import HOST_S, answers
 from launcher.plan.forecast.foresight import Coverage, Duty, Foresight
 from launcher.records import Plan
 from trackfield.link.radios import RADIOS
@@ -29,7 +30,8 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
     radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
-    return (*geometry, *radio, *weak, *_queueing(plan, seen), *_crowded(plan, seen), *_over_duty(plan, seen))
+    channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_over_duty(plan, seen)]
+    return (*geometry, *radio, *weak, *channel, *_restless(plan))
 
 
 def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
@@ -208,6 +210,21 @@ def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
 def _allowed_s(plan: Plan) -> float:
     """How long the radio may send in an hour."""
     return RADIOS[plan.run.link["radio"]](plan.run.link.get("sf", 9)).duty * HOUR_S
+
+
+# --- what the machine does --------------------------------------------------------------------------------------------
+
+
+def _restless(plan: Plan) -> Iterator[str]:
+    """Processes that answer each other faster than a machine brings their messages."""
+    found, speed = answers(plan), plan.run.speed
+    if found is not None and found.delay_s / speed < HOST_S:
+        yield (
+            f"processes answer each other ({', '.join(found.kinds)}) within {_time(found.delay_s)}, "
+            f"{_time(found.delay_s / speed)} of wall time at --speed {speed:g}, and a busy machine takes up to "
+            f"{_time(HOST_S)} to bring a frame: over processes the run may lag more and more (timing.lag_ms); use "
+            f"--speed {found.delay_s / HOST_S:.2g} or less, or a link with a longer delay; --virtual needs neither"
+        )
 
 
 # --- words ------------------------------------------------------------------------------------------------------------
