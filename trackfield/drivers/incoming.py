@@ -48,7 +48,7 @@ class Incoming:
             frame, envelope, cell = frame_in(*bytes_of(sample), stamp)
             if not self.spec.hears(frame.medium, frame.to, frame.src, cell):
                 return None
-            self.came += 1
+            self.came += envelope.version is not None
             if frame.src not in self.spec.peers and not frame.broadcast:
                 raise WireError("sender", "not from a process whose frames may come here")
             if self._wall(frame.sent_ns) > arrived_ns + EARLY_NS:
