@@ -16,7 +16,7 @@ from tests.protocols.parties import PARTIES
 from tests.simulated import simulated
 from tests.test_drivers_agree import toy_plan
 from trackfield.drivers.frames import Died
-from trackfield.drivers.spec import role_factory
+from trackfield.drivers.spec import make_role
 from trackfield.role import NS, Received
 from trackfield.wire.codec import decode
 
@@ -86,7 +86,7 @@ def test_the_order_of_two_messages_changes_all_that_follows(protocol: str) -> No
     """What makes a run of these a test at all: a state after two frames is another one if they came the other way."""
     ledger = virtual(protocol)
     for process in PARTIES[protocol](1)[1]:
-        role = role_factory(process.factory)(**process.config)
+        role = make_role(process.factory, process.config, process.id)
         got = [r for r in ledger.rows if r.dst == process.id and r.delivered]
         first, second = got[0], next(r for r in got if r.kind == got[0].kind and r.payload != got[0].payload)
         states = []

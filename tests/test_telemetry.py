@@ -24,8 +24,9 @@ MEDIA = st.sampled_from(["field", "backbone"])
 KEYS = st.one_of(
     st.tuples(TIMES, st.just(0), WORDS),
     st.tuples(TIMES, st.just(1), WORDS, WORDS, TIMES, st.integers(0, 99), st.integers(0, 9), WORDS, MEDIA),
-    st.tuples(TIMES, st.just(2), TIMES, WORDS),
-    st.tuples(TIMES, st.just(3)),
+    st.tuples(TIMES, st.just(2), st.integers(0, 2**32), WORDS),
+    st.tuples(TIMES, st.just(3), TIMES, WORDS),
+    st.tuples(TIMES, st.just(4)),
 )
 POINTS = st.builds(
     lambda unknowns, **fields: TrackPoint(
@@ -74,7 +75,7 @@ def test_keys_still_sort_among_those_of_frames() -> None:
     assert isinstance(arrived, Refused)
     assert arrived.key == frame.key(7)
     assert {frame.key(7): "found"}[arrived.key] == "found"
-    assert (7, 0, "start") < arrived.key < (7, 2, 7, "deadline") < (7, 3)
+    assert (7, 0, "start") < arrived.key < (7, 3, 7, "deadline") < (7, 4)
 
 
 @pytest.mark.parametrize("body", [("rumour", (1, 2)), ("told", (1, 2), "x"), ("", ())])
@@ -95,11 +96,11 @@ def test_telemetry_of_no_known_kind_is_refused(body: tuple[Any, ...]) -> None:
 def test_a_point_that_is_none_is_refused(wrong: dict[str, Any], reason: str) -> None:
     point = TrackPoint(**{"tracker": "t", "target": "x", "at_ns": NS, "status": "waiting"} | wrong)
     with pytest.raises(WireError, match=reason):
-        event_of(pack(Told((1, 2, 1, "t"), Publish(point))))
+        event_of(pack(Told((1, 3, 1, "t"), Publish(point))))
 
 
 def test_half_a_message_is_refused() -> None:
-    whole = pack(Told((1, 2, 1, "t"), Publish(TrackPoint("t", "x", NS, "tracking", (1.0,) * 4, (1.0,) * 16))))
+    whole = pack(Told((1, 3, 1, "t"), Publish(TrackPoint("t", "x", NS, "tracking", (1.0,) * 4, (1.0,) * 16))))
     for length in range(len(whole)):
         with pytest.raises(WireError, match=r"malformed"):
             event_of(whole[:length])

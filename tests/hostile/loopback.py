@@ -7,7 +7,7 @@ it is kept, as it must not happen.
 from __future__ import annotations
 
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any, Final, Self
@@ -82,10 +82,14 @@ class Loopback:
 
     def get(
         self, key: str, handler: Any = None, *, payload: bytes = b"", attachment: bytes | None = None, **_: Any
-    ) -> Iterator[Any]:
+    ) -> None:
         query = Query(key, zenoh.ZBytes(payload), None if attachment is None else zenoh.ZBytes(attachment))
         self._call(self._queryables, key, query)
-        return iter(query.replies)
+        if handler is not None:
+            for reply in query.replies:
+                handler.callback(reply)
+            if handler.drop:
+                handler.drop()
 
     def close(self) -> None:
         """Nothing to close."""

@@ -12,7 +12,6 @@ from typing import Final
 from tests.protocols.chains import MS, Chain, acquainted, kept, known, next_step, run_of, told
 from tests.toys import mix
 from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.host import Host
 from trackfield.role import Effect, Event, Ignored, Received, Send, SetTimer, Started, Timer
 from trackfield.wire.registry import kind
 
@@ -89,12 +88,6 @@ class Answerer:
         return state, (Ignored("unexpected"),)
 
 
-def pair(*, name: str, number: int, peers: Sequence[str]) -> Host:
-    """One who asks and one who answers, in one process."""
-    asker = Asker(name=name, number=number, peers=peers)
-    return Host({"asker": asker, "answerer": Answerer(number=number + 100)}, id=name)
-
-
 def party(
     seed: int, *, speed: float = 1.0, size: int = 2, seconds: int = 10, loss: float = LOSS
 ) -> tuple[RunSpec, list[ProcessSpec]]:
@@ -104,8 +97,11 @@ def party(
         ProcessSpec(
             name,
             "pair",
-            "tests.protocols.hosted:pair",
-            {"name": name, "number": i, "peers": [other for other in names if other != name]},
+            "asker=tests.protocols.hosted:Asker,answerer=tests.protocols.hosted:Answerer",
+            {
+                "asker": {"name": name, "number": i, "peers": [other for other in names if other != name]},
+                "answerer": {"number": 100 + i},
+            },
             x=10.0 * i,
         )
         for i, name in enumerate(names)

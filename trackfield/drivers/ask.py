@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 import msgpack
@@ -84,13 +85,14 @@ def _asked(
     # Zenoh's own handler would wake the process ten times a second: too often, if thousands wait.
     handler = Callback(came.put, lambda: came.put(None), indirect=False)
     answers(session, key, question, ASK_TIMEOUT_S, handler, stamp)
-    for answer in iter(came.get, None):
-        if answer.ok is None:
-            continue  # Zenoh's own reply where there is no answer in time, or a stranger's
-        try:
-            return _checked(answer, key, question, seal, launcher)
-        except WireError as error:
-            wrong.append(error)
+    with suppress(Empty):  # if Zenoh never says that there are no more
+        while (answer := came.get(timeout=2 * ASK_TIMEOUT_S)) is not None:
+            if answer.ok is None:
+                continue  # Zenoh's own reply where there is no answer in time, or a stranger's
+            try:
+                return _checked(answer, key, question, seal, launcher)
+            except WireError as error:
+                wrong.append(error)
     return None
 
 
