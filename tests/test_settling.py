@@ -182,8 +182,8 @@ def test_an_empty_field_has_settled() -> None:
 
 @pytest.mark.parametrize(
     "said",
-    [b"", b"\xc1", 1, [], [1, 2], [1, 2, {}, 3], ["1", 2, {}], [1, 2.0, {}], [True, 2, {}], [1, 2, []],
-     [1, 2, {1: 1}], [1, 2, {"hub": "1"}], [1, 2, {"hub": None}]],
+    [b"", b"\xc1", 1, [], [1, 2, {}], [1, 2, {}, True, 3], ["1", 2, {}, True], [1, 2.0, {}, True], [True, 2, {}, True],
+     [1, 2, [], True], [1, 2, {}, 1], [1, 2, {1: 1}, True], [1, 2, {"hub": "1"}, True], [1, 2, {"hub": None}, True]],
 )  # fmt: skip
 def test_what_is_no_answer_is_refused(said: Any) -> None:
     with pytest.raises(WireError):
@@ -192,4 +192,4 @@ def test_what_is_no_answer_is_refused(said: Any) -> None:
 
 def test_an_answer_is_read() -> None:
     puts: Mapping[str, int] = {"hub": 3, NEIGHBOURHOOD: 1}
-    assert answer_of(msgpack.packb([7, 5, puts])) == Answer(7, 5, puts)
+    assert answer_of(msgpack.packb([7, 5, puts, True])) == Answer(7, 5, puts, behind=True)

@@ -17,8 +17,10 @@ SETTLE_S: Final = 5.0
 """How long processes that have reached the end may put and take back frames."""
 WAVE_S: Final = 0.02
 """How often to see whether all of them have answered how much they put and got."""
+PAUSE_S: Final = 0.5
+"""How long to wait at most before all are asked again."""
 OVERDUE_S: Final = 20.0
-"""After the end, how long (wall time) a process may take to say that it has reached it."""
+"""After the end, how long (wall time) a process may take to say that it has reached it, or to do what is left."""
 STILL_S: Final = 5.0
 """The same for a process that was stopped from outside, and also before the start."""
 NEEDED_STILL_S: Final = 3.0

@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from launcher.processes import patience
 from trackfield.drivers.intake import read, unpacked
@@ -21,11 +21,15 @@ from trackfield.wire.error import WireError
 
 
 class Answer(NamedTuple):
-    """What a life has said: as an answer to which wave, how many samples came, and how many it put by receiver."""
+    """What a life has said: as an answer to which wave, how many samples came, and how many it put by receiver.
+
+    One that is ``behind`` still has something to do.
+    """
 
     wave: int
     came: int
     puts: Mapping[str, int]
+    behind: bool = False
 
 
 def answer_of(payload: bytes) -> Answer:
@@ -33,13 +37,12 @@ def answer_of(payload: bytes) -> Answer:
     return read(_answer, unpacked(payload))
 
 
-def _answer(told: list[int | dict[str, int]]) -> Answer:
-    wave, came, puts = told
-    if type(wave) is not int or type(came) is not int or type(puts) is not dict:
+def _answer(told: Any) -> Answer:
+    wave, came, puts, behind = told
+    whole = (type(wave), type(came), type(puts), type(behind)) == (int, int, dict, bool)
+    if not (whole and all(type(to) is str and type(count) is int for to, count in puts.items())):
         raise WireError("malformed", "no answer to how much was put")
-    if not all(type(to) is str and type(count) is int for to, count in puts.items()):
-        raise WireError("malformed", "no answer to how much was put")
-    return Answer(wave, came, puts)
+    return Answer(wave, came, puts, behind)
 
 
 class Settling:
@@ -63,15 +66,19 @@ class Settling:
 
         ``ask`` begins a wave of this number. ``lives`` is asked often, and also looks after them.
         """
-        deadline = time.monotonic() + patience.SETTLE_S
+        begun, pause_s = time.monotonic(), patience.WAVE_S
         while True:
             self._next_wave(lives())
             ask(self.wave)
-            while self._missing(living := lives()) and time.monotonic() < deadline:
+            while self._missing(living := lives()) and time.monotonic() - begun < patience.OVERDUE_S:
                 time.sleep(patience.WAVE_S)
-            unsettled = self._missing(living) | self._unsettled(living)
-            if not unsettled or time.monotonic() >= deadline:
+            late = self._missing(living)
+            behind = late | {name for name in living.keys() - late if self._answers[name].behind}
+            unsettled = behind | self._unsettled(living)
+            if not unsettled or time.monotonic() - begun > (patience.OVERDUE_S if behind else patience.SETTLE_S):
                 return unsettled
+            time.sleep(pause_s)
+            pause_s = min(2 * pause_s, patience.PAUSE_S)
 
     def _next_wave(self, lives: Collection[str]) -> None:
         self._came = {name: self._answers[name].came for name in lives if name in self._answers}
@@ -86,7 +93,7 @@ class Settling:
         unicast: Counter[str] = Counter()
         broadcast: Counter[str] = Counter()
         own: Counter[tuple[str, str]] = Counter()
-        for name, answer in self._answers.items():
+        for name, answer in list(self._answers.items()):
             sender = self._lives[name]
             for to, count in answer.puts.items():
                 if to == NEIGHBOURHOOD:

@@ -173,6 +173,7 @@ class Process:
 
     def _work(self, now: int) -> int:
         """Handle at most one thing that is due; returns when (wall) the next may be."""
+        report_ns = self._report(now)
         self._devices.release(now, self.core.forgotten_ns)
         if self._outgoing.release(now):
             return now
@@ -186,16 +187,12 @@ class Process:
             self._caution.learn(lag, now)
             self._release(self.core.catch_up())
         elif now < (after := due + self._caution.at(now)):
-            return min(after, self._next_ns(now), self._killed_ns())
+            return min(after, report_ns, self._outgoing.next_ns(NEVER), self._devices.next_ns(NEVER), self._killed_ns())
         else:
             if key is not None and key > self.core.front:
                 self._slip.add(now - due)
             self._handle_next()
         return now
-
-    def _next_ns(self, now: int) -> int:
-        """When (wall) to send a frame that waits for its radio or report again, after reporting what is due."""
-        return min(self._outgoing.next_ns(NEVER), self._devices.next_ns(NEVER), self._report(now))
 
     def _handle_next(self) -> None:
         if not self.core.life.started:
@@ -208,17 +205,18 @@ class Process:
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             self._say("counts", msgpack.packb({**self._incoming.counts, **self.core.tally}), must=False)
-        key = self.core.next_key()
-        end = self._wall(self._end_ns) if key is None or key[0] >= self._end_ns else NEVER
-        if now >= max(end, self._reached_ns) or (now >= end and self._wave > self._said_wave):
+        end = self._wall(self._end_ns)
+        if now >= end and (now >= self._reached_ns or self._wave > self._said_wave):
             self._reached_ns = now + REPEAT_NS
             self._said_wave = self._wave
             self._say_reached(self._wave)
         return min(self._counts_ns, max(end, self._reached_ns))
 
     def _say_reached(self, wave: int) -> None:
-        """Say how many samples came and how many were put, by receiver: it has reached its end, and is not behind."""
-        self._say("reached", msgpack.packb([wave, self._incoming.came, self._outgoing.puts]))
+        """Say that it is the end, how many samples came and were put, by receiver, and whether it has more to do."""
+        key = self.core.next_key()
+        behind = self.core.behind or (key is not None and key[0] < self._end_ns)
+        self._say("reached", msgpack.packb([wave, self._incoming.came, self._outgoing.puts, behind]))
 
     def _wall(self, t_ns: int) -> int:
         assert self._start_ns is not None

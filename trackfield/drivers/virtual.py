@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from heapq import heapify, heappop, heappush
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from trackfield.drivers.core import Core
 from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
@@ -15,6 +15,9 @@ from trackfield.drivers.meter import spent
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
 from trackfield.errors import RunFailed
 from trackfield.role import NS, IllegalEvent
+
+HEARD: Final = ("delivered", "asleep", "frozen")
+"""What becomes of frames that come to a process."""
 
 
 class Sink(Protocol):
@@ -71,7 +74,9 @@ class Virtual:
             self._schedule(name, core)
             self._release(name, outputs)
         for name, core in self.cores.items():
-            self.sink.final(name, core.record(self.end_ns))
+            waits = sum(isinstance(one, Arrival) and one.due_ns < self.end_ns for one in core.waiting())
+            got = sum(core.tally.get(outcome, 0) for outcome in HEARD) + waits
+            self.sink.final(name, core.record(self.end_ns) | {"heard": got})
 
     def _handle_next(self, core: Core) -> list[Output]:
         try:

@@ -84,7 +84,7 @@ class Balance:
     def _missed(self, name: str, record: Mapping[str, Any]) -> Missed:
         """If count and hash differ, at least as many are missing, or too many, as the counts differ by, and one."""
         due = _of(self.due, name)
-        if due == (record["heard"], record["heard_hash"]):
+        if due == (record["heard"], record.get("heard_hash", due.total)):
             return Missed()
         short, over = max(due.size - record["heard"], 0), max(record["heard"] - due.size, 0)
         short += not short and not over
