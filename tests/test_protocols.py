@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import pytest
 
@@ -30,7 +31,7 @@ def virtual(protocol: str, seed: int = 1) -> Ledger:
     return simulated(toy_plan(*PARTIES[protocol](seed)))[0]
 
 
-def words(ledger: Ledger, kind: str) -> list[tuple[str, str, str, object]]:
+def words(ledger: Ledger, kind: str) -> list[tuple[str, str, str, Any]]:
     """All (source, receiver, outcome, message) of a kind."""
     return [(r.src, r.dst, r.outcome, decode(r.payload)) for r in ledger.rows if r.kind == kind]
 
