@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from collections import Counter
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
+import psutil
 import pytest
 
 from launcher.record.ledger import Ledger
 from launcher.records import Plan
-from tests.protocols.agreement import Compared, compared
+from tests.protocols import study
+from tests.protocols.agreement import Compared, Stalls, compared
 from tests.protocols.hardships import DEEDS, hard
 from tests.protocols.parties import PARTIES
+from tests.protocols.study import Tally
+from tests.running import until
 from tests.simulated import simulated
 from tests.test_drivers_agree import toy_plan
 from trackfield.drivers.frames import Died
@@ -30,7 +38,7 @@ def virtual(protocol: str, seed: int = 1) -> Ledger:
     return simulated(toy_plan(*PARTIES[protocol](seed)))[0]
 
 
-def words(ledger: Ledger, kind: str) -> list[tuple[str, str, str, object]]:
+def words(ledger: Ledger, kind: str) -> list[tuple[str, str, str, Any]]:
     """All (source, receiver, outcome, message) of a kind."""
     return [(r.src, r.dst, r.outcome, decode(r.payload)) for r in ledger.rows if r.kind == kind]
 
@@ -150,3 +158,52 @@ def test_peers_that_answer_each_other_are_the_same_under_both_drivers(protocol: 
 def test_hard_times_among_peers_are_the_same_under_both_drivers(protocol: str) -> None:
     (one,) = compared(toy_plan(*hard(protocol, 1)), 5.0)
     check(one)
+
+
+# --- what the study says ----------------------------------------------------------------------------------------------
+
+
+def outcome(*found: str, host_late: int = 0, retractions: int = 0) -> Compared:
+    timing = {"host_late": host_late, "retractions": retractions, "lag_ms": {"max": None}}
+    return Compared({"timing": timing, "frames": {"host_lost": 0}}, found)
+
+
+def test_a_run_that_differs_has_to_say_that_the_machine_was_too_slow() -> None:
+    assert study.wrong(outcome("tracks differ")) == ["tracks differ"]
+    assert study.wrong(outcome("tracks differ", host_late=1)) == []
+    assert study.wrong(outcome()) == []
+
+
+def test_how_many_have_to_be_equal() -> None:
+    runs = [outcome(retractions=1)] * 19 + [outcome("tracks differ", host_late=1)]
+    assert list(Tally("relay", "disturbed", runs).complaints()) == []
+    assert list(Tally("relay", "fast", runs).complaints()) == ["relay, fast: 19 of 20 runs are equal, 100% should be"]
+    assert len(list(Tally("relay", "disturbed", [*runs, runs[-1]]).complaints())) == 1
+
+
+def test_elections_have_to_take_frames_back() -> None:
+    runs = [outcome(), outcome(retractions=3), outcome()]
+    assert list(Tally("ring", "fast", runs).complaints()) == []
+    assert list(Tally("election", "fast", runs).complaints()) == ["election, fast: retractions in 1 of 3 runs only"]
+    assert list(Tally("election", "fast", runs[:2]).complaints()) == []
+
+
+def test_a_failing_seed_is_told_as_the_command_that_repeats_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(study, "lived", lambda protocol, seed, way: outcome(*["tracks differ"] * (seed == 2)))
+    said: list[str] = []
+    assert study.study(["ring"], ["slow"], range(1, 4), said.append) == 1
+    assert said[0] == "ring 2 fails: python -m tests.protocols.study --seeds 1 --seed 2 --only ring --ways slow"
+    assert "| ring | slow | 3 | 2 | 0 | 0 | 0 | 0 | 0 |" in said
+    assert study.study(["ring"], ["slow"], range(3, 6), said.append) == 0
+
+
+def test_stalls_stop_processes_of_a_run_and_let_them_go_on() -> None:
+    titled = "import setproctitle, time; setproctitle.setproctitle('trackfield member m0'); time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", titled]) as process:
+        with Stalls({"m0"}, 1) as stalls:
+            until(lambda: stalls.count > 1)
+        assert psutil.Process(process.pid).status() != psutil.STATUS_STOPPED
+        with Stalls({"m1"}, 1) as others:
+            time.sleep(1)
+        process.kill()
+    assert others.count == 0

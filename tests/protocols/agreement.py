@@ -97,10 +97,10 @@ def busy(loops: int) -> Iterator[None]:
 
 
 class Stalls:
-    """Stops a process of this program's runs for 50 ms, now and then, drawn from those with these ids."""
+    """Stops a process of this program's runs for 50 ms, now and then, drawn from those with these names."""
 
-    def __init__(self, ids: set[str], seed: int) -> None:
-        self._titles, self._draw = {f"trackfield {id}" for id in ids}, Random(seed)
+    def __init__(self, names: set[str], seed: int) -> None:
+        self._names, self._draw = names, Random(seed)
         self._done = Event()
         self.count = 0
 
@@ -131,6 +131,7 @@ class Stalls:
         found = []
         for process in psutil.Process().children(recursive=True):
             with suppress(psutil.Error):
-                if (process.cmdline() or [""])[0] in self._titles:
+                title = (process.cmdline() or [""])[0].split()  # "trackfield", its role, its name
+                if title[:1] == ["trackfield"] and title[-1] in self._names:
                     found.append(process)
         return found

@@ -15,8 +15,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from launcher.records import Plan
@@ -41,12 +40,11 @@ def plan_of(protocol: str, seed: int) -> Plan:
 def lived(protocol: str, seed: int, way: str) -> Compared:
     """A run of a seed."""
     plan = plan_of(protocol, seed)
-    with ExitStack() as disturbances:
-        if way == "disturbed":
-            disturbances.enter_context(busy(BUSY))
-            disturbances.enter_context(Stalls({p.name for p in plan.processes}, seed))
+    if way != "disturbed":
+        return compared(plan, WAYS[way])[0]
+    with busy(BUSY), Stalls({p.name for p in plan.processes}, seed) as stalls:
         (result,) = compared(plan, WAYS[way])
-        return result
+    return result if stalls.count else replace(result, found=(*result.found, "no process was stopped"))
 
 
 @dataclass(frozen=True)
