@@ -184,7 +184,7 @@ def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> No
     assert frames["sent"] == 6 * (run.metrics()["processes"]["started"] - 1)
     assert frames["expected"] == frames["delivered"] == frames["sent"]
     assert (frames["host_lost"], run.metrics()["recorder"]["dropped"]) == (0, 0)
-    assert run.metrics()["processes"]["pss_mb_per_node"] < 4.0
+    assert run.metrics()["processes"]["pss_mb_per_node"] < 4.5
 
 
 def test_no_peer_can_bring_a_run_down(tmp_path: Path) -> None:
