@@ -246,6 +246,11 @@ class Ledger:
             "host_late": missed.late,
         }
 
+    def tardy(self) -> int:
+        """What came too late without its hearer's knowledge: after its last word, or when it was recorded for good."""
+        uncounted, undone = self.balance.missed(self.finals).uncounted, sum(d.late for d in self.diaries.values())
+        return uncounted + self.balance.late.total() + undone
+
     def dropped(self) -> int:
         """Puts that left a process and never reached the recorder: frames, or word that one was taken back."""
         return self.balance.dropped(self.finals)

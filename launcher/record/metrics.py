@@ -143,7 +143,7 @@ def _timing(plan: Plan, ledger: Ledger) -> Metrics:
         "speed": plan.run.speed,
         "slip_ms": _quantiles(_merged(ledger, "slip")),
         "inversions": _total(ledger, "inversions"),
-        "host_late": _total(ledger, "host_late") + ledger.balance.missed(ledger.finals).uncounted,
+        "host_late": _total(ledger, "host_late") + ledger.tardy(),
         "retractions": _total(ledger, "retractions") if processes else None,
         "lag_ms": {**_quantiles(lag), "max": lag.quantile_ms(1.0)},
         "unsettled": 0 if processes else None,

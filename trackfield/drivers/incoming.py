@@ -58,7 +58,7 @@ class Incoming:
             self._strange.add(sample.key_expr, error)
             return None
         if not news:
-            self.counts["duplicate"] += 1
+            self.counts["duplicate"] += before is not None  # else a later version has come already
             return None
         foreign = sample.attachment is None
         self.counts["foreign"] += foreign

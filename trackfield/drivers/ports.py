@@ -90,10 +90,10 @@ class Devices:
         self._doubtful += [left for left in self._left if left[0] >= since]
         self._left = [left for left in self._left if left[0] < since]
 
-    def mistaken(self) -> int:
-        """How often something has left that was not written after all."""
-        count = len(self._doubtful)
-        self._doubtful.clear()
+    def mistaken(self, until_ns: int) -> int:
+        """How often something has left that events before this time (true) did not write after all."""
+        doubtful = [left for left in self._doubtful if left[0][0] >= until_ns]
+        count, self._doubtful = len(self._doubtful) - len(doubtful), doubtful
         return count
 
     def next_ns(self, never: int) -> int:

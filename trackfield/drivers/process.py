@@ -287,7 +287,8 @@ class Process:
                 self._told += 1
                 self._say("event", pack(output), must=False)
                 self._write(output)
-        self.core.host_late += self._devices.mistaken()
+        key = self.core.next_key()
+        self.core.host_late += self._devices.mistaken(NEVER if key is None else key[0])
         self._outgoing.forget(self.core.forgotten_ns)
         if self.core.life.stored != self._stored:  # also if what had been stored is undone
             self._stored = self.core.life.stored

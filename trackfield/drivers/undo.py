@@ -40,6 +40,9 @@ class History:
 
         Those from ``keep`` on are needed.
         """
+        if not self._handled and handled.key[0] <= forget_ns and keep is None:
+            self.forgotten = max(self.forgotten, handled.key)
+            return
         self._handled.append(handled)
         self._bytes += _weight(handled)
         while (self._handled[0].key[0] <= forget_ns or self._bytes > self.max_bytes) and not (

@@ -37,7 +37,7 @@ class Versions:
         self._known: dict[Identity, Taken] = {}
 
     def take(self, frame: Frame, version: int | None, now_ns: int) -> tuple[bool, Taken | None]:
-        """Whether this sample is news, and what it replaces, unless that was taken back.
+        """Whether this sample is news, and what it replaces, unless that was taken back, or repeats.
 
         Raises ``WireError`` (``conflict``) for another payload of a version that came before, and for another version
         of a frame that is final: one of the two is forged.
@@ -50,7 +50,7 @@ class Versions:
             if before.version == version and before.frame.payload != frame.payload:
                 raise WireError("conflict", "the same frame came with another payload")
             if (version or 0) <= (before.version or 0):
-                return False, None
+                return False, before if before.version == version else None
         if version is None and not frame.payload:
             raise WireError("malformed", "a frame without a version cannot be taken back")
         if before is not None:
