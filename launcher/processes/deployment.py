@@ -68,6 +68,7 @@ class Deployment(Logged):
         self._reached: set[str] = set()
         self._settling = Settling(self._lives)
         self.unsettled: set[str] = set()
+        self._tend_at = 0.0
         self._router_seen = 0.0
         self._stopping = False
 
@@ -248,7 +249,9 @@ class Deployment(Logged):
 
     def _living(self) -> dict[str, ProcessSpec]:
         """The processes that have reached the end and are there, after looking after all."""
-        self._tend()
+        if time.monotonic() > self._tend_at:  # more often, and what stalls for a moment would count as stopped
+            self._tend_at = time.monotonic() + patience.POLL_S
+            self._tend()
         gone = self._watch.gone
         return {} if self._router_is_gone() else {name: self._lives[name] for name in self._to_the_end() - gone}
 
