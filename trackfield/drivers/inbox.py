@@ -1,4 +1,4 @@
-"""Frames as they arrive: collected from Zenoh's threads, taken apart, and told from those that were seen before."""
+"""Frames as they arrive: collected from Zenoh's threads, and taken apart."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ EARLY_NS: Final = 50_000_000
 """How far ahead (wall time) the clock of a sender may be; frames leave when they say that they do."""
 CHANNEL: Final = 100_000
 """Samples that wait in a channel before Zenoh's thread would block."""
-SEEN: Final = 10_000
-"""How many frames are remembered to recognise duplicates."""
 
 _parsed = lru_cache(maxsize=10_000)(parse)
 """Cached: a run uses few keys, again and again."""
@@ -83,26 +81,3 @@ def bytes_of(sample: zenoh.Sample) -> tuple[str, bytes, bytes | None]:
     """Key, payload and attachment of a sample."""
     attachment = sample.attachment
     return str(sample.key_expr), sample.payload.to_bytes(), attachment.to_bytes() if attachment else None
-
-
-class Seen:
-    """The latest frames, to recognise duplicates."""
-
-    def __init__(self) -> None:
-        self._known: dict[tuple[Any, ...], int] = {}
-
-    def again(self, frame: Frame) -> bool:
-        """Whether this frame was seen before; remembers it.
-
-        Raises ``WireError`` (``conflict``) if it had another payload then: one of the two is forged.
-        """
-        content = hash(frame.payload)
-        before = self._known.get(frame.identity)
-        if before is not None:
-            if before != content:
-                raise WireError("conflict", "the same frame came with another payload")
-            return True
-        self._known[frame.identity] = content
-        if len(self._known) > SEEN:
-            del self._known[next(iter(self._known))]
-        return False
