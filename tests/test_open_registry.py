@@ -114,6 +114,24 @@ def test_who_claims_joins_and_is_there_has_the_place(run: Run) -> None:
     assert not run.alarms.counts
 
 
+def test_asking_mends_what_notices_missed(run: Run) -> None:
+    """Who is there although its token was said to be lost is back; who is gone without notice is gone."""
+    with run.guest() as guest:
+        ticket = guest.join().joined.ticket  # type: ignore[union-attr]
+        guest.appear().confirm()
+        run.registry._went(guest.name, ticket)
+        assert not run.registry.live
+        run.registry.refresh(run.launcher)
+        assert run.registry.live == {guest.name}
+        with run.guest() as other:
+            other.join().appear().confirm()
+            before = run.registry.arrivals
+        until(lambda: run.registry.live == {guest.name})
+        run.registry._add(other.name)
+        run.registry.refresh(run.launcher)
+        assert (run.registry.live, run.registry.arrivals) == ({guest.name}, before + 1)
+
+
 def test_claims_alone_keep_nobody_out(trusting: Run) -> None:
     """Thousands of them, and as many joins; then come four processes."""
     flood = trusting.session()

@@ -214,20 +214,20 @@ def test_a_device_is_left_alone_until_its_process_lives(line: Line) -> None:
 
 def test_a_real_device_talks_with_a_process(line: Line, tmp_path: Path) -> None:
     """At speed 1: what is typed at the other end is read, and the answer comes back."""
-    run_spec, processes = party(2, steps=3, link={"model": "ideal"})
+    run_spec, processes = party(2, steps=6, link={"model": "ideal"})
     hub = replace(processes[0], factory="tests.test_ports:Echo", ports={"tty": Port((), line.path)})
     (tmp_path / "logs").mkdir()
     said: list[bytes] = []
 
     class Typist(Quiet):
         def running(self, status: dict[str, object]) -> None:
-            if len(said) % 10 == 9 and not any(said):  # again if the process had not opened its device yet
+            if len(said) % 4 == 3 and not any(said):  # again: a process that opens its device drops what was there
                 os.write(line.end, b"hello")
             said.append(line.read())
 
     outcome = run_processes(toy_plan(run_spec, [hub, *processes[1:]]), tmp_path, Typist())
     assert outcome.exit_code == 0, outcome.complaints
-    answer = b"".join(said)
+    answer = b"".join([*said, line.read()])
     letters = bytes(byte for byte in answer if byte in b"hello")
     assert letters[:5] == b"hello"
     assert answer[-1] == len(letters)  # so many were read

@@ -171,7 +171,9 @@ class Gathering(Deployment):
 
     def _end_still(self, names: set[str]) -> None:
         """Processes that are out of reach at the end are not waited for."""
-        for name in sorted(names & self._watch.still() & set(self._lives)):
+        if still := names & self._watch.still() & set(self._lives):
+            self.registry.refresh(self.session)
+        for name in sorted(still - self.registry.live):
             self._watch.give_up(name, LOST)
         super()._end_still(names - self._watch.gone)
 

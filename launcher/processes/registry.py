@@ -92,14 +92,18 @@ class Registry:
         return replace(last, incarnation=incarnation, start_ns=start_ns)
 
     def refresh(self, session: zenoh.Session) -> None:
-        """Ask which processes are alive: notice of their end is lost while the launcher itself is out of reach."""
+        """Ask which processes are alive: notice of an end, or of a return, may have been lost on its way."""
         known = set(self.live)
         replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
         there = {str(live.key_expr) for live in replies if live}
-        if there and None not in replies:
-            for name in known:
-                if self._token(name, ticket := self._holds[name]) not in there:
-                    self._went(name, ticket)
+        if not there or None in replies:
+            return
+        for name, ticket in list(self._holds.items()):
+            is_there = self._token(name, ticket) in there
+            if name in known and not is_there:
+                self._went(name, ticket)
+            elif name not in known and is_there:
+                self._returned(name, ticket)
 
     # --- what differs if processes are started elsewhere ----------------------------------------------------------
 
@@ -201,14 +205,24 @@ class Registry:
             if new and not self._admit(name, given_ns):
                 return self._was_late(name, given_ns)
             self._holds[name] = ticket
-            self.live.add(name)
-            self._here(name)
-            self.arrivals += 1
+            self._add(name)
             return True
 
     def _was_late(self, name: str, given_ns: int) -> bool:
         """Whether a process that was not admitted may have come by mistake, and will leave; under the lock."""
         return False
+
+    def _returned(self, name: str, ticket: str) -> None:
+        """Note that the process that lived last under this name is there after all."""
+        with self._lock:
+            if self._holds.get(name) == ticket:
+                self._add(name)
+
+    def _add(self, name: str) -> None:
+        """Note that a process is there; under the lock."""
+        self.live.add(name)
+        self._here(name)
+        self.arrivals += 1
 
     def _went(self, name: str, ticket: str) -> None:
         with self._lock:
