@@ -26,9 +26,9 @@ from launcher.plan.prepare import load, planned
 from launcher.processes.children import Children
 from launcher.processes.zygote import Child
 from launcher.records import RECORDER, SENSES, Plan
-from trackfield.drivers.frames import Frame
+from trackfield.drivers.engine.frames import Frame
+from trackfield.drivers.exchange.versions import Digest, digest
 from trackfield.drivers.session import open_client
-from trackfield.drivers.versions import Digest, digest
 from trackfield.wire import keys
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope

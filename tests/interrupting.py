@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from launcher.record.ledger import Ledger
-from trackfield.drivers.frames import Frame
+from trackfield.drivers.engine.frames import Frame
 
 
 def interrupt_at(frames: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
-from trackfield.drivers.conditions import NEVER
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Frame, Output, Sent, TakenBack
-from trackfield.drivers.incoming import Incoming
-from trackfield.drivers.outgoing import Outgoing
+from trackfield.drivers.engine.conditions import NEVER
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Frame, Output, Sent, TakenBack
+from trackfield.drivers.exchange.incoming import Incoming
+from trackfield.drivers.exchange.outgoing import Outgoing
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from tests.toys import Feedback, Reply, Request
-from trackfield.drivers.conditions import Conditions, Sense
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame, Output, Sent
+from trackfield.drivers.engine.conditions import Conditions, Sense
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival, Frame, Output, Sent
 from trackfield.link.clock import Clock
 from trackfield.role import NS, Effect, Event, Role
 from trackfield.wire.codec import encode, kind_name

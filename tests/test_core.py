@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, Puppet, arrival, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Refused, Told
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Refused, Told
 from trackfield.link.clock import Clock
 from trackfield.role import (
     NEIGHBOURHOOD,

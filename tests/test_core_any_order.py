@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, arrival, caught_up, core_of, run
 from tests.toys import Feedback, Reply, Request, mix
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.frames import Arrival, Frame, Identity, Output, Refused, Sent, TakenBack, Told, Undone
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.frames import Arrival, Frame, Identity, Output, Refused, Sent, TakenBack, Told, Undone
 from trackfield.link.energy import Power
 from trackfield.link.fate import Fate
 from trackfield.role import (

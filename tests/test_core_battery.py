@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, script
 from tests.toys import Reply, Request
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import RANK_BATTERY, Charge, Died, Output, Told, Undone
-from trackfield.drivers.meter import Activity, spent
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import RANK_BATTERY, Charge, Died, Output, Told, Undone
+from trackfield.drivers.engine.meter import Activity, spent
 from trackfield.link.energy import Power
 from trackfield.role import NS, Effect, Radio, Received, Role, Sample, Sampled, Send, SetTimer, Started, Timer
 from trackfield.wire.codec import encode

@@ -6,9 +6,9 @@ import pytest
 
 from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, script
 from tests.toys import Reply, Request
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import RANK_TIMER, Told
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import RANK_TIMER, Told
 from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
 from trackfield.role import (

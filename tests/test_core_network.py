@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from tests.network import LATER, field_of, sample_of, settle
 from tests.toys import Request, party
-from trackfield.drivers.frames import Frame, Refused, Told, Undone
-from trackfield.drivers.versions import Digest, digest
+from trackfield.drivers.engine.frames import Frame, Refused, Told, Undone
+from trackfield.drivers.exchange.versions import Digest, digest
 from trackfield.drivers.virtual import Virtual
 from trackfield.wire.codec import encode
 

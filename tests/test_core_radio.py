@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Frame, Output, Overflowed, Queued, Sent, TakenBack, Told
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Frame, Output, Overflowed, Queued, Sent, TakenBack, Told
 from trackfield.link.energy import Power
 from trackfield.link.fate import Fate
 from trackfield.link.models import make_link

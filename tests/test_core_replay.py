@@ -8,9 +8,9 @@ import pytest
 
 from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, script
 from tests.toys import Feedback, Reply, Request
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Died, Output, Refused, Sent, TakenBack, Told, Undone
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Died, Output, Refused, Sent, TakenBack, Told, Undone
 from trackfield.link.energy import Power
 from trackfield.role import (
     NEIGHBOURHOOD,

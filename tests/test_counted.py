@@ -21,7 +21,7 @@ from launcher.show import Quiet
 from launcher.study.compare import differences
 from tests.protocols import election, ring
 from tests.test_drivers_agree import SHARED, toy_plan
-from trackfield.drivers.incoming import HORIZON_S
+from trackfield.drivers.exchange.incoming import HORIZON_S
 from trackfield.drivers.session import open_client
 from trackfield.role import NS
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from launcher.record.diary import Diary, Event
 from launcher.record.ledger import Ledger
-from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
+from trackfield.drivers.engine.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.role import NS, Corrected, Note, Radio, State
 from trackfield.wire.codec import encode

@@ -11,7 +11,7 @@ from launcher.record.energy import batteries_of, energy_metrics, lifetime_metric
 from launcher.record.ledger import Ledger
 from launcher.records import BATTERY, SENSES, TRACKS, FieldInfo, Place, Plan, Truth
 from tests.simulated import simulated, spcpf
-from trackfield.drivers.frames import Died, Frame, Overflowed, Told
+from trackfield.drivers.engine.frames import Died, Frame, Overflowed, Told
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.link.energy import DEVICES, Power
 from trackfield.role import NS, Radio

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from launcher.plan.prepare import load, planned
 from launcher.record.samples import event_of
-from trackfield.drivers.frames import Told
-from trackfield.drivers.telemetry import pack
+from trackfield.drivers.engine.frames import Told
+from trackfield.drivers.exchange.telemetry import pack
 from trackfield.errors import ScenarioError
 from trackfield.role import NS, Ignored, Publish, TrackPoint
 from trackfield.tracking.bank import Bank

@@ -20,9 +20,9 @@ from tests.simulated import simulated, spcpf
 from tests.test_fusion_restart import lived
 from tests.test_fusion_role import DEADLINE, PRIOR, SENSORS, centre, deadline, play, points, report
 from trackfield.draw import uniform
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame, Told
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival, Frame, Told
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.clock import Clock
 from trackfield.role import (

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackfield.drivers.histogram import FLOOR_NS, WIDTH, Histogram
+from trackfield.drivers.exchange.histogram import FLOOR_NS, WIDTH, Histogram
 
 DURATIONS = st.lists(st.integers(0, 10**12), max_size=50)
 SHARES = st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0])

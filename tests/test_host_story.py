@@ -13,8 +13,8 @@ from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run
 from tests.test_core_battery import died_at, powered
 from tests.test_ports import Echo
 from tests.toys import Feedback, Reply, Request, mix
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Frame, Output, Refused, Told, Undone
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Frame, Output, Refused, Told, Undone
 from trackfield.drivers.ports import Port
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.drivers.virtual import Virtual

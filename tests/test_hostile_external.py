@@ -18,7 +18,7 @@ from tests.hostile.verdicts import INTERFERED
 from tests.outside import router
 from tests.running import Run, kept_up, until
 from tests.same_tables import points, track_differences
-from trackfield.drivers.seal import TOKEN
+from trackfield.drivers.exchange.seal import TOKEN
 from trackfield.drivers.session import open_client
 from trackfield.wire import keys
 

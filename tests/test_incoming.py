@@ -12,10 +12,10 @@ import pytest
 from tests.network import LATER, Payload, sample_of
 from tests.puppet import MS, Puppet, core_of, run
 from tests.toys import Request
-from trackfield.drivers.frames import Frame
-from trackfield.drivers.incoming import Incoming
+from trackfield.drivers.engine.frames import Frame
+from trackfield.drivers.exchange.incoming import Incoming
+from trackfield.drivers.exchange.versions import Digest, digest
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.drivers.versions import Digest, digest
 from trackfield.link.fate import Fate
 from trackfield.role import NS, Effect, Event, Received, Send, SetTimer, Started, Timer
 from trackfield.wire.codec import decode, encode

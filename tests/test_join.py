@@ -16,11 +16,11 @@ import zenoh
 from zenoh.handlers import Callback
 
 from tests.running import until
-from trackfield.drivers import ask as asking
-from trackfield.drivers.ask import REFUSED, JoinError, TokenError, answer, question_of
-from trackfield.drivers.intake import Refusals
-from trackfield.drivers.join import join
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import Refusals
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining import ask as asking
+from trackfield.drivers.joining.ask import REFUSED, JoinError, TokenError, answer, question_of
+from trackfield.drivers.joining.join import join
 from trackfield.drivers.session import open_client, open_router
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.wire import keys

@@ -13,7 +13,7 @@ from launcher.record.ledger import Ledger
 from launcher.records import Plan
 from tests.rrd import read
 from tests.tiny import COVARIANCE, MS, tiny
-from trackfield.drivers.frames import RANK_TIMER, EventKey, Frame, Telling, Told, Undone
+from trackfield.drivers.engine.frames import RANK_TIMER, EventKey, Frame, Telling, Told, Undone
 from trackfield.role import NS, Note, Publish, State, TrackPoint, Write
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa

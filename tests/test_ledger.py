@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from launcher.record.books.said import describe
 from launcher.record.ledger import Ledger
 from launcher.records import MessageRow
-from trackfield.drivers.frames import EventKey, Frame, Refused, Told, Undone
+from trackfield.drivers.engine.frames import EventKey, Frame, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.role import NEIGHBOURHOOD, NS, Note, Publish, Radio, State, TrackPoint
 from trackfield.wire.codec import encode

@@ -14,7 +14,7 @@ from launcher.record.ledger import Ledger
 from launcher.record.metrics import CAUSES
 from launcher.records import ARRIVED
 from tests.simulated import simulated, spcpf
-from trackfield.drivers.frames import Frame, Refused, Told, Undone
+from trackfield.drivers.engine.frames import Frame, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.drivers.virtual import Virtual
 from trackfield.link.models import make_link

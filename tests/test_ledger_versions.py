@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import CAUSES
 from tests.test_ledger import END, IDEAL, MS, frame, ledger, processes, timer, told
-from trackfield.drivers.frames import Frame, Overflowed, Refused, Undone
+from trackfield.drivers.engine.frames import Frame, Overflowed, Refused, Undone
+from trackfield.drivers.exchange.versions import Digest, Sum, digest
 from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.drivers.versions import Digest, Sum, digest
 from trackfield.role import NEIGHBOURHOOD, NS, Note, Radio, State
 
 Put = tuple[Frame, int]

@@ -13,12 +13,12 @@ import zenoh
 from launcher.record.listener import SETTLE_S, Listener
 from launcher.records import Plan
 from tests.simulated import spcpf
-from trackfield.drivers.frames import Frame, Told
-from trackfield.drivers.incoming import HORIZON_S
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.engine.frames import Frame, Told
+from trackfield.drivers.exchange.incoming import HORIZON_S
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.exchange.telemetry import pack
+from trackfield.drivers.exchange.versions import SEEN
 from trackfield.drivers.spec import life_name
-from trackfield.drivers.telemetry import pack
-from trackfield.drivers.versions import SEEN
 from trackfield.role import NS, State
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope

@@ -9,7 +9,7 @@ from typing import Any
 
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import CAUSES
-from trackfield.drivers.frames import Died
+from trackfield.drivers.engine.frames import Died
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core
 from trackfield.drivers.virtual import Virtual
 from trackfield.link.models import make_link

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackfield.drivers.meter import NOTHING, Activity, Meter, spent
+from trackfield.drivers.engine.meter import NOTHING, Activity, Meter, spent
 from trackfield.link.energy import CAUSES, DEVICES, Power
 
 POWER = Power(send_uw=7, receive_uw=5, listen_uw=3, sleep_uw=1, sample_fj=1000, battery_fj=10_000)

@@ -15,9 +15,9 @@ from launcher.record.metrics import Metrics, run_metrics, tracker_metrics
 from launcher.records import MessageRow
 from tests.simulated import simulated, spcpf
 from tests.tiny import MS, point, tiny
-from trackfield.drivers.frames import Frame, Refused
-from trackfield.drivers.histogram import Histogram
-from trackfield.drivers.versions import digest
+from trackfield.drivers.engine.frames import Frame, Refused
+from trackfield.drivers.exchange.histogram import Histogram
+from trackfield.drivers.exchange.versions import digest
 from trackfield.role import NS
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa

@@ -10,9 +10,9 @@ from node.role import Memory, Node, Phase
 from tests.puppet import MS, run
 from tests.test_timesync import CONFIG, asking, resting
 from trackfield.draw import uniform
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame, Told
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival, Frame, Told
 from trackfield.link.clock import Clock
 from trackfield.role import (
     NS,

@@ -16,8 +16,8 @@ from node.role import Memory, Node, Phase
 from tests.puppet import MS, frames, run
 from tests.test_timesync import CONFIG, START_NS, asking, reply, resting
 from trackfield.draw import uniform
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame, Output, Refused, Told
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival, Frame, Output, Refused, Told
 from trackfield.link.clock import Clock
 from trackfield.role import (
     NS,

@@ -16,11 +16,11 @@ from launcher.plan.prepare import load, planned
 from launcher.processes.alarms import Alarms
 from launcher.processes.places.open_registry import LEAD_S, OpenRegistry
 from tests.running import until
-from trackfield.drivers.ask import JoinError, TokenError
-from trackfield.drivers.claim import claim
-from trackfield.drivers.intake import Refusals
-from trackfield.drivers.join import Joined, confirm, join, token
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import Refusals
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining.ask import JoinError, TokenError
+from trackfield.drivers.joining.claim import claim
+from trackfield.drivers.joining.join import Joined, confirm, join, token
 from trackfield.drivers.session import open_client, open_router
 from trackfield.wire import keys
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from tests.puppet import MS
 from tests.toys import Request
-from trackfield.drivers.frames import Frame
-from trackfield.drivers.outgoing import Outgoing
-from trackfield.drivers.versions import Digest, digest
+from trackfield.drivers.engine.frames import Frame
+from trackfield.drivers.exchange.outgoing import Outgoing
+from trackfield.drivers.exchange.versions import Digest, digest
 from trackfield.role import NEIGHBOURHOOD
 from trackfield.wire.codec import encode
 

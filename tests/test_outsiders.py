@@ -22,11 +22,11 @@ from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
 from tests.outside import OPTIONS, Start, join, process, router, start
 from tests.running import Run, until
-from trackfield.drivers.claim import claim, find_run
-from trackfield.drivers.intake import Refusals
-from trackfield.drivers.join import join as ask_to_join
-from trackfield.drivers.join import token
-from trackfield.drivers.seal import TOKEN, Seal
+from trackfield.drivers.exchange.intake import Refusals
+from trackfield.drivers.exchange.seal import TOKEN, Seal
+from trackfield.drivers.joining.claim import claim, find_run
+from trackfield.drivers.joining.join import join as ask_to_join
+from trackfield.drivers.joining.join import token
 from trackfield.drivers.session import open_client, open_router
 from trackfield.wire import keys
 

@@ -20,7 +20,7 @@ from tests.puppet import MS, arrival, caught_up, core_of, run, script
 from tests.running import until
 from tests.test_drivers_agree import both, toy_plan
 from tests.toys import Request, party
-from trackfield.drivers.frames import PortInput, Told, Undone
+from trackfield.drivers.engine.frames import PortInput, Told, Undone
 from trackfield.drivers.ports import Devices, Port, inputs
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
 from trackfield.role import (

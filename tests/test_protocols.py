@@ -23,7 +23,7 @@ from tests.protocols.study import Tally
 from tests.running import until
 from tests.simulated import simulated
 from tests.test_drivers_agree import toy_plan
-from trackfield.drivers.frames import Died
+from trackfield.drivers.engine.frames import Died
 from trackfield.drivers.spec import make_role
 from trackfield.role import NS, Received
 from trackfield.wire.codec import decode

@@ -19,8 +19,8 @@ from launcher.record.kept.log import LOG, MAGIC, MARK, REFUSED, Entry, Log, Read
 from launcher.record.kept.recovery import recovered
 from tests.rrd import read as read_timeline
 from tests.simulated import spcpf
-from trackfield.drivers.frames import RANK_TIMER, Told, Undone
-from trackfield.drivers.telemetry import pack
+from trackfield.drivers.engine.frames import RANK_TIMER, Told, Undone
+from trackfield.drivers.exchange.telemetry import pack
 from trackfield.errors import RunFailed
 from trackfield.role import NS, Note
 from trackfield.wire import keys

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trackfield.drivers.intake import LOGGED, SHOWN, Refusals, begun, nanoseconds, printable, read, unpacked
-from trackfield.drivers.seal import TOKEN, Seal, token_from
+from trackfield.drivers.exchange.intake import LOGGED, SHOWN, Refusals, begun, nanoseconds, printable, read, unpacked
+from trackfield.drivers.exchange.seal import TOKEN, Seal, token_from
 from trackfield.wire.error import WireError
 
 KEY, DATA = "control/end", b"3000000000"

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from launcher.record.samples import MAX_NS, event_of
-from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
-from trackfield.drivers.telemetry import Telemetry, pack
+from trackfield.drivers.engine.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
+from trackfield.drivers.exchange.telemetry import Telemetry, pack
 from trackfield.role import NS, Corrected, Note, Publish, Radio, State, TrackPoint
 from trackfield.wire.error import WireError
 

@@ -14,7 +14,7 @@ import pytest
 from tests.mortals import lived
 from tests.puppet import MS
 from tests.test_timesync import CONFIG, ROUNDS
-from trackfield.drivers.frames import Frame, Refused, Told, Undone
+from trackfield.drivers.engine.frames import Frame, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.drivers.virtual import Virtual
 from trackfield.link.clock import Clock

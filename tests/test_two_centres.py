@@ -20,8 +20,8 @@ from launcher.study.compare import differences
 from tests.rrd import entities
 from tests.running import SPEEDS, kept_up
 from tests.test_extending_docs import EXAMPLES
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival
 
 HARD = {
     "link.tx_dbm": 13.0,  # many links carry some of their messages

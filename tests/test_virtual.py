@@ -10,7 +10,7 @@ import pytest
 
 from tests.puppet import MS, Puppet
 from tests.toys import Request, party
-from trackfield.drivers.frames import Frame, Refused, Told, Undone
+from trackfield.drivers.engine.frames import Frame, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.drivers.virtual import Virtual
 from trackfield.link.fate import Fate

@@ -16,7 +16,7 @@ import zenoh
 
 from tests.running import until
 from tests.test_open_registry import SECRET, Run, endpoint
-from trackfield.drivers.seal import Seal, token_from
+from trackfield.drivers.exchange.seal import Seal, token_from
 from trackfield.wire.error import WireError
 
 __all__ = ["endpoint"]

@@ -7,8 +7,8 @@ import signal
 from collections.abc import Mapping
 from threading import Event
 
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.process import Process
-from trackfield.drivers.seal import Seal
 from trackfield.drivers.session import NODE_RUNTIME, open_router, open_session
 from trackfield.plugins import give
 from trackfield.wire import keys

@@ -29,8 +29,8 @@ from launcher.processes.watch import STOOD_STILL, Stop, Watch
 from launcher.processes.zygote import Child
 from launcher.record.samples import status_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.intake import opened
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import opened
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.session import client_settings
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed

@@ -19,8 +19,8 @@ from zenoh.handlers import Callback
 from launcher.processes.children import Children
 from launcher.processes.deployment import GOOD_END, Deployment
 from launcher.processes.places.open_registry import OpenRegistry
-from trackfield.drivers.intake import opened
-from trackfield.drivers.seal import token_from
+from trackfield.drivers.exchange.intake import opened
+from trackfield.drivers.exchange.seal import token_from
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError

@@ -9,9 +9,9 @@ from zenoh.handlers import Callback
 
 from launcher.processes import patience
 from launcher.processes.alarms import ANSWERS, ORDERS, Alarms
-from trackfield.drivers.ask import answers, session_of
-from trackfield.drivers.inbox import bytes_of
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.inbox import bytes_of
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining.ask import answers, session_of
 from trackfield.wire import keys
 
 

@@ -15,10 +15,10 @@ from zenoh.handlers import Callback
 from launcher.processes.alarms import QUESTIONS, TOKENS, Alarms
 from launcher.processes.places.tickets import LENGTH, Tickets
 from launcher.records import LIVE, RECORDER, Plan
-from trackfield.drivers.ask import REFUSED, UNSEALED, answer, question_of
-from trackfield.drivers.intake import opened, printable, read, unpacked
-from trackfield.drivers.join import token
-from trackfield.drivers.seal import TOKEN, Seal
+from trackfield.drivers.exchange.intake import opened, printable, read, unpacked
+from trackfield.drivers.exchange.seal import TOKEN, Seal
+from trackfield.drivers.joining.ask import REFUSED, UNSEALED, answer, question_of
+from trackfield.drivers.joining.join import token
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError

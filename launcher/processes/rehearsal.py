@@ -14,9 +14,9 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.ask import subject
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining.ask import subject
 from trackfield.drivers.process import Process
-from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.link.energy import DEVICES
 from trackfield.role import NS

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
 from launcher.processes import patience
-from trackfield.drivers.intake import read, unpacked
+from trackfield.drivers.exchange.intake import read, unpacked
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.role import NEIGHBOURHOOD
 from trackfield.wire.error import WireError

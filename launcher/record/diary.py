@@ -6,7 +6,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from trackfield.drivers.frames import RANK_FRAME, Died, EventKey, Refused, Telling, Told, Undone
+from trackfield.drivers.engine.frames import RANK_FRAME, Died, EventKey, Refused, Telling, Told, Undone
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.clock import Clock
 from trackfield.role import Corrected, Radio

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from launcher.record.ledger import Ledger
 from launcher.records import BATTERY, SENSES, MessageRow, Plan
-from trackfield.drivers.meter import Activity
-from trackfield.drivers.radio import RADIO
+from trackfield.drivers.engine.meter import Activity
+from trackfield.drivers.engine.radio import RADIO
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link import first_order
 from trackfield.link.energy import CAUSES, DEVICES, Power

@@ -21,7 +21,7 @@ from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_messages, write_tracks
 from launcher.records import TRACKS, MessageRow, Plan
-from trackfield.drivers.frames import Charge, Died, Queued
+from trackfield.drivers.engine.frames import Charge, Died, Queued
 from trackfield.errors import RunFailed
 from trackfield.role import NS, Note, Publish, State, TrackPoint, Write
 from trackfield.words import plain, quoted, shortened

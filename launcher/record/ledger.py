@@ -21,9 +21,9 @@ from launcher.record.books.leaving import Entry, Leaving, Way
 from launcher.record.books.said import Said, describe, row_of
 from launcher.record.diary import Diary, Event
 from launcher.records import MessageRow
-from trackfield.drivers.frames import LATE, Died, Frame, Identity, Overflowed, Refused, Told, Undone
+from trackfield.drivers.engine.frames import LATE, Died, Frame, Identity, Overflowed, Refused, Told, Undone
+from trackfield.drivers.exchange.versions import hash_of
 from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
-from trackfield.drivers.versions import hash_of
 from trackfield.role import Publish, TrackPoint
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import known_kind

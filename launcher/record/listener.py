@@ -14,12 +14,12 @@ from launcher.record.kept.log import Entry, Log
 from launcher.record.ledger import Ledger
 from launcher.record.samples import MAX_EVENT, counts_of, deaths_of, event_of, final_of, life_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.inbox import EARLY_NS, Inbox, bytes_of, frame_in, no_stamp, take_in
-from trackfield.drivers.incoming import HORIZON_S
-from trackfield.drivers.intake import Refusals, begun, nanoseconds
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.inbox import EARLY_NS, Inbox, bytes_of, frame_in, no_stamp, take_in
+from trackfield.drivers.exchange.incoming import HORIZON_S
+from trackfield.drivers.exchange.intake import Refusals, begun, nanoseconds
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.exchange.versions import Versions
 from trackfield.drivers.spec import role_factories
-from trackfield.drivers.versions import Versions
 from trackfield.role import NS
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope

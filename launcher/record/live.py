@@ -16,7 +16,7 @@ from launcher.record.journal import Telling
 from launcher.record.listener import FLUSH_S, Listener
 from launcher.records import LIVE, Plan
 from launcher.timeline.timeline import Timeline
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.session import open_client
 from trackfield.plugins import give
 from trackfield.wire import keys

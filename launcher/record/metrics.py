@@ -16,7 +16,7 @@ from launcher.record.scores import offsets, scored
 from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan, View
-from trackfield.drivers.histogram import Histogram
+from trackfield.drivers.exchange.histogram import Histogram
 from trackfield.drivers.spec import role_places
 from trackfield.filters import metrics as score
 from trackfield.role import NS

@@ -29,8 +29,8 @@ from launcher.record.listener import FLUSH_S, Listener
 from launcher.record.metrics import LAUNCHER_DIED, Metrics, cut_off, ended_because
 from launcher.record.samples import deaths_of
 from launcher.records import RECORDER, Plan
-from trackfield.drivers.intake import opened
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import opened
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.session import open_client
 from trackfield.errors import RunFailed
 from trackfield.plugins import give

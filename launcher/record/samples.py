@@ -9,10 +9,10 @@ from typing import Annotated, Any, Final, Literal, get_type_hints
 from annotated_types import Ge, Le
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
-from trackfield.drivers.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
-from trackfield.drivers.intake import read, unpacked
+from trackfield.drivers.engine.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
+from trackfield.drivers.exchange.intake import read, unpacked
+from trackfield.drivers.exchange.telemetry import Telemetry
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.drivers.telemetry import Telemetry
 from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint, Write, formed
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import Medium, check_id
@@ -101,7 +101,7 @@ _FIELDS: Final = {kind: _values(kind) for kind in (*_PLAIN.values(), TrackPoint,
 
 
 def event_of(data: bytes) -> Telemetry:
-    """One piece of telemetry, the inverse of ``trackfield.drivers.telemetry.pack``. Raises ``WireError``."""
+    """One piece of telemetry, the inverse of ``trackfield.drivers.exchange.telemetry.pack``. Raises ``WireError``."""
     return read(_event, unpacked(data, MAX_EVENT))
 
 

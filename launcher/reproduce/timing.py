@@ -13,7 +13,7 @@ from launcher.plan.prepare import planned
 from launcher.record.ledger import Ledger
 from launcher.records import Plan
 from launcher.reproduce.case import Case
-from trackfield.drivers.frames import Frame
+from trackfield.drivers.engine.frames import Frame
 from trackfield.drivers.virtual import Virtual
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker

@@ -32,7 +32,7 @@ from launcher.record.reading.files import (
 )
 from launcher.records import SENSES, TRACKS, MessageRow, Plan
 from launcher.run import Outcome, close_folder
-from trackfield.drivers.frames import LATE, RANK_TIMER, Told
+from trackfield.drivers.engine.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
 from trackfield.role import NS, Publish, State, TrackPoint
 from trackfield.tracking.bank import Bank

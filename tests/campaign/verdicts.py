@@ -16,7 +16,7 @@ from launcher.records import Plan
 from node.role import Phase as NodePhase
 from tests.protocols.agreement import Compared, compared
 from tests.running import SPEEDS, kept_up
-from trackfield.drivers.frames import Charge, Died, Queued
+from trackfield.drivers.engine.frames import Charge, Died, Queued
 from trackfield.drivers.spec import life_name
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import RunFailed

@@ -24,8 +24,8 @@ from tests.hostile import field
 from tests.hostile.loopback import Loopback, came
 from tests.hostile.mixes import HARMLESS, OTHERS
 from tests.hostile.samples import Draw, Means, Sample
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.process import Process
-from trackfield.drivers.seal import Seal
 from trackfield.role import NS
 from trackfield.wire import keys
 

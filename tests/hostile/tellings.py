@@ -8,8 +8,8 @@ from typing import Any, Final
 import msgpack
 
 from tests.hostile.samples import ALARM, REFUSED, Draw, Means, Sample, bad
-from trackfield.drivers.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
-from trackfield.drivers.telemetry import pack
+from trackfield.drivers.engine.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
+from trackfield.drivers.exchange.telemetry import pack
 from trackfield.role import NS, Corrected, Note, Publish, Radio, State, TrackPoint
 from trackfield.wire import keys
 

@@ -17,7 +17,7 @@ from operator import itemgetter
 from threading import Thread
 from typing import Any, Final, Self
 
-from trackfield.drivers.frames import EventKey, PortInput
+from trackfield.drivers.engine.frames import EventKey, PortInput
 from trackfield.role import Write
 
 log = logging.getLogger(__name__)

@@ -20,21 +20,21 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.caution import Caution
-from trackfield.drivers.conditions import NEVER
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
-from trackfield.drivers.heritage import PATIENCE_NS, Heritage
-from trackfield.drivers.histogram import Histogram
-from trackfield.drivers.inbox import Inbox, no_stamp, take_in
-from trackfield.drivers.incoming import HORIZON_S, Incoming
-from trackfield.drivers.intake import Refusals, begun, nanoseconds, opened
-from trackfield.drivers.join import confirm, join, token
-from trackfield.drivers.outgoing import Outgoing
+from trackfield.drivers.engine.conditions import NEVER
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
+from trackfield.drivers.exchange.caution import Caution
+from trackfield.drivers.exchange.histogram import Histogram
+from trackfield.drivers.exchange.inbox import Inbox, no_stamp, take_in
+from trackfield.drivers.exchange.incoming import HORIZON_S, Incoming
+from trackfield.drivers.exchange.intake import Refusals, begun, nanoseconds, opened
+from trackfield.drivers.exchange.outgoing import Outgoing
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.exchange.telemetry import pack
+from trackfield.drivers.joining.heritage import PATIENCE_NS, Heritage
+from trackfield.drivers.joining.join import confirm, join, token
 from trackfield.drivers.ports import Devices
-from trackfield.drivers.seal import Seal
 from trackfield.drivers.spec import build_core, link_of
-from trackfield.drivers.telemetry import pack
 from trackfield.role import Store, Write
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Self
 
-from trackfield.drivers.conditions import MAINS, NEVER, At, Conditions, Sense
-from trackfield.drivers.core import Core
+from trackfield.drivers.engine.conditions import MAINS, NEVER, At, Conditions, Sense
+from trackfield.drivers.engine.core import Core
 from trackfield.drivers.ports import Port, inputs
 from trackfield.host import Host
 from trackfield.link.clock import Clock

@@ -18,11 +18,11 @@ from typing import Final, NoReturn
 import zenoh
 from setproctitle import setproctitle
 
-from trackfield.drivers.ask import JoinError, RefusedError, TokenError
-from trackfield.drivers.claim import claim, find_run
-from trackfield.drivers.intake import Refusals, printable
+from trackfield.drivers.exchange.intake import Refusals, printable
+from trackfield.drivers.exchange.seal import Seal, token_from
+from trackfield.drivers.joining.ask import JoinError, RefusedError, TokenError
+from trackfield.drivers.joining.claim import claim, find_run
 from trackfield.drivers.process import Process
-from trackfield.drivers.seal import Seal, token_from
 from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
 from trackfield.drivers.spec import factory_of, role_factories
 from trackfield.errors import ScenarioError

@@ -9,9 +9,9 @@ from heapq import heapify, heappop, heappush
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
-from trackfield.drivers.meter import spent
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival, EventKey, Frame, Output, Refused, Sent, Told, Undone
+from trackfield.drivers.engine.meter import spent
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
 from trackfield.errors import RunFailed
 from trackfield.role import NS, IllegalEvent

@@ -17,8 +17,8 @@ from launcher.processes.alarms import Alarms
 from launcher.processes.places.claims import Claims
 from launcher.processes.registry import Registry
 from launcher.records import Plan
-from trackfield.drivers.intake import printable
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import printable
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError

@@ -6,7 +6,7 @@ from hmac import compare_digest
 from secrets import token_bytes
 from typing import Final
 
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.wire.error import WireError
 
 SECRET_BYTES: Final = 16

@@ -9,7 +9,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from trackfield.drivers.versions import Digest, Sum
+from trackfield.drivers.exchange.versions import Digest, Sum
 
 Finals = Mapping[str, Mapping[str, Any]]
 """Final records by life."""

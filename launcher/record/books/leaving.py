@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from heapq import heappop, heappush
 from typing import NamedTuple
 
-from trackfield.drivers.frames import Frame, Identity
+from trackfield.drivers.engine.frames import Frame, Identity
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.fate import Fate, Link
 

@@ -6,7 +6,7 @@ from functools import cache
 from typing import NamedTuple
 
 from launcher.records import MessageRow
-from trackfield.drivers.frames import Frame
+from trackfield.drivers.engine.frames import Frame
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import SENSORS, known_kind
 from trackfield.wire.codec import WireError, decode

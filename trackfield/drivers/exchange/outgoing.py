@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Callable
 from operator import itemgetter
 
-from trackfield.drivers.frames import Frame, Identity
-from trackfield.drivers.versions import Digest
+from trackfield.drivers.engine.frames import Frame, Identity
+from trackfield.drivers.exchange.versions import Digest
 
 Put = Callable[[Frame, int], None]
 """Puts this version of a frame; without a payload it is taken back."""

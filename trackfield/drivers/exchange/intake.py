@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import msgpack
 
-from trackfield.drivers.inbox import bytes_of
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.inbox import bytes_of
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.wire.error import WireError
 from trackfield.words import plain, shortened
 

@@ -11,8 +11,8 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.intake import Refusals, printable, unpacked
-from trackfield.drivers.seal import TOKEN, Seal
+from trackfield.drivers.exchange.intake import Refusals, printable, unpacked
+from trackfield.drivers.exchange.seal import TOKEN, Seal
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
 

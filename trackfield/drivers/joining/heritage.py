@@ -8,9 +8,9 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.intake import Refusals, opened, read, unpacked
-from trackfield.drivers.meter import NOTHING, Activity, spent
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.engine.meter import NOTHING, Activity, spent
+from trackfield.drivers.exchange.intake import Refusals, opened, read, unpacked
+from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError

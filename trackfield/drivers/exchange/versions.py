@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from hashlib import blake2b
 from typing import Final, NamedTuple
 
-from trackfield.drivers.frames import Frame, Identity
+from trackfield.drivers.engine.frames import Frame, Identity
 from trackfield.wire.error import WireError
 
 SEEN: Final = 10_000

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-from trackfield.drivers.frames import FREE, Frame
+from trackfield.drivers.engine.frames import FREE, Frame
 from trackfield.link.energy import Power
 from trackfield.link.fate import Fate
 

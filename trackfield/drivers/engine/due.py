@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from heapq import heappop, heappush
 
-from trackfield.drivers.frames import EventKey, Input
+from trackfield.drivers.engine.frames import EventKey, Input
 
 
 class Due:

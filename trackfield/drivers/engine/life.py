@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from trackfield.drivers.frames import EventKey, Input, Output
-from trackfield.drivers.meter import Meter
+from trackfield.drivers.engine.frames import EventKey, Input, Output
+from trackfield.drivers.engine.meter import Meter
 from trackfield.link.clock import Clock
 from trackfield.wire.keys import Medium
 

@@ -7,12 +7,12 @@ from typing import Final
 
 import zenoh
 
-from trackfield.drivers.core import Core
-from trackfield.drivers.frames import Arrival, Frame
-from trackfield.drivers.inbox import EARLY_NS, bytes_of, frame_in, no_stamp
-from trackfield.drivers.intake import Refusals
+from trackfield.drivers.engine.core import Core
+from trackfield.drivers.engine.frames import Arrival, Frame
+from trackfield.drivers.exchange.inbox import EARLY_NS, bytes_of, frame_in, no_stamp
+from trackfield.drivers.exchange.intake import Refusals
+from trackfield.drivers.exchange.versions import Digest, Versions
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.drivers.versions import Digest, Versions
 from trackfield.link.fate import Link
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError

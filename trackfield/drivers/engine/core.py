@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from trackfield.drivers.conditions import Conditions, Sense
-from trackfield.drivers.due import Due
-from trackfield.drivers.frames import RANK_FRAME, RANK_PORT, RANK_TIMER, EventKey, Input, Output
-from trackfield.drivers.life import Handled
-from trackfield.drivers.living import Living
-from trackfield.drivers.meter import NOTHING, Activity
-from trackfield.drivers.undo import Former, History
+from trackfield.drivers.engine.conditions import Conditions, Sense
+from trackfield.drivers.engine.due import Due
+from trackfield.drivers.engine.frames import RANK_FRAME, RANK_PORT, RANK_TIMER, EventKey, Input, Output
+from trackfield.drivers.engine.life import Handled
+from trackfield.drivers.engine.living import Living
+from trackfield.drivers.engine.meter import NOTHING, Activity
+from trackfield.drivers.engine.undo import Former, History
 from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
 from trackfield.role import IllegalEvent, Role

@@ -7,10 +7,10 @@ import os
 import msgpack
 import zenoh
 
-from trackfield.drivers.ask import ANSWER_TIMEOUT_S, JoinError, ask
-from trackfield.drivers.intake import Refusals, printable, read
-from trackfield.drivers.join import NONCE_BYTES
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import Refusals, printable, read
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining.ask import ANSWER_TIMEOUT_S, JoinError, ask
+from trackfield.drivers.joining.join import NONCE_BYTES
 from trackfield.drivers.session import open_client
 from trackfield.wire import keys
 from trackfield.wire.error import WireError

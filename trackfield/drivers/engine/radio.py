@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.frames import Arrival, Frame, Overflowed, Queued
-from trackfield.drivers.life import Life, Receiver
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.frames import Arrival, Frame, Overflowed, Queued
+from trackfield.drivers.engine.life import Life, Receiver
 from trackfield.wire.keys import Medium
 
 RADIO: Final[Medium] = "field"

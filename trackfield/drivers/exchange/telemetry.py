@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import msgpack
 
-from trackfield.drivers.frames import Charge, Died, Overflowed, Queued, Refused, Told, Undone
+from trackfield.drivers.engine.frames import Charge, Died, Overflowed, Queued, Refused, Told, Undone
 from trackfield.role import Corrected, Note, Publish, Radio, State, Write
 
 Telemetry = Told | Refused | Undone

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from trackfield.drivers.conditions import Conditions
-from trackfield.drivers.frames import Charge
-from trackfield.drivers.life import Life
+from trackfield.drivers.engine.conditions import Conditions
+from trackfield.drivers.engine.frames import Charge
+from trackfield.drivers.engine.life import Life
 
 STEP: Final = 10
 """Per cent."""

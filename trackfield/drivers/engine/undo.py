@@ -6,7 +6,7 @@ from collections import deque
 from itertools import islice, takewhile
 from typing import Final
 
-from trackfield.drivers.frames import (
+from trackfield.drivers.engine.frames import (
     RANK_FAULT,
     Arrival,
     EventKey,
@@ -19,7 +19,7 @@ from trackfield.drivers.frames import (
     Told,
     Undone,
 )
-from trackfield.drivers.life import Handled
+from trackfield.drivers.engine.life import Handled
 
 EVENT_BYTES: Final = 2_000
 """About what an event costs without its payloads: its snapshot shares most of what it holds with that before it."""

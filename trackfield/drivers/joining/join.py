@@ -11,9 +11,9 @@ from typing import Any, Final
 import msgpack
 import zenoh
 
-from trackfield.drivers.ask import ANSWER_TIMEOUT_S, JoinError, ask
-from trackfield.drivers.intake import Refusals, read
-from trackfield.drivers.seal import Seal
+from trackfield.drivers.exchange.intake import Refusals, read
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining.ask import ANSWER_TIMEOUT_S, JoinError, ask
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError

@@ -12,7 +12,7 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import FifoChannel
 
-from trackfield.drivers.frames import Frame
+from trackfield.drivers.engine.frames import Frame
 from trackfield.role import NEIGHBOURHOOD
 from trackfield.wire.codec import MAX_BYTES
 from trackfield.wire.envelope import Envelope

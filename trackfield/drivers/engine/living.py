@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from trackfield.drivers import battery, radio
-from trackfield.drivers.conditions import At, Conditions, Sense
-from trackfield.drivers.frames import (
+from trackfield.drivers.engine import battery, radio
+from trackfield.drivers.engine.conditions import At, Conditions, Sense
+from trackfield.drivers.engine.frames import (
     LATE,
     RANK_BATTERY,
     RANK_FAULT,
@@ -22,7 +22,7 @@ from trackfield.drivers.frames import (
     Sent,
     Told,
 )
-from trackfield.drivers.life import Alarm, Life, without
+from trackfield.drivers.engine.life import Alarm, Life, without
 from trackfield.link.clock import Clock
 from trackfield.role import (
     CancelTimer,

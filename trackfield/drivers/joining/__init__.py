@@ -1,0 +1,1 @@
+"""How a process finds its run and its place in it, and what it takes over there."""
