@@ -79,7 +79,7 @@ def test_every_control_key_is_listed() -> None:
 
 def test_every_reason_of_refusal_is_listed() -> None:
     rooms = ("trackfield/wire", "trackfield/drivers", "launcher/record")
-    sources = (path.read_text() for room in rooms for path in (ROOT / room).glob("*.py"))
+    sources = (path.read_text() for room in rooms for path in (ROOT / room).rglob("*.py"))
     raised = {reason for text in sources for reason in re.findall(r'WireError\("(\w+)"', text)}
     assert raised - {"seal", "order", "process"} == set(
         re.findall(r"^\| `(\w+)` \| (?:came|has|is) ", DOCS, re.MULTILINE)

@@ -26,6 +26,8 @@ from trackfield.wire.error import WireError
 RECORDERS: Final = (RECORDER, LIVE)
 """They do not join: the launcher tells them all."""
 REFRESH_TIMEOUT_S: Final = 2.0
+AGAIN_S: Final = 0.1
+"""How long after a question in whose answer somebody is missing it is asked again."""
 NO_SEAL: Final = f"the question lacks the seal of this run: set {TOKEN} as it is set for the launcher"
 
 NO_PLACES: Final = "the launcher starts all processes of this run itself: it gives places with --external only"
@@ -92,18 +94,28 @@ class Registry:
         return replace(last, incarnation=incarnation, start_ns=start_ns)
 
     def refresh(self, session: zenoh.Session) -> None:
-        """Ask which processes are alive: notice of an end, or of a return, may have been lost on its way."""
-        known = set(self.live)
-        replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
-        there = {str(live.key_expr) for live in replies if live}
-        if not there or None in replies:
-            return
-        for name, ticket in list(self._holds.items()):
+        """Ask which processes are alive: notice of an end, or of a return, may have been lost on its way.
+
+        Zenoh's answer may lack tokens while some session closes (they come as notices afterwards): who is missing is
+        asked for twice, and comes back when asked for later.
+        """
+        known = {name: self._holds[name] for name in set(self.live)}
+        there = self._tokens(session)
+        if any(self._token(*one) not in there for one in known.items()):
+            time.sleep(AGAIN_S)
+            there |= self._tokens(session)
+        for name, ticket in list(self._holds.items()) if there else ():
             is_there = self._token(name, ticket) in there
-            if name in known and not is_there:
-                self._went(name, ticket)
-            elif name not in known and is_there:
+            if is_there and name not in known:
                 self._returned(name, ticket)
+            elif not is_there and known.get(name) == ticket:
+                self._went(name, ticket)
+
+    @staticmethod
+    def _tokens(session: zenoh.Session) -> set[str]:
+        """The keys of all tokens that are told; none if some may be missing as the answer took too long."""
+        replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
+        return set() if None in replies else {str(live.key_expr) for live in replies if live}
 
     # --- what differs if processes are started elsewhere ----------------------------------------------------------
 
