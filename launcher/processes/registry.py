@@ -103,7 +103,8 @@ class Registry:
         there = self._tokens(session)
         if any(self._token(*one) not in there for one in known.items()):
             time.sleep(AGAIN_S)
-            there |= self._tokens(session)
+            again = self._tokens(session)
+            there = there | again if again else again
         for name, ticket in list(self._holds.items()) if there else ():
             is_there = self._token(name, ticket) in there
             if is_there and name not in known:
