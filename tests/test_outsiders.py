@@ -27,6 +27,7 @@ from trackfield.drivers.exchange.seal import TOKEN, Seal
 from trackfield.drivers.joining.claim import claim, find_run
 from trackfield.drivers.joining.join import join as ask_to_join
 from trackfield.drivers.joining.join import token
+from trackfield.drivers.process import LAST_WAVE
 from trackfield.drivers.session import open_client, open_router
 from trackfield.wire import keys
 
@@ -142,7 +143,7 @@ class Nobody:
                 held.append(session.liveliness().declare_token(token(name, joined.ticket, seal)))
             while not self.left.is_set():
                 for name in NAMES if self._says else ():
-                    session.put(keys.telemetry(name, "reached"), b"")
+                    session.put(keys.telemetry(name, "reached"), msgpack.packb([LAST_WAVE, 0, {}, False]))
                 self.left.wait(0.2)
 
     def _run(self) -> str:
