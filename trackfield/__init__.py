@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from trackfield.errors import RunFailed, ScenarioError, TrackfieldError
     from trackfield.filters.trackers import register_tracker
     from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+    from trackfield.models.noise import Colour
     from trackfield.models.unknowns import Unknown
     from trackfield.scenario import Scenario
     from trackfield.sensing.kinds import register_sensor
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __version__: str
 _HOMES: Final = {
     "Arranged": "launcher.plan.architectures",
+    "Colour": "trackfield.models.noise",
     "Comparison": "launcher.api",
     "Estimate": "trackfield.filters.types",
     "Field": "launcher.plan.architectures",
@@ -51,6 +53,7 @@ _HOMES: Final = {
 
 __all__ = [
     "Arranged",
+    "Colour",
     "Comparison",
     "Estimate",
     "Field",

@@ -34,7 +34,10 @@ def jacobian(state: Array, sensors: Array) -> Array:
 
 def wrap(angle: Array) -> Array:
     """The same directions in [-pi, pi]: as ``sound.wrap``, in an eighth of its time as nothing is divided."""
-    wrapped: Array = angle - math.tau * np.rint(angle * (1.0 / math.tau))
+    turns = angle * (1.0 / math.tau)
+    turns = np.rint(turns, out=turns) if turns.ndim else np.rint(turns)
+    turns *= math.tau
+    wrapped: Array = angle - turns
     return wrapped
 
 
@@ -43,6 +46,9 @@ def _apart(state: Array, sensors: Array) -> tuple[Array, Array]:
 
     States lie next to each other in memory, not sensors: there are many of the former, and long loops are fast.
     """
+    if state.ndim == 1:  # fewer calls
+        apart = state[:2] - sensors
+        return apart[..., 0], apart[..., 1]
     dx = np.subtract(state[..., None, 0], sensors[..., 0], order="F")
     dy = np.subtract(state[..., None, 1], sensors[..., 1], order="F")
     return dx, dy

@@ -15,7 +15,8 @@ from trackfield.scenario.contents import Contents
 from trackfield.scenario.section import OTHER, Section
 
 _UNITS: Final = {
-    "m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm", "ppm": "ppm", "j": "J", "mj": "mJ"
+    "m_s": "m/s", "m": "m", "s": "s", "ms": "ms", "deg": "degrees", "db": "dB", "dbm": "dBm", "ppm": "ppm", "j": "J",
+    "mj": "mJ",
 }  # fmt: skip
 
 
@@ -133,7 +134,7 @@ def _key(name: str, about: Mapping[str, Any], required: bool, parts: tuple[Key, 
     default = about.get("default")
     return Key(
         name=name,
-        unit=_UNITS.get(name.rpartition("_")[2], "") if "_" in name else "",
+        unit=next((unit for end, unit in _UNITS.items() if name.endswith(f"_{end}")), ""),
         default="" if default is None else _written(default),
         expected=_expected(about),
         meaning=about.get("description", ""),

@@ -220,7 +220,8 @@ def _windows(
     found: list[Windows] = [()] * len(positions)
     for name, section in sections.items():
         members, sensing = sorted(kinds[name]), section.sensing
-        late_ns = 0 if isinf(sensing.speed_m_s) else ceil(2e9 * sensing.range_m / sensing.speed_m_s)
+        delay_s = 0.0 if isinf(sensing.speed_m_s) else 2.0 * sensing.range_m / sensing.speed_m_s
+        late_ns = ceil((delay_s + sensing.memory_s) * _NS)
         for i, own in zip(members, windows(positions[members], path, sensing.range_m), strict=True):
             found[i] = tuple((begin, end + late_ns) for begin, end in own)
     return found

@@ -7,6 +7,7 @@ from functools import partial
 from math import dist, inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
+from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
 from trackfield.sensing.readings import Measured, Reading
 from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
@@ -30,7 +31,7 @@ FIELD: Final = 4
 """The arguments of ``simulate`` for a kind that gets the whole scene."""
 NEAREST: Final = 3
 """The same for a kind that gets the nearest target alone."""
-METHODS: Final = ("residual", "loudness", "level", "z", "reading", "values", "words", "longest", "event")
+METHODS: Final = ("residual", "loudness", "level", "z", "reading", "values", "words", "drawn", "longest", "event")
 """Methods that a class may have; there are defaults for them."""
 METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented")
 """The same, without a default."""
@@ -61,6 +62,7 @@ class Kind:
     reading: Callable[[Numbers], Reading]
     values: Callable[[Any], Numbers]
     words: Callable[[Any], str]
+    drawn: Callable[[Numbers], float]
     longest: Callable[[], Any]
     event: Callable[[Scene, tuple[int, int], Point], int | Iterable[int] | None]
 
@@ -76,12 +78,14 @@ class Kind:
         self.report_m = float(has("report_m", self.range_m))
         self.fix_sensors = int(has("fix_sensors", 2 if self.m == 1 else 1))
         self.speed_m_s = float(has("speed_m_s", inf))
+        self.memory_s = float(has("memory_s", 0.0))
         self.layer: str = has("layer", "")
         self.summary: str = has("summary", name)
         self.bearings: bool = has("bearings", False)
         self.message: type = has("message", Measurement)
         self.rhythm: str = has("rhythm", "steps")
         self.draws: tuple[str, ...] | None = has("draws", None)
+        self.colour: Colour | None = has("colour", None)
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
         for method in METHODS:
@@ -155,6 +159,9 @@ class Kind:
     def _words(self, message: Any) -> str:
         numbers = zip(self.values(message), self.units, strict=True)
         return f"{self.name} {', '.join(f'{value:.6g} {unit}'.strip() for value, unit in numbers)}"
+
+    def _drawn(self, values: Numbers) -> float:
+        return values[0]
 
     def _longest(self) -> Measurement:
         return Measurement(LAST_STEP, (2**15 - 1,) * self.n + (2**20,) * self.timed)

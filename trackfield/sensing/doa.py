@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from trackfield.files import FAR_M
 from trackfield.models.sound import audible_radius, bearing, level_db
-from trackfield.sensing.readings import Heard
+from trackfield.sensing.readings import Said
 from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
 from trackfield.wire.messages import Doa as DoaMessage
 
 if TYPE_CHECKING:
     from trackfield.filters.types import Array, Gaussian
 
+LOUDEST_DB: Final = 200.0
+"""The highest level that an array reads, and that fits into a report (docs/wire.md)."""
 STUCK_DB: Final = 3.0
 """How far above its threshold the reading of a sensor is that got stuck while it heard nothing."""
 BABBLE_DB: Final = 10.0
@@ -91,10 +93,10 @@ class Doa:
         angle = degrees(bearing(*ways[levels.index(level)])) + self.doa_sd_deg * normals[0]
         return angle, level + self.level_sd_db * normals[1]
 
-    def reading(self, values: Numbers) -> Heard:
-        """See ``Full``."""
-        angle_deg, level = values
-        return Heard.at(level, angle_deg)
+    def reading(self, values: Numbers) -> Said:
+        """See ``Full``: any angle as one from 0 to below 360 deg, the level as what a report holds at most."""
+        turned, level = values[0] % 360.0, min(values[1], LOUDEST_DB)
+        return Said(DoaMessage, (0.0 if turned == 360.0 else turned, level), level)  # a tiny negative angle rounds up
 
     def invented(self, fault: str, threshold: float, uniform: Uniform) -> Numbers:
         """See ``Full``: a sound from a random direction, somewhat above the threshold."""
@@ -142,9 +144,11 @@ class Doa:
     def fix(self, z: Array, at: Array, anywhere: Array) -> Gaussian | None:
         """See ``Full``: the bearings that agree, if their geometry gives a place."""
         from trackfield.filters.fix import first_fix
-        from trackfield.filters.types import of_bearings
+        from trackfield.filters.types import Model, of_bearings
+        from trackfield.sensing.complete import Kind
 
-        return first_fix(of_bearings(0, tuple(map(str, range(len(z)))), at, *z.T), self.sd[0], anywhere)
+        reports = of_bearings(0, tuple(map(str, range(len(z)))), at, *z.T)
+        return first_fix(reports, Model({"doa": Kind("doa", self)}), anywhere)
 
     def loudness(self, z: Array) -> Array:
         """See ``Full``."""

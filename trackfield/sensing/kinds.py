@@ -9,11 +9,15 @@ from numbers import Real
 from typing import Any, Final
 
 from trackfield.errors import ScenarioError
-from trackfield.files import FAR_M
+from trackfield.files import FAR_M, LONG_S
+from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
 from trackfield.plugins import Maker, Plugins
 from trackfield.sensing.complete import FIELD, METHODS, METHODS_OR_NONE, NEAREST, OPEN, Kind, arguments
 from trackfield.sensing.doa import Doa
+from trackfield.sensing.energy import Energy
+from trackfield.sensing.range import Range
+from trackfield.sensing.rss import Rss
 from trackfield.sensing.sensing import LAYERS
 from trackfield.wire.registry import known_class
 from trackfield.words import quoted
@@ -27,11 +31,17 @@ NEAREST_M: Final = 0.001
 FINEST: Final = 1e-12
 COARSEST: Final = 1e12
 """The smallest and the largest noise and resolution of a reading."""
+_NS: Final = 1e9
 MAX_VALUES: Final = 26
 """The most numbers that fit into a report (docs/wire.md)."""
 MOST_UNKNOWNS: Final = 8
 
-SENSORS: Final = Plugins("sensor", "trackfield.sensors", {DEFAULT: Doa}, methods=("simulate", "h", "jacobian"))
+SENSORS: Final = Plugins(
+    "sensor",
+    "trackfield.sensors",
+    {DEFAULT: Doa, "range": Range, "rss": Rss, "energy": Energy},
+    methods=("simulate", "h", "jacobian"),
+)
 
 
 def register_sensor(kind: str, maker: Maker) -> None:
@@ -101,6 +111,8 @@ def _check_counts(kind: str, own: Any) -> None:
         raise ScenarioError(f"'{kind}' has {units!r}", key="sensor.units", expected="a text for each number")
     if (draws := getattr(own, "draws", None)) is not None and len(draws) != len(own.resolution):
         raise ScenarioError(f"'{kind}' has {draws!r}", key="sensor.draws", expected="a text for each number, or None")
+    if draws is not None and getattr(own, "colour", None) is not None:
+        raise ScenarioError(f"'{kind}' has {draws!r}, and a colour", key="sensor.draws", expected="one of the two")
     if getattr(own, "bearings", False) and len(own.resolution) < len(_BEARING):
         expected = f"at least {len(_BEARING)} numbers: {' and '.join(_BEARING)}"
         raise ScenarioError(f"'{kind}' has one number", key="sensor.bearings", expected=expected)
@@ -181,6 +193,19 @@ def _speed(value: object) -> bool:
     return isinstance(value, int | float) and value > 0
 
 
+def _memory(value: object) -> bool:
+    return isinstance(value, int | float) and 0 <= value <= LONG_S
+
+
+def _colour(value: object) -> bool:
+    if not isinstance(value, Colour):
+        return value is None
+    slow, slow_s, fixed = value
+    return (
+        all(map(_number, value)) and min(slow, fixed) >= 0.0 and slow + fixed <= 1.0 and 1.0 / _NS <= slow_s <= LONG_S
+    )
+
+
 _SMALL: Final = f"a tuple of numbers above 0: from {FINEST:g} to {COARSEST:g}"
 _FAR: Final = f"metres, above 0: from {NEAREST_M:g} to {FAR_M:g}"
 _BEARING: Final = ("a bearing (rad)", "a level (dB)")
@@ -196,6 +221,8 @@ _RULES: Final = (
     ("layer", _layer, f"one of {', '.join(LAYERS)}, or an empty text"),
     ("thresholds", _ordered, "None, or the lowest and the highest level"),
     ("speed_m_s", _speed, "metres per second, above 0"),
+    ("memory_s", _memory, f"seconds, from 0 to {LONG_S:g}"),
+    ("colour", _colour, "None, or a Colour(slow, slow_s, fixed): shares of at most 1 together, seconds above 0"),
     ("summary", _text, "a text"),
     ("bearings", _flag, "True or False"),
     ("draws", _names, "a tuple of texts, or None"),

@@ -6,12 +6,10 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Final, Protocol, Self
+from typing import Any, Protocol, Self
 
-from trackfield.wire.messages import Doa, Measurement
-
-LOUDEST_DB: Final = 200.0
-"""The highest level that an array reads, and that fits into a report (docs/wire.md)."""
+from trackfield.wire.messages import Measurement
+from trackfield.wire.registry import Number, kind_of_class
 
 Window = tuple[int, int]
 """(from ns, to ns), both included, in true time since the start of the run."""
@@ -36,34 +34,6 @@ class Reading(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """The reading of an array: level in dB, bearing to the source in degrees clockwise from north, [0, 360)."""
-
-    level_db: float
-    bearing_deg: float
-
-    @classmethod
-    def at(cls, level_db: float, angle_deg: float) -> Self:
-        """The reading of an array, limited to 200 dB, for any angle."""
-        turned = angle_deg % 360.0  # a tiny negative angle rounds up to a full turn
-        return cls(min(level_db, LOUDEST_DB), 0.0 if turned == 360.0 else turned)
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """(bearing, level)."""
-        return self.bearing_deg, self.level_db
-
-    @property
-    def level(self) -> float:
-        """The level (dB)."""
-        return self.level_db
-
-    def report(self, step: int, early_ns: int = 0) -> Doa:
-        """The message that reports it."""
-        return Doa(step, self.bearing_deg, self.level_db)
-
-
-@dataclass(frozen=True, slots=True)
 class Measured:
     """A reading in whole ``steps`` of its kind's resolutions; ``values`` are in the kind's units.
 
@@ -78,6 +48,25 @@ class Measured:
     def report(self, step: int, early_ns: int = 0) -> Measurement:
         """The message that reports it for a step, whose instant is ``early_ns`` later."""
         return Measurement(step, (*self.steps, early_ns // 1000) if self.timed else self.steps)
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """A reading whose numbers are the fields of its ``message`` after the step."""
+
+    message: type
+    values: tuple[float, ...]
+    level: float = inf
+
+    @classmethod
+    def limited(cls, message: type, values: Sequence[float]) -> Self:
+        """The reading of these numbers, each limited to what a ``message`` holds (docs/wire.md)."""
+        limits = (field.scaled for field in kind_of_class(message).fields[1:] if isinstance(field, Number))
+        return cls(message, tuple(min(max(v, one.low), one.high) for v, one in zip(values, limits, strict=True)))
+
+    def report(self, step: int, early_ns: int = 0) -> Any:
+        """The message that reports it."""
+        return self.message(step, *self.values)
 
 
 class Ears(Protocol):

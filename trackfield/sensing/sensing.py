@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
+from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
 from trackfield.sensing.readings import Reading
 
@@ -30,7 +31,7 @@ Uniform = Callable[[str], float]
 """A draw from [0, 1) for a purpose: the same for the same purpose."""
 
 
-LAYERS: Final = ("rays",)
+LAYERS: Final = ("rays", "rings", "discs")
 """How the timeline can draw readings (``launcher/timeline/layers``)."""
 
 
@@ -100,8 +101,12 @@ class Full(Sensing, Protocol):
     """How many sensors determine a position."""
     speed_m_s: float
     """How fast what it senses travels, if ``simulate`` uses ``Scene.retarded``; infinite: at once."""
+    memory_s: float
+    """How long ago (s) what counts in a reading may have arrived."""
     rhythm: Literal["steps", "events"]
     """Whether it is read at each step, or reports by itself, at each pass of a target (``event``)."""
+    colour: Colour | None
+    """What of its noise is not drawn anew for every reading; None: nothing."""
     summary: str
     """What it measures, in a few words for reports."""
     layer: str
@@ -156,6 +161,13 @@ class Full(Sensing, Protocol):
 
     def words(self, message: Any) -> str:
         """A message in words."""
+        ...
+
+    def drawn(self, values: Numbers) -> float:
+        """What the timeline draws of a reading.
+
+        The bearing (deg, clockwise from north) of a ray, the radius (m) of a ring, how large a disc is, from 0 to 1.
+        """
         ...
 
     def longest(self) -> Any:

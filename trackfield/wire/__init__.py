@@ -6,7 +6,7 @@ from trackfield.wire import keys
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
-from trackfield.wire.messages import Doa, Measurement, SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.messages import Doa, Energy, Measurement, Range, Rss, SyncReply, SyncRequest, Threshold, Track
 from trackfield.wire.registry import Blob, Scaled, kind
 
 __all__ = [
@@ -14,8 +14,11 @@ __all__ = [
     "VERSION",
     "Blob",
     "Doa",
+    "Energy",
     "Envelope",
     "Measurement",
+    "Range",
+    "Rss",
     "Scaled",
     "SyncReply",
     "SyncRequest",

@@ -82,3 +82,30 @@ class Track:
     dimension: Annotated[int, Scaled(4, 16, unit="numbers of a state")]
     belief: Annotated[bytes, Blob(1024, "belief")]
     sensors: Annotated[bytes, Blob(2048, "numbers of sensors")]
+
+
+@kind(7, "range")
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The distance to the target that a sensor node measured at a filter step."""
+
+    step: Annotated[int, Scaled(0, 65535, unit="filter step")]
+    range_m: Annotated[float, Scaled(-100_000, 1_000_000, 0.001, "m")]
+
+
+@kind(8, "rss")
+@dataclass(frozen=True, slots=True)
+class Rss:
+    """The strength of the target's radio signal that a sensor node received at a filter step."""
+
+    step: Annotated[int, Scaled(0, 65535, unit="filter step")]
+    level_dbm: Annotated[float, Scaled(-300, 100, 0.01, "dBm")]
+
+
+@kind(9, "energy")
+@dataclass(frozen=True, slots=True)
+class Energy:
+    """The mean power of the sound that a sensor node received in a window, relative to a reference."""
+
+    step: Annotated[int, Scaled(0, 65535, unit="filter step")]
+    energy: Annotated[float, Scaled(-1_000_000_000_000, 1_000_000_000_000, 0.001, "reference power")]

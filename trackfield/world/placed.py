@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, isinf, sin, sqrt, tau
+from math import cos, hypot, isinf, sin, sqrt, tau
 from typing import Any, Final, Self
 
 from trackfield.draw import normal, uniform
 from trackfield.errors import RunFailed
+from trackfield.models.noise import Colour
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import known_sensor
 from trackfield.sensing.readings import Reading, Window, window_at
@@ -93,14 +94,29 @@ class Placed:
         key = (self.seed, self.id, self.incarnation)
         if self.kind.draws:
             return tuple(normal(*key, name, t_ns) for name in self.kind.draws)
-        return tuple(normal(*key, purpose, i, t_ns) for i in range(self.kind.n))
+        white = (normal(*key, purpose, i, t_ns) for i in range(self.kind.n))
+        colour = self.kind.colour
+        return tuple(white if colour is None else (self._coloured(one, i, t_ns, colour) for i, one in enumerate(white)))
+
+    def _coloured(self, white: float, i: int, t_ns: int, colour: Colour) -> float:
+        """A draw from N(0, 1) of which only a share is its own; what is slow goes from one draw to the next.
+
+        The draws are ``slow_s`` apart, and begin anywhere: so no instant is different from any other. They are the same
+        in all lives of the node.
+        """
+        key = (self.seed, self.id, "slow", i)
+        number, into = divmod(t_ns / (colour.slow_s * _NS) + uniform(*key), 1.0)
+        before, after = (normal(*key, int(number) + k) for k in (0, 1))
+        slow = (before * (1.0 - into) + after * into) / hypot(1.0 - into, into)
+        fixed = normal(self.seed, self.id, "fixed", i)
+        own = sqrt(max(1.0 - colour.slow - colour.fixed, 0.0))
+        return own * white + sqrt(colour.slow) * slow + sqrt(colour.fixed) * fixed
 
     def _needed(self, path: Path) -> Path:
-        """What its readings depend on: the path within the windows, and since what arrives at their start left it."""
-        speed_m_s = self.kind.speed_m_s
-        begins = (
-            a / _NS if isinf(speed_m_s) else left_at(path, a / _NS, self.position, speed_m_s) for a, _ in self.windows
-        )
+        """What its readings depend on: the path within the windows, and since what counts at their start left it."""
+        speed_m_s, memory_s = self.kind.speed_m_s, self.kind.memory_s
+        firsts = (a / _NS - memory_s for a, _ in self.windows)
+        begins = (one if isinf(speed_m_s) else left_at(path, one, self.position, speed_m_s) for one in firsts)
         return path.cut(zip(begins, (b / _NS for _, b in self.windows), strict=True))
 
     def to_plain(self) -> dict[str, Any]:

@@ -23,7 +23,7 @@ class Fusion(Section):
         description='options of single trackers; with tracker = "...", a new name is a variant of that tracker',
     )
     trackers: tuple[Word, ...] = Field(
-        default=("fix-imm-ukf",), min_length=1, max_length=100, description="which trackers run side by side"
+        default=("imm-ukf",), min_length=1, max_length=100, description="which trackers run side by side"
     )
     deadline_s: Duration = Field(default=0.3, description="how long a step waits for its reports; at most step_s")
     max_age_s: float = Field(

@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Final
 
 from trackfield.scenario.section import OTHER, open_union
 from trackfield.scenario.sensors.doa import DoaSensor
+from trackfield.scenario.sensors.energy import EnergySensor
 from trackfield.scenario.sensors.own import OwnSensor
+from trackfield.scenario.sensors.range import RangeSensor
+from trackfield.scenario.sensors.rss import RssSensor
 from trackfield.scenario.sensors.sensor import OF_GROUPS, SensorSection
 from trackfield.sensing.kinds import DEFAULT
 
@@ -18,6 +21,9 @@ __all__ = ["OF_GROUPS", "SENSORS", "DoaSensor", "OwnSensor", "Sensor", "SensorSe
 
 SENSORS: Final[Mapping[str, type[SensorSection]]] = {
     DEFAULT: DoaSensor,
+    "range": RangeSensor,
+    "rss": RssSensor,
+    "energy": EnergySensor,
     OTHER: OwnSensor,
 }
 

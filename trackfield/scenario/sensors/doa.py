@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from trackfield.scenario.quantities import Share
 from trackfield.scenario.section import wrong
-from trackfield.scenario.sensors.sensor import SensorSection
+from trackfield.scenario.sensors.built_in import BuiltInSensor
 
 
-class DoaSensor(SensorSection):
+class DoaSensor(BuiltInSensor):
     """One acoustic array, the same at every node: level and direction of arrival."""
 
     reach_key: ClassVar[str] = "threshold"
@@ -46,8 +45,3 @@ class DoaSensor(SensorSection):
             least = f"at least threshold_min, which is {self.threshold_min:g}"
             raise wrong(f"is {self.threshold_max:g}", least, ".threshold_max")
         return self
-
-    @property
-    def options(self) -> Mapping[str, Any]:
-        """See ``SensorSection``."""
-        return {name: getattr(self, name) for name in type(self).model_fields if name not in SensorSection.model_fields}
