@@ -48,17 +48,16 @@ def step(
 def stacked(reports: Sequence[Reports]) -> Reports:
     """The reports of R runs at one step as one, arrays (R, K, ...), K the largest number of any run.
 
-    Each run has at least one. Runs with fewer than K are padded with their first, with a level of minus infinity.
+    Each run has at least one. Runs with fewer than K are padded: with readings of NaN at the place of their first.
     """
     most = max(map(len, reports))
-    chosen = [np.where((k := np.arange(most)) < len(one), k, 0) for one in reports]
-    bearings, positions, levels = (
-        np.stack([getattr(one, name)[k] for one, k in zip(reports, chosen, strict=True)])
-        for name in ("bearings", "positions", "levels")
-    )
-    missing = np.arange(most) >= np.array([len(one) for one in reports])[:, None]
-    values = np.moveaxis(np.stack((bearings, np.where(missing, -np.inf, levels))), 0, -1)
-    return Reports(reports[0].step, (), positions, (Readings(reports[0].readings[0].kind, values),))
+    first = reports[0]
+    values = np.full((len(reports), most, first.readings[0].values.shape[-1]), np.nan)
+    positions = np.zeros((len(reports), most, 2))
+    for run, one in enumerate(reports):
+        values[run, : len(one)], positions[run] = one.readings[0].values, one.positions[0]
+        positions[run, : len(one)] = one.positions
+    return Reports(first.step, (), positions, (Readings(first.readings[0].kind, values),), first.m, first.directional)
 
 
 def _at(cloud: Cloud, runs: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Cloud:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import identity, log_scale, symmetric
+from trackfield.filters.gaussian import identity, log_scale, symmetric, times
 from trackfield.filters.types import Array, Gaussian, Update
 
 Map = Callable[[Array], Array]
@@ -28,7 +28,8 @@ def update(
     [-pi, pi)). ``prior`` may have leading batch axes, and be singular. A measurement of infinite ``sd`` has no effect,
     so steps with fewer reports fit into one array.
     """
-    after, told = _update(prior, z, sd, measure, jacobian, residual)
+    miss, H = _linearised(prior, z, measure, jacobian, residual)
+    after, told = _corrected(prior, miss, H, sd)
     nis = np.square(told.miss).sum(axis=-1) - (told.pull * (after.covariance @ told.pull[..., None])[..., 0]).sum(
         axis=-1
     )
@@ -40,7 +41,12 @@ def posterior(
     prior: Gaussian, z: Array, sd: Array | float, measure: Map, jacobian: Map, residual: Map | None = None
 ) -> Gaussian:
     """The posterior of ``update`` without the evidence, which takes less time."""
-    return _update(prior, z, sd, measure, jacobian, residual)[0]
+    return _corrected(prior, *_linearised(prior, z, measure, jacobian, residual), sd)[0]
+
+
+def corrected(prior: Gaussian, miss: Array, H: Array, sd: Array | float) -> Gaussian:
+    """The same of the innovation ``miss`` (..., K) and the derivatives ``H`` (..., K, n), both at the prior's mean."""
+    return _corrected(prior, miss, H, sd)[0]
 
 
 class _Told(NamedTuple):
@@ -51,17 +57,18 @@ class _Told(NamedTuple):
     system: Array
 
 
-def _update(
-    prior: Gaussian, z: Array, sd: Array | float, measure: Map, jacobian: Map, residual: Map | None
-) -> tuple[Gaussian, _Told]:
+def _linearised(prior: Gaussian, z: Array, measure: Map, jacobian: Map, residual: Map | None) -> tuple[Array, Array]:
+    difference = z - measure(prior.mean)
+    return difference if residual is None else residual(difference), jacobian(prior.mean)
+
+
+def _corrected(prior: Gaussian, miss: Array, H: Array, sd: Array | float) -> tuple[Gaussian, _Told]:
     mean, P = prior
-    difference = z - measure(mean)
-    miss = (difference if residual is None else residual(difference)) / sd
-    H = jacobian(mean) / (sd if isinstance(sd, float) else np.asarray(sd)[..., None])
+    miss = miss / sd
+    H = H / (sd[..., None] if isinstance(sd, np.ndarray) else sd)
     HT = H.mT
     system = P @ (HT @ H)
     system += identity(mean.shape[-1])
     covariance = symmetric(np.asarray(np.linalg.solve(system, P), np.float64))
-    pull = (HT @ miss[..., None])[..., 0]
-    moved = (covariance @ pull[..., None])[..., 0]
-    return Gaussian(mean + moved, covariance), _Told(miss, pull, system)
+    pull = times(HT, miss)
+    return Gaussian(mean + times(covariance, pull), covariance), _Told(miss, pull, system)

@@ -14,7 +14,8 @@ import numpy as np
 
 from trackfield.filters.fix import map_fix
 from trackfield.filters.gaussian import Motion, constant_velocity, log_density, moments, predict
-from trackfield.filters.particles import Particles, draw, log_likelihood
+from trackfield.filters.measurement import log_likelihood
+from trackfield.filters.particles import Particles, draw
 from trackfield.filters.resampling import normalised, systematic
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 from trackfield.options import Within
@@ -47,18 +48,18 @@ class FixDoa:
         self, state: FixDoaState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[FixDoaState, Estimate]:
         """Predict, draw from the joint bearings, weight; without reports predict only."""
-        sigma_w = state.model.sigma_w
+        model = state.model
         belief = predict(state.belief, constant_velocity(dt, self.sigma_v))
         if len(reports) == 0:
             shown = draw(belief, self.particles, rng)
-            return FixDoaState(state.model, belief), Estimate(*belief, shown[:, :2])
-        proposal = map_fix(belief, reports, sigma_w).posterior
+            return FixDoaState(model, belief), Estimate(*belief, shown[:, :2])
+        proposal = map_fix(belief, reports, model).posterior
         particles = draw(proposal, self.particles, rng)
-        log_weights = log_likelihood(particles, reports, sigma_w)
+        log_weights = log_likelihood(model, particles, reports)
         weights = normalised(log_weights + log_density(particles, belief) - log_density(particles, proposal))
         belief = moments(weights, particles)
         particles = particles.take(systematic(weights, self.particles, rng), axis=0)
-        return FixDoaState(state.model, belief), Estimate(*belief, particles[:, :2])
+        return FixDoaState(model, belief), Estimate(*belief, particles[:, :2])
 
     def motion(self, before: FixDoaState, after: FixDoaState, dt: float) -> Motion:
         """The predicted motion between two states, ``dt`` seconds apart."""

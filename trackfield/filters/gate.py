@@ -1,18 +1,18 @@
-"""Gating: the likeliest hypothesis (``Story``) on which bearings of a step to use, by Bayes' rule (Box & Tiao 1968).
+"""Gating: the likeliest hypothesis (``Story``) on which readings of a step to use, by Bayes' rule (Box & Tiao 1968).
 
-A bearing is the target's, with probability 1 - ``CLUTTER``, or clutter, uniformly distributed: its sensor is stuck,
-biased, babbling, or late by its clock. A hypothesis says which are which. Its posterior odds are the evidence that
-the accepted bearings give for the prior, times 1 - ``CLUTTER`` for each of them and ``CLUTTER`` / 2 pi for each
-other. The search is stepwise: it begins with all bearings accepted and leaves out, one after the other, the bearing
-whose removal makes the hypothesis likeliest.
+A reading is the target's, with probability 1 - ``CLUTTER``, or clutter, distributed as its kind of sensing says (for
+bearings uniformly): its sensor is stuck, biased, babbling, or late by its clock. A hypothesis says which are which. Its
+posterior odds are the evidence that the accepted readings give for the prior, times 1 - ``CLUTTER`` for each of them
+and ``CLUTTER`` times the density of clutter (for bearings 1 / 2 pi) for each other. The search is stepwise: it begins
+with all readings accepted and leaves out, one after the other, the reading whose removal makes the hypothesis
+likeliest. Readings of a kind that does not know the density of its clutter are always accepted.
 
-As the evidence is joint, each bearing is judged by the prior and all other bearings together. Bearings that deviate
-together, as when the target turns, support each other; a single deviating bearing is left out.
+As the evidence is joint, each reading is judged by the prior and all other readings together. Readings that deviate
+together, as when the target turns, support each other; a single deviating reading is left out.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -21,22 +21,26 @@ import numpy.typing as npt
 from trackfield.filters.types import Array
 
 CLUTTER: Final = 0.05
-"""The probability that a bearing of a sensor without history is clutter."""
+"""The probability that a reading of a sensor without history is clutter."""
 
 Indices = npt.NDArray[np.intp]
 
 
-def left_out(clutter: Array | float) -> Array:
-    """The change of a hypothesis's log odds when a bearing is left out, without the change of its evidence."""
-    odds: Array = np.log(clutter) - np.log1p(-np.asarray(clutter)) - math.log(2.0 * math.pi)
-    return odds
+def left_out(clutter: Array | float, log_density: Array | float) -> Array:
+    """The change of a hypothesis's log odds when a reading is left out, without the change of its evidence.
+
+    ``clutter`` (K,) is the probability that it is clutter, ``log_density`` (K,) that of clutter there; NaN: not known,
+    and then the change is minus infinity.
+    """
+    odds: Array = np.log(clutter) - np.log1p(-np.asarray(clutter)) + log_density
+    return np.where(np.isnan(odds), -np.inf, odds)
 
 
 class Judge(Protocol):
-    """The log evidence that some bearings, at least one, give for the prior."""
+    """The log evidence that some readings, at least one, give for the prior."""
 
     def evidence(self, which: Indices) -> float:
-        """The evidence of these bearings together."""
+        """The evidence of these readings together."""
         ...
 
     def without(self, which: Indices) -> Array:
@@ -45,20 +49,19 @@ class Judge(Protocol):
 
 
 class Story(NamedTuple):
-    """A hypothesis: the accepted bearings, ascending, and its log odds against all bearings being clutter."""
+    """A hypothesis: the accepted readings, ascending, and its log odds against all readings being clutter."""
 
     believed: Indices
     log_odds: float
 
 
-def likeliest(clutter: Array, judge: Judge) -> Story:
-    """The likeliest hypothesis on K bearings; ``clutter`` (K,) is the probability that each is clutter.
+def likeliest(gain: Array, judge: Judge) -> Story:
+    """The likeliest hypothesis on K readings; ``gain`` (K,) is what leaving out each changes (``left_out``).
 
-    When leaving out no longer helps, a bearing left out before may fit the remaining ones: it is accepted again, and
-    so on as long as the odds improve.
+    When leaving out no longer helps, a reading left out before may fit the remaining ones: it is accepted again, and
+    so on as long as the odds improve. Readings with a gain of minus infinity count as 0 in the odds.
     """
-    gain = left_out(clutter)
-    story = _fewer(Story(np.arange(len(clutter)), -np.inf), gain, judge)
+    story = _fewer(Story(np.arange(len(gain)), -np.inf), gain, judge)
     while (more := _more(story, gain, judge)).log_odds > story.log_odds:
         story = _fewer(more, gain, judge)
     return story
@@ -71,13 +74,18 @@ def _fewer(story: Story, gain: Array, judge: Judge) -> Story:
         change = judge.without(believed) + gain[believed] - evidence
         least = int(change.argmax())
         if change[least] <= 0.0:
-            return Story(believed, evidence - float(gain[believed].sum()))
+            return Story(believed, evidence - total(gain[believed]))
         believed = np.delete(believed, least)
     return Story(believed, 0.0)
 
 
 def _more(story: Story, gain: Array, judge: Judge) -> Story:
-    """The likeliest hypothesis with one more bearing accepted; this one if all are."""
+    """The likeliest hypothesis with one more reading accepted; this one if all are."""
     wider = [np.sort(np.append(story.believed, k)) for k in np.setdiff1d(np.arange(len(gain)), story.believed)]
-    stories = [Story(which, judge.evidence(which) - float(gain[which].sum())) for which in wider]
+    stories = [Story(which, judge.evidence(which) - total(gain[which])) for which in wider]
     return max(stories, key=lambda other: other.log_odds, default=story)
+
+
+def total(gain: Array) -> float:
+    """The sum of gains (k,), those of readings that cannot be left out taken as 0."""
+    return float(np.where(np.isneginf(gain), 0.0, gain).sum())

@@ -5,6 +5,7 @@ All functions take leading batch axes.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -46,8 +47,13 @@ def identity(n: int) -> Array:
 def predict(belief: Gaussian, model: Motion) -> Gaussian:
     """The belief after one step of the motion: F m, F P F^T + Q."""
     F, Q = model
-    mean = (F @ belief.mean[..., None])[..., 0]
-    return Gaussian(mean, F @ belief.covariance @ F.mT + Q)
+    return Gaussian(times(F, belief.mean), F @ belief.covariance @ F.mT + Q)
+
+
+def times(matrix: Array, vector: Array) -> Array:
+    """The products (..., m) of matrices (..., m, n) and vectors (..., n)."""
+    found: Array = matrix @ vector if vector.ndim == 1 else (matrix @ vector[..., None])[..., 0]
+    return found
 
 
 def collapse(weights: Array, means: Array, covariances: Array) -> Gaussian:
@@ -69,15 +75,24 @@ def moments(weights: Array, points: Array) -> Gaussian:
     return Gaussian(mean, apart.mT @ apart)
 
 
+def near_moments(weights: Array, points: Array) -> Gaussian:
+    """The same of points that lie around the origin, in fewer operations: far from it rounding would show."""
+    mean = weights @ points if weights.ndim == 1 else (weights[..., None, :] @ points)[..., 0, :]
+    apart = points * np.sqrt(weights)[..., None]
+    return Gaussian(mean, apart.mT @ apart - mean[..., None] * mean[..., None, :])
+
+
 def symmetric(covariance: Array) -> Array:
     """``covariance`` (..., n, n) without the asymmetry that rounding leaves."""
-    half: Array = (covariance + covariance.mT) * 0.5
+    half: Array = covariance + covariance.mT
+    half *= 0.5
     return half
 
 
 def extent(covariance: Array) -> float:
     """The largest sd of the position (m), of a ``covariance`` (4, 4) of (x, y, vx, vy)."""
-    return float(np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+    (a, b), (_, c) = covariance[:2, :2].tolist()  # in numbers, which takes a tenth of the time
+    return math.sqrt(max((a + c) / 2.0 + math.hypot((a - c) / 2.0, b), 0.0))
 
 
 def root(covariance: Array) -> Array:

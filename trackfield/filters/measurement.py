@@ -3,86 +3,43 @@
 Its numbers are those of the first sensor, then those of the second, and so on: m of each, K m in all, or with several
 kinds the sum of K m over kinds. States (..., 4 + u) have the unknowns of all kinds after (x, y, vx, vy); they may have
 leading batch axes.
+
+The arrays of reports may have leading axes, too: those of runs, one step of each. States then have the same axes
+first. Runs with fewer reports than others are padded: a reading of NaN says nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
+from math import log
+from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from trackfield.filters.bounds import information
 from trackfield.filters.gaussian import Motion, constant_velocity
-from trackfield.filters.types import Array, Gaussian, Model, Reports, Sensing
+from trackfield.filters.parts import OWN, Part, flat, joined, parts_of, rows, spread
+from trackfield.filters.types import Array, Gaussian, Model, Reports
 from trackfield.models.unknowns import Unknown
 
-STATE = 4
+STATE: Final = OWN
 """The numbers of a state that are not unknowns of the sensing: x, y, vx, vy."""
-
-
-class _Part(NamedTuple):
-    """The reports of one kind: its model, its readings (k, n), the sensors (k, 2), and its columns of a state.
-
-    ``early_s`` (k,) is how long before the instant of the state each reading was made; None: at that instant. Then the
-    target was where its velocity brought it from.
-    """
-
-    kind: Sensing
-    values: Array
-    positions: Array
-    columns: list[int] | None
-    early_s: Array | None
-
-    def h(self, states: Array) -> Array:
-        """Noiseless readings (..., k, m)."""
-        return self._at(self.kind.h, states, -2)
-
-    def variance(self, states: Array) -> Array:
-        """Variances (..., k, m) of a kind whose noise depends on the state."""
-        assert self.kind.variance is not None
-        return self._at(self.kind.variance, states, -2)
-
-    def jacobian(self, states: Array) -> Array:
-        """dh/dx (..., k, m, 4 + u), u of all kinds."""
-        own = self._at(self.kind.jacobian, states, -3)
-        if self.columns is None and self.early_s is None:
-            return own
-        if self.early_s is not None:
-            own = own.copy()
-            own[..., 2:STATE] -= self.early_s[:, None, None] * own[..., :2]
-        if self.columns is None:
-            return own
-        slopes = np.zeros((*own.shape[:-1], states.shape[-1]))
-        slopes[..., self.columns] = own
-        return slopes
-
-    def misses(self, states: Array) -> Array:
-        """Readings less noiseless ones (..., k, m)."""
-        return np.asarray(self.kind.residual(self.values[:, : self.kind.m] - self.h(states)), float)
-
-    def _at(self, function: Callable[[Array, Array], Array], states: Array, axis: int) -> Array:
-        """A function of states and positions, of the states at the instants of the readings."""
-        if self.columns is None and self.early_s is None:
-            return np.asarray(function(states, self.positions), float)
-        x = states if self.columns is None else states[..., self.columns]
-        if self.early_s is None:
-            return np.asarray(function(x, self.positions), float)
-        each = [function(_before(x, s), at[None]) for s, at in zip(self.early_s.tolist(), self.positions, strict=True)]
-        return np.concatenate(each, axis=axis) if each else np.asarray(function(x, self.positions), float)
-
-
-def _before(x: Array, seconds: float) -> Array:
-    """The states (..., 4 + u) so long before, at their velocity."""
-    earlier = x.copy()
-    earlier[..., :2] -= x[..., 2:STATE] * seconds
-    return earlier
+_PER_DB: Final = log(10.0) / 10.0
+Indices = npt.NDArray[np.intp]
+Map = Callable[[Array], Array]
 
 
 def measured(model: Model, reports: Reports) -> Array:
     """The readings z (K m,)."""
-    return _joined([_flat(part.values[:, : part.kind.m]) for part in _parts(model, reports)])
+    return joined([flat(part.z) for part in parts_of(model, reports)])
+
+
+def heard(reports: Reports) -> npt.NDArray[np.bool_]:
+    """Whether there are any readings (...,) besides padding."""
+    found = [~np.isnan(one.values).all(axis=(-2, -1)) for one in reports.readings if one.values.size]
+    return np.asarray(np.logical_or.reduce(found)) if found else np.zeros(reports.positions.shape[:-2], bool)
 
 
 def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Array:
@@ -91,18 +48,39 @@ def noise_sd(model: Model, reports: Reports, states: Array | None = None) -> Arr
     Raises ``ValueError`` if it depends on the state, and none is given.
     """
     found = []
-    for part in _parts(model, reports):
-        if part.kind.variance is None:
-            sd, count = part.kind.sd, len(part.values)
-            found.append(np.full(count, sd[0]) if len(sd) == 1 else np.tile(np.asarray(sd, float), count))
+    for part in parts_of(model, reports):
+        if part.values.ndim > 2:
+            found.append(_batched_sd(part, states))
+        elif part.kind.variance is None:
+            found.append(_repeated(tuple(part.kind.sd), len(part.values)))
         elif states is None:
             raise ValueError("the noise of this kind of sensing depends on the state; expected states")
         else:
-            found.append(np.sqrt(_flat(part.variance(states))))
+            found.append(np.sqrt(flat(part.variance(states))))
     if len(found) > 1:
         batch = np.broadcast_shapes(*(one.shape[:-1] for one in found))
         found = [np.broadcast_to(one, (*batch, one.shape[-1])) for one in found]
-    return _joined(found)
+    return joined(found)
+
+
+@lru_cache(maxsize=64)
+def _repeated(sd: tuple[float, ...], count: int) -> Array:
+    """The sds (m,) of so many readings (count m,), made once and then shared."""
+    found = np.tile(np.asarray(sd, float), count)
+    found.flags.writeable = False
+    return found
+
+
+def _batched_sd(part: Part, states: Array | None) -> Array:
+    """The sd of readings with leading axes (runs..., k m), or (runs..., ..., k m) at states; infinite for padding."""
+    values, padded = part.z, part.padded
+    if part.kind.variance is not None and states is None:
+        raise ValueError("the noise of this kind of sensing depends on the state; expected states")
+    sd = np.broadcast_to(np.asarray(part.kind.sd, float), values.shape)
+    if states is None:
+        return flat(sd if padded is None else sd + padded)
+    sd = spread(sd, states) if part.kind.variance is None else np.sqrt(part.variance(states))
+    return flat(sd if padded is None else sd + spread(padded, states))
 
 
 @lru_cache(maxsize=64)
@@ -113,42 +91,71 @@ def varies(model: Model) -> bool:
 
 def expected(model: Model, states: Array, reports: Reports) -> Array:
     """h(x) (..., K m): the noiseless readings of ``states`` (..., 4 + u)."""
-    return _joined([_flat(part.h(states)) for part in _parts(model, reports)])
+    parts = parts_of(model, reports)
+    return flat(parts[0].h(states)) if len(parts) == 1 else joined([flat(part.h(states)) for part in parts])
 
 
 def jacobians(model: Model, states: Array, reports: Reports) -> Array:
     """dh/dx (..., K m, 4 + u) at ``states`` (..., 4 + u)."""
-    return _joined([_rows(part.jacobian(states)) for part in _parts(model, reports)], axis=-2)
+    parts = parts_of(model, reports)
+    if len(parts) == 1:
+        return rows(parts[0].jacobian(states))
+    return joined([rows(part.jacobian(states)) for part in parts], axis=-2)
+
+
+def problem(model: Model, reports: Reports) -> tuple[Array, Map, Map]:
+    """``measured``, and ``expected`` and ``residual`` as functions of states, and of differences, alone."""
+    parts = parts_of(model, reports)
+    if len(parts) > 1 or not parts or parts[0].kind.m > 1:
+        z = measured(model, reports)
+        return z, lambda states: expected(model, states, reports), lambda apart: residual(model, reports, apart)
+    h, within, z = parts[0].h, parts[0].kind.residual, parts[0].z[..., 0]
+    return z, lambda states: h(states)[..., 0], lambda apart: np.asarray(within(apart[..., None]), float)[..., 0]
 
 
 def residual(model: Model, reports: Reports, difference: Array) -> Array:
     """Differences of readings (..., K m) in their valid range; angles are wrapped."""
     parts, first = [], 0
-    for part in _parts(model, reports):
-        count = len(part.values) * part.kind.m
+    for part in parts_of(model, reports):
+        count = part.values.shape[-2] * part.kind.m
         apart = difference if count == difference.shape[-1] else difference[..., first : first + count]
         first += count
         each = apart[..., None] if part.kind.m == 1 else apart.reshape(*apart.shape[:-1], -1, part.kind.m)
-        parts.append(_flat(np.asarray(part.kind.residual(each), float)))
-    return _joined(parts)
+        parts.append(flat(np.asarray(part.kind.residual(each), float)))
+    return joined(parts)
 
 
 def innovations(model: Model, states: Array, reports: Reports) -> Array:
     """z - h(x) (..., K m) for ``states`` (..., 4 + u)."""
-    return residual(model, reports, measured(model, reports) - expected(model, states, reports))
+    parts = parts_of(model, reports)
+    return flat(parts[0].misses(states)) if len(parts) == 1 else joined([flat(part.misses(states)) for part in parts])
+
+
+def linearised(model: Model, state: Array, reports: Reports) -> tuple[Array, Array, Array]:
+    """At a ``state`` (..., 4 + u): z - h(x) (..., K m), dh/dx (..., K m, 4 + u), and the noise's sd (..., K m)."""
+    parts = parts_of(model, reports)
+    if len(parts) > 1 or not parts:
+        return innovations(model, state, reports), jacobians(model, state, reports), noise_sd(model, reports, state)
+    (part,) = parts
+    same = part.kind.variance is None and part.z.ndim == 2
+    sd = _repeated(tuple(part.kind.sd), len(part.z)) if same else noise_sd(model, reports, state)
+    return flat(part.misses(state)), rows(part.jacobian(state)), sd
 
 
 def log_likelihood(model: Model, states: Array, reports: Reports) -> Array:
     """log p(z | x) (...,) of all readings for ``states`` (..., 4 + u), up to a constant."""
     log_weights = np.zeros(states.shape[:-1])
-    for part in _parts(model, reports):
+    for part in parts_of(model, reports):
         kind, miss = part.kind, part.misses(states)
         if kind.variance is None:
             for j, sd in enumerate(kind.sd):
                 log_weights += np.vecdot(miss[..., j], miss[..., j]) * (-0.5 / sd**2)
         else:
             variance = part.variance(states)
-            log_weights -= 0.5 * (np.square(miss) / variance + np.log(variance)).sum(axis=(-2, -1))
+            cost = np.square(miss) / variance + np.log(variance)
+            if (padded := part.padded) is not None:
+                cost = np.where(spread(padded, states) > 0.0, 0.0, cost)
+            log_weights -= 0.5 * cost.sum(axis=(-2, -1))
     return log_weights
 
 
@@ -158,37 +165,87 @@ def log_ratios(model: Model, belief: Gaussian, reports: Reports) -> Array:
     Only of kinds that know the latter (``log_clutter``); the belief is over (4 + u,).
     """
     found = []
-    for part in _parts(model, reports):
+    for part in parts_of(model, reports):
         kind, at = part.kind, part.positions
         if kind.log_clutter is None or not len(at):
             continue
         H, miss = part.jacobian(belief.mean), part.misses(belief.mean)
         if kind.m == 1:  # in numbers, which takes half the time
-            R = kind.sd[0] ** 2 if kind.variance is None else part.variance(belief.mean)[:, 0]
-            S = np.vecdot(H[:, 0] @ belief.covariance, H[:, 0]) + R
-            cost = np.square(miss[:, 0]) / S + np.log(2.0 * np.pi * S)
+            H, miss = H[:, 0], miss[:, 0]
+            S = np.vecdot(H @ belief.covariance, H)
+            S += kind.sd[0] ** 2 if kind.variance is None else part.variance(belief.mean)[:, 0]
+            miss *= miss
+            miss /= S
+            S *= 2.0 * np.pi
+            cost = miss + np.log(S)
         else:
             R = np.square(np.asarray(kind.sd, float)) if kind.variance is None else part.variance(belief.mean)
             S = H @ belief.covariance @ H.mT + R[..., None] * np.eye(kind.m)
             square = np.vecdot(miss, np.linalg.solve(S, miss[..., None])[..., 0])
             cost = square + np.linalg.slogdet(2.0 * np.pi * S)[1]
-        found.append(-0.5 * cost - kind.log_clutter(part.values, at))
-    return _joined(found)
+        cost *= -0.5
+        cost -= kind.log_clutter(part.values, at)
+        found.append(cost)
+    return joined(found)
+
+
+def log_anywhere(model: Model, reports: Reports) -> Array:
+    """Log of the density of each reading (K,) if it comes from anywhere but the target; NaN: its kind does not know."""
+    found = []
+    for part in parts_of(model, reports):
+        density, at = part.kind.log_clutter, part.positions
+        found.append(np.full(len(at), np.nan) if density is None else np.asarray(density(part.values, at), float))
+    return joined(found)
+
+
+def shares(model: Model, reports: Reports) -> Array:
+    """Each sensor's share (..., K) in what all sensors of its kind received; a kind's share is that of its readings.
+
+    Shares are of power, from the loudness in dB (Zhai et al. 2009, sec. III-A). Padding has none.
+    """
+    found = []
+    for part in parts_of(model, reports):
+        loudness = np.asarray(part.kind.loudness(part.values), float)
+        if loudness.ndim > 1:
+            loudness = np.where(np.isnan(part.values[..., 0]), -np.inf, loudness)
+        found.append(intensity_weights(loudness))
+    if len(found) == 1:
+        return found[0]
+    return joined([one * (one.shape[-1] / reports.positions.shape[-2]) for one in found])
+
+
+def intensity_weights(levels: Array) -> Array:
+    """Each sensor's share (..., K) in the received power, from levels in dB (Zhai et al. 2009, sec. III-A)."""
+    if not levels.shape[-1]:
+        return levels
+    power: Array = np.exp((levels - levels.max(axis=-1, keepdims=True)) * _PER_DB)
+    power /= power.sum(axis=-1, keepdims=True)
+    return power
+
+
+def owners(model: Model, reports: Reports) -> Indices:
+    """Which report (K m,) each number of the measurement vector belongs to."""
+    counts = np.concatenate([np.full(part.values.shape[-2], part.kind.m) for part in parts_of(model, reports)])
+    return np.arange(len(counts)).repeat(counts)
+
+
+def log_noise_slopes(model: Model, state: Array, reports: Reports) -> Array:
+    """d log R / dx (K m, 4 + u) at a ``state`` (4 + u,), by central differences."""
+    step = 1e-5 * np.maximum(np.abs(state), 1.0)
+    ends = state + np.stack((np.diag(step), -np.diag(step)))
+    up, down = (2.0 * np.log(noise_sd(model, reports, these)) for these in ends)
+    return np.asarray(((up - down) / (2.0 * step[:, None])).T)
 
 
 def sensing_information(model: Model, state: Array, reports: Reports) -> Array:
     """D (4 + u, 4 + u): the Fisher information of the readings about a ``state`` (4 + u,).
 
-    H^T R^-1 H, and half the sum of the squared slopes of log R where the noise depends on the state, by central
-    differences (Kay 1993, eq. 3.31).
+    H^T R^-1 H, and where the noise depends on the state half the squared slopes of log R (Kay 1993, eq. 3.31).
     """
     D = information(jacobians(model, state, reports), noise_sd(model, reports, state))
     if varies(model):
-        step = 1e-5 * np.maximum(np.abs(state), 1.0)
-        ends = state + np.stack((np.diag(step), -np.diag(step)))
-        up, down = (2.0 * np.log(noise_sd(model, reports, these)) for these in ends)
-        slopes = (up - down) / (2.0 * step[:, None])
-        D = D + 0.5 * slopes @ slopes.T
+        slopes = log_noise_slopes(model, state, reports)
+        D = D + 0.5 * slopes.T @ slopes
     return D
 
 
@@ -222,45 +279,3 @@ def _beside(a: Array, b: Array) -> Array:
     matrix = np.zeros((n, n))
     matrix[: len(a), : len(a)], matrix[len(a) :, len(a) :] = a, b
     return matrix
-
-
-# --- parts ------------------------------------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=8)
-def _parts(model: Model, reports: Reports) -> tuple[_Part, ...]:
-    """The reports kind by kind; a filter asks for those of one step several times."""
-    if len(reports.readings) == 1 and len(model.kinds) == 1:
-        ((name, values, early_s),) = reports.readings
-        return (_Part(model.kinds[name], values, reports.positions, None, early_s),)
-    columns, first, parts = _columns(model), 0, list[_Part]()
-    for name, values, early_s in reports.readings:
-        positions = reports.positions[first : first + len(values)]
-        parts.append(_Part(model.kinds[name], values, positions, columns[name], early_s))
-        first += len(values)
-    return tuple(parts)
-
-
-def _columns(model: Model) -> dict[str, list[int]]:
-    """Which numbers of a state each kind depends on."""
-    columns, first = {}, STATE
-    for name, kind in model.kinds.items():
-        columns[name] = [*range(STATE), *range(first, first + len(kind.unknowns))]
-        first += len(kind.unknowns)
-    return columns
-
-
-def _flat(values: Array) -> Array:
-    """(..., k, m) as (..., k m)."""
-    return values[..., 0] if values.shape[-1] == 1 else values.reshape(*values.shape[:-2], -1)
-
-
-def _rows(slopes: Array) -> Array:
-    """(..., k, m, n) as (..., k m, n)."""
-    return slopes[..., 0, :] if slopes.shape[-2] == 1 else slopes.reshape(*slopes.shape[:-3], -1, slopes.shape[-1])
-
-
-def _joined(parts: list[Array], axis: int = -1) -> Array:
-    if len(parts) == 1:
-        return parts[0]
-    return np.concatenate(parts, axis=axis) if parts else np.empty(0)

@@ -9,9 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from trackfield.filters.gaussian import constant, root
-from trackfield.filters.types import Array, Gaussian, Reports
-from trackfield.models import doa, motion
-from trackfield.models.doa import wrap
+from trackfield.filters.types import Array, Gaussian
+from trackfield.models import motion
 from trackfield.options import Within
 
 Particles = Annotated[int, Within(1, 100_000)]
@@ -37,30 +36,27 @@ def propagate(particles: Array, dt: float, sigma_v: float, rng: np.random.Genera
 
 def moved(particles: Array, dt: float, sigma_v: float, normals: Array) -> Array:
     """The same for ``particles`` (..., n, 4), from independent ``normals`` (..., n, 2)."""
-    onward, kick = _motion(dt, sigma_v)
-    after = particles @ onward
-    after += normals @ kick
+    after = advanced(particles, dt)
+    after += normals @ noise_gain(dt, sigma_v)
+    return after
+
+
+def advanced(particles: Array, dt: float) -> Array:
+    """Particles (..., n, 4) ``dt`` seconds later, at constant velocity."""
+    after: Array = particles @ _onward(dt)
     return after
 
 
 @lru_cache(maxsize=64)
-def _motion(dt: float, sigma_v: float) -> tuple[Array, Array]:
-    """F^T (4, 4) and sigma_v Gamma^T (2, 4)."""
-    return constant(motion.transition(dt)).T, sigma_v * constant(motion.noise_gain(dt)).T
+def _onward(dt: float) -> Array:
+    """F^T (4, 4)."""
+    return constant(motion.transition(dt)).T
 
 
-def log_likelihood(particles: Array, reports: Reports, sigma_w: float) -> Array:
-    """log p(y | x) (..., n) of all bearings for ``particles`` (..., n, 4), up to a constant.
-
-    The arrays of ``reports`` may have the leading axes of runs, too (``batch.stacked``); a report with a level of
-    minus infinity is only padding.
-    """
-    misses = wrap(reports.bearings[..., None, :] - doa.measure(particles, reports.positions[..., None, :, :]))
-    if reports.levels.ndim > 1:
-        misses *= np.isfinite(reports.levels)[..., None, :]
-    log_weights: Array = np.vecdot(misses, misses)
-    log_weights *= -0.5 / sigma_w**2
-    return log_weights
+@lru_cache(maxsize=64)
+def noise_gain(dt: float, sigma_v: float) -> Array:
+    """sigma_v Gamma^T (2, 4): what a noise in units of its sd adds to the state."""
+    return sigma_v * constant(motion.noise_gain(dt)).T
 
 
 def picked(particles: Array, indices: npt.NDArray[np.intp]) -> Array:

@@ -28,15 +28,16 @@ def systematic(weights: Array, n: int, rng: np.random.Generator) -> Indices:
 
 def evenly(weights: Array, n: int, u: Array | float) -> Indices:
     """The same (..., n) of ``weights`` (..., m), with the one random number ``u`` (...,) in [0, 1) as an argument."""
-    cumulative = _cumulative(weights)
     # how many points (k + u) total / n are not below each sum, counted from the end: there rounding does no harm
-    beyond = (1.0 - cumulative / cumulative[..., -1:]) * n
-    beyond += np.asarray(u)[..., None]
-    left = beyond.astype(np.intp)  # never negative, so this is the floor
-    np.minimum(left, n, out=left)
-    counts = np.empty_like(left)
-    counts[..., 0] = n - left[..., 0]
-    np.subtract(left[..., :-1], left[..., 1:], out=counts[..., 1:])
+    beyond = _cumulative(weights)
+    beyond /= -beyond[..., -1:]
+    beyond += 1.0
+    beyond *= n
+    beyond += u if beyond.ndim == 1 else np.asarray(u)[..., None]
+    left = np.empty((*beyond.shape[:-1], beyond.shape[-1] + 1), np.intp)
+    left[..., 0] = n
+    left[..., 1:] = np.minimum(beyond, n, out=beyond)  # never negative, so this is the floor
+    counts = left[..., :-1] - left[..., 1:]
     chosen = np.arange(counts.size).repeat(counts.ravel())
     return chosen if counts.ndim == 1 else chosen.reshape(*counts.shape[:-1], n) % counts.shape[-1]
 
@@ -81,6 +82,7 @@ def normalised(log_weights: Array) -> Array:
 
 def _cumulative(weights: Array) -> Array:
     cumulative = weights.cumsum(axis=-1, dtype=np.float64)
-    if not cumulative[..., -1].min() > 0.0:
+    total = cumulative[..., -1]
+    if not (total > 0.0 if total.ndim == 0 else total.min() > 0.0):
         raise ValueError("cannot resample: no weight is positive")
     return cumulative

@@ -7,10 +7,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from trackfield.filters import ekf, ukf
 from trackfield.filters.gaussian import Motion, predict
-from trackfield.filters.measurement import expected, jacobians, measured, moving, noise_sd, residual, varies
-from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
+from trackfield.filters.measurement import moving
+from trackfield.filters.types import Estimate, Gaussian, Model, Reports
+from trackfield.filters.updates import extended, unscented
 
 
 class SingleState(NamedTuple):
@@ -47,42 +47,29 @@ class PredictOnly:
         return belief
 
 
+@dataclass(frozen=True)
 class Ekf(PredictOnly):
     """Extended Kalman filter with one motion model.
 
-    All readings of a step are one update, linearised at the predicted position.
+    All readings of a step are one update, linearised at the predicted position. ``robust``: the noise of readings that
+    are far from what was expected is taken for larger.
     """
 
+    robust: bool = False
+
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return ekf.posterior(
-            belief,
-            measured(model, reports),
-            noise_sd(model, reports, belief.mean),
-            lambda x: expected(model, x, reports),
-            lambda x: jacobians(model, x, reports),
-            lambda difference: residual(model, reports, difference),
-        )
+        return extended(belief, reports, model, robust=self.robust)
 
 
+@dataclass(frozen=True)
 class Ukf(PredictOnly):
     """Unscented Kalman filter with one motion model.
 
-    All readings of a step are one update.
+    All readings of a step are one update. ``robust``: the noise of readings that are far from what was expected is
+    taken for larger.
     """
 
+    robust: bool = False
+
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return ukf.posterior(
-            belief,
-            measured(model, reports),
-            _expected_sd(belief, reports, model),
-            lambda x: expected(model, x, reports),
-            lambda difference: residual(model, reports, difference),
-        )
-
-
-def _expected_sd(belief: Gaussian, reports: Reports, model: Model) -> Array:
-    """Root of the mean of the noise's variance (K m,) over the belief, where it depends on the state."""
-    if not varies(model):
-        return noise_sd(model, reports)
-    points, weights = ukf.sigma_points(belief)
-    return np.asarray(np.sqrt(weights @ np.square(noise_sd(model, reports, points))))
+        return unscented(belief, reports, model, robust=self.robust)

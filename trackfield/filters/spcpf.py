@@ -8,6 +8,8 @@ Deviations from the paper, and why:
   proposal that knows no ancestors, so it has no value. ``paper`` weights are p(y | x) only, which reproduces
   the paper's figures; ``gaussian-prior`` weights are p(y | x) N(x; F m, F P F^T + Q) / q(x) with the last
   posterior's m, P. A single bearing gives no range, so a step with one sensor always takes the latter.
+- Readings may be of any kind that has one number (the paper's are bearings): ranges, levels. The sensors' weights of
+  eq. 24 are their shares in the loudness, as the kind has it.
 - The filters' covariance is carried on as the sensors' weighted mean of eq. 19; the reset to zero that eqs.
   7-9 suggest loses the target.
 - The estimate is the weighted mean before resampling: the paper's mean after it has the same expectation and
@@ -24,9 +26,9 @@ import numpy as np
 import numpy.typing as npt
 
 from trackfield.filters import sp_pekf
-from trackfield.filters.fix import intensity_weights
-from trackfield.filters.gaussian import constant_velocity, log_density, moments, predict
-from trackfield.filters.particles import Particles, draw, log_likelihood, moved, picked, placed
+from trackfield.filters.gaussian import constant_velocity, log_density, near_moments, predict, root
+from trackfield.filters.measurement import log_likelihood, shares
+from trackfield.filters.particles import Particles, advanced, draw, moved, noise_gain, picked
 from trackfield.filters.resampling import evenly, normalised
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
 from trackfield.options import Within
@@ -70,7 +72,7 @@ class SpCpf:
     ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor.
     """
 
-    needs: ClassVar[tuple[str, ...]] = ("bearings", "one kind")
+    needs: ClassVar[tuple[str, ...]] = ("one kind", "one number", "no unknowns")
 
     particles: Particles = 200
     nominals: Annotated[int, Within(1, 1000)] = 15
@@ -118,29 +120,23 @@ def fuse(
 
     All arrays may have leading axes of runs. ``by_prior`` (...,): use the weights ``gaussian-prior``.
     """
-    nominals = picked(cloud.particles, draws.chosen)
-    proposal, carried = sp_pekf.advance(
-        nominals,
-        moved(nominals, dt, model.sigma_v, draws.noise),
-        cloud.carried,
-        reports,
-        intensity_weights(model.sensor.loudness(reports.readings[0].values)),
-        dt=dt,
-        sigma_v=model.sigma_v,
-        sigma_w=model.sigma_w,
-    )
-    particles = placed(proposal, draws.places)
-    log_weights = log_likelihood(particles, reports, model.sigma_w)
+    expected = advanced(picked(cloud.particles, draws.chosen), dt)
+    noisy = expected + draws.noise @ noise_gain(dt, model.sigma_v)
+    proposal, carried = sp_pekf.advance(expected, noisy, cloud.carried, reports, shares(model, reports), model, dt)
+    around = draws.places @ root(proposal.covariance).mT
+    particles = around + proposal.mean[..., None, :]
+    log_weights = log_likelihood(model, particles, reports)
     if by_prior is not False:
         prior = predict(cloud.posterior, constant_velocity(dt, model.sigma_v))
         ratio = log_density(particles, prior) - log_density(particles, proposal)
         log_weights += np.where(np.asarray(by_prior)[..., None], ratio, 0.0)
     weights = normalised(log_weights)
-    posterior = _posterior(weights, particles, proposal)
+    posterior = _posterior(weights, around, proposal)
     return Cloud(posterior, carried, picked(particles, evenly(weights, particles.shape[-2], draws.u)))
 
 
-def _posterior(weights: Array, particles: Array, proposal: Gaussian) -> Gaussian:
-    mean, covariance = moments(weights, particles)
+def _posterior(weights: Array, around: Array, proposal: Gaussian) -> Gaussian:
+    """Of particles that lie ``around`` (..., Ns, 4) the mean of the proposal."""
+    mean, covariance = near_moments(weights, around)
     effective = 1.0 / np.vecdot(weights, weights)[..., None, None]
-    return Gaussian(mean, (effective * covariance + proposal.covariance) / (effective + 1.0))
+    return Gaussian(proposal.mean + mean, (effective * covariance + proposal.covariance) / (effective + 1.0))

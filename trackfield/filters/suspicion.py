@@ -1,7 +1,7 @@
-"""The reliability of each sensor, from how often its bearings were left out.
+"""The reliability of each sensor, from how often its readings were left out.
 
 A sensor is sound or faulty, a Markov chain of two states. Sound sensors give clutter rarely, faulty ones mostly;
-the gate's decision on a bearing updates the probability by Bayes' rule (the forward algorithm of Rabiner 1989, eq. 20).
+the gate's decision on a reading updates the probability by Bayes' rule (the forward algorithm of Rabiner 1989, eq. 20).
 A sensor without history gives clutter with the gate's ``CLUTTER``.
 """
 
@@ -18,7 +18,7 @@ from trackfield.filters.gate import CLUTTER
 from trackfield.filters.types import Array
 
 _SOUND, _FAULTY = 0.03, 0.8
-"""Probability that a bearing of such a sensor is clutter."""
+"""Probability that a reading of such a sensor is clutter."""
 _FAILS, _RECOVERS = 0.001, 0.03
 """Probability per report that a sound sensor fails, and that a faulty one is sound again."""
 _UNKNOWN: Final = (CLUTTER - _SOUND) / (_FAULTY - _SOUND)
@@ -28,14 +28,14 @@ Suspicion = Map[str, float]
 
 
 def clutter(suspicion: Suspicion, sensors: Sequence[str]) -> Array:
-    """The probability (K,) that the next bearing of each of these is clutter."""
+    """The probability (K,) that the next reading of each of these is clutter."""
     faulty = np.array([suspicion.get(id, _UNKNOWN) for id in sensors])
     probability: Array = _SOUND + (_FAULTY - _SOUND) * faulty
     return probability
 
 
 def learn(suspicion: Suspicion, sensors: Sequence[str], believed: npt.NDArray[np.intp]) -> Suspicion:
-    """The suspicion after the bearings of ``sensors``, of which those at ``believed`` were accepted.
+    """The suspicion after the readings of ``sensors``, of which those at ``believed`` were accepted.
 
     A step in which most were rejected says nothing about the sensors: then the track is wrong.
     """

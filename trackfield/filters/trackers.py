@@ -7,26 +7,45 @@ from typing import Any, Final
 
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.checked import checked
+from trackfield.filters.fa_upf import FaUpf
 from trackfield.filters.fix_doa import FixDoa
-from trackfield.filters.fix_imm_ukf import FixImmUkf
+from trackfield.filters.gpf_ukf import GpfUkf
+from trackfield.filters.imm_ukf import ImmUkf
+from trackfield.filters.jm_rbpf import JmRbpf
 from trackfield.filters.measurement import STATE
+from trackfield.filters.mrbpf import Mrbpf
+from trackfield.filters.mrbpf_weightmass import MrbpfWeightmass
+from trackfield.filters.rbpf import Rbpf
 from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
+from trackfield.filters.upf import Upf
+from trackfield.filters.upf_paper import UpfPaper
 from trackfield.options import made
 from trackfield.plugins import Maker, Plugins
 
+FORMER: Final = {"fix-imm-ukf": "imm-ukf"}
+"""Former names, by which old scenarios have them, and the present ones."""
 TRACKERS: Final = Plugins(
     "tracker",
     "trackfield.trackers",
     {
-        "fix-imm-ukf": FixImmUkf,
+        "imm-ukf": ImmUkf,
         "spcpf": SpCpf,
         "bootstrap": Bootstrap,
         "fix-doa": FixDoa,
+        "rbpf": Rbpf,
+        "mrbpf": Mrbpf,
+        "mrbpf-weightmass": MrbpfWeightmass,
+        "jm-rbpf": JmRbpf,
         "ekf": Ekf,
         "ukf": Ukf,
+        "gpf-ukf": GpfUkf,
+        "upf": Upf,
+        "fa-upf": FaUpf,
+        "upf-paper": UpfPaper,
         "predict-only": PredictOnly,
+        "fix-imm-ukf": ImmUkf,  # its former name
     },
     methods=("init", "step"),
 )

@@ -134,6 +134,11 @@ class Sensing(Protocol):
         ...
 
     @property
+    def fix_sensors(self) -> int:
+        """How many sensors determine a position."""
+        ...
+
+    @property
     def unknowns(self) -> Sequence[Unknown]:
         """What it depends on beyond (x, y, vx, vy)."""
         ...

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -29,8 +30,16 @@ def sigma_points(belief: Gaussian) -> tuple[Array, Array]:
 
 def _offsets(belief: Gaussian) -> Array:
     """The offsets of the points from the mean."""
-    axes = np.sqrt(belief.mean.shape[-1] + _KAPPA) * root(belief.covariance).mT
-    return np.concatenate((np.zeros_like(axes[..., :1, :]), axes, -axes), axis=-2)
+    offsets: Array = _steps(belief.mean.shape[-1]) @ root(belief.covariance).mT
+    return offsets
+
+
+@lru_cache
+def _steps(n: int) -> Array:
+    """How far (2n+1, n) each point goes along each axis: nowhere, forth along each, back along each."""
+    steps = sqrt(n + _KAPPA) * np.concatenate((np.zeros((1, n)), np.eye(n), -np.eye(n)))
+    steps.flags.writeable = False
+    return steps
 
 
 @lru_cache
@@ -39,6 +48,14 @@ def _weights(n: int) -> Array:
     weights[0] = _KAPPA / (n + _KAPPA)
     weights.flags.writeable = False
     return weights
+
+
+@lru_cache
+def _shares(n: int) -> Array:
+    """Roots (2n+1, 1) of the weights."""
+    shares = np.sqrt(_weights(n))[:, None]
+    shares.flags.writeable = False
+    return shares
 
 
 class _Ensemble(NamedTuple):
@@ -69,7 +86,8 @@ def update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual:
     of infinite ``sd`` has no effect, so steps with fewer reports fit into one array.
     """
     after, told = _update(prior, z, sd, measure, residual)
-    log_evidence = -0.5 * (told.nis + np.linalg.slogdet(told.system)[1] + log_scale(np.broadcast_to(sd, z.shape)))
+    each = np.asarray(sd) if np.ndim(sd) else np.broadcast_to(sd, z.shape)
+    log_evidence = -0.5 * (told.nis() + np.linalg.slogdet(told.system)[1] + log_scale(each))
     return Update(after, log_evidence)
 
 
@@ -78,10 +96,16 @@ def posterior(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residu
     return _update(prior, z, sd, measure, residual)[0]
 
 
+def innovation(prior: Gaussian, z: Array, measure: Map, residual: Map = _same) -> tuple[Array, Array]:
+    """The innovation (..., K), and the variance (..., K) that the prior gives each expected measurement."""
+    ensemble = _ensemble(prior, z, 1.0, measure, residual)
+    return ensemble.innovation, np.square(ensemble.A).sum(axis=-2)
+
+
 class _Told(NamedTuple):
     """The normalised innovation squared (...,), and the ``system`` whose determinant the evidence needs."""
 
-    nis: Array
+    nis: Callable[[], Array]
     system: Array
 
 
@@ -96,14 +120,16 @@ def _update(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual
         AB = AT @ B
         solved = np.linalg.solve(system, np.concatenate((innovation[..., None], AB), axis=-1))
         moved = AB.mT @ solved
-        nis = (innovation * solved[..., 0]).sum(axis=-1)
-        return Gaussian(prior.mean + moved[..., 0], symmetric(prior.covariance - moved[..., 1:])), _Told(nis, system)
+        after = Gaussian(prior.mean + moved[..., 0], symmetric(prior.covariance - moved[..., 1:]))
+        return after, _Told(lambda: (innovation * solved[..., 0]).sum(axis=-1), system)
     system = ensemble.precision
     shadow = A @ innovation[..., None]
     solved = np.linalg.solve(system, np.concatenate((shadow, B), axis=-1))
     moved = B.mT @ solved
-    nis = np.square(innovation).sum(axis=-1) - (shadow * solved[..., :1]).sum(axis=(-2, -1))
-    return Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:])), _Told(nis, system)
+    after = Gaussian(prior.mean + moved[..., 0], symmetric(moved[..., 1:]))
+    return after, _Told(
+        lambda: np.square(innovation).sum(axis=-1) - (shadow * solved[..., :1]).sum(axis=(-2, -1)), system
+    )
 
 
 def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map = _same) -> Array:
@@ -124,11 +150,11 @@ def predictive(prior: Gaussian, z: Array, sd: Array | float, measure: Map, resid
 
 
 def _ensemble(prior: Gaussian, z: Array, sd: Array | float, measure: Map, residual: Map) -> _Ensemble:
-    offsets, weights = _offsets(prior), _weights(prior.mean.shape[-1])
-    share = np.sqrt(weights)[:, None]
+    n = prior.mean.shape[-1]
+    offsets, weights, share = _offsets(prior), _weights(n), _shares(n)
     predicted = measure(prior.mean[..., None, :] + offsets)
     around = residual(predicted - predicted[..., :1, :])  # angles have a mean only relative to one of them
     centre = weights @ around
     A = around - centre[..., None, :]
-    A *= share / np.asarray(sd)[..., None, :] if np.ndim(sd) else share / sd
+    A *= share / (sd[..., None, :] if isinstance(sd, np.ndarray) else sd)
     return _Ensemble(A, share * offsets, residual(z - predicted[..., 0, :] - centre) / sd)

@@ -121,4 +121,6 @@ def doubts(model: Model, estimate: Estimate, reports: Reports) -> float:
     Kinds of sensing that do not know where else their readings may come from say nothing.
     """
     ratios = np.exp(log_ratios(model, Gaussian(estimate.mean, estimate.covariance), reports))
-    return -float(np.log((1.0 - CLUTTER) * ratios + CLUTTER).sum())
+    ratios *= 1.0 - CLUTTER
+    ratios += CLUTTER
+    return -float(np.log(ratios).sum())
