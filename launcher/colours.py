@@ -6,10 +6,18 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
 
-PALETTE: Final = ("#e69f00", "#0072b2", "#cc79a7", "#009e73", "#d55e00", "#56b4e9", "#9c755f")
-"""Okabe and Ito, colours that everybody can tell apart on white and on black, and a brown."""
-_OWN: Final = ("fix-imm-ukf", "spcpf", "bootstrap", "fix-doa", "ekf", "ukf", "predict-only")
+PALETTE: Final = (
+    *("#e69f00", "#0072b2", "#cc79a7", "#009e73", "#d55e00", "#56b4e9", "#9c755f"),
+    *("#7b61c9", "#a8a400", "#e15759", "#1b9aaa", "#8c8c8c", "#a63d7a", "#6b8e23", "#c49a6c"),
+)
+"""Okabe and Ito, colours that everybody can tell apart on white and on black, and a brown; then others."""
+_OWN: Final = (
+    *("imm-ukf", "spcpf", "bootstrap", "fix-doa", "ekf", "ukf", "predict-only"),
+    *("gpf-ukf", "upf", "fa-upf", "upf-paper", "rbpf", "mrbpf", "mrbpf-weightmass", "jm-rbpf"),
+)
 """The packaged trackers, each with the colour at its place."""
+_FORMER: Final = {"fix-imm-ukf": "imm-ukf"}
+"""Former names, and whose colour they have."""
 
 
 def tracker_colours(trackers: Sequence[str]) -> dict[str, str]:
@@ -24,7 +32,9 @@ def tracker_colours(trackers: Sequence[str]) -> dict[str, str]:
 @lru_cache(maxsize=64)
 def _colours(trackers: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
     own = dict(zip(_OWN, PALETTE, strict=True))
-    free = [colour for name, colour in own.items() if name not in trackers] or list(PALETTE)
+    own |= {former: own[now] for former, now in _FORMER.items() if former in trackers and now not in trackers}
+    taken = {own[name] for name in trackers if name in own}
+    free = [colour for colour in PALETTE if colour not in taken] or list(PALETTE)
     others = [name for name in dict.fromkeys(trackers) if name not in own]
     given = own | {name: free[rank % len(free)] for rank, name in enumerate(others)}
     return tuple((name, given[name]) for name in dict.fromkeys(trackers))

@@ -61,7 +61,8 @@ class FieldInfo:
     ``step_ns``. ``marks`` are when planned faults begin and end, (t s, process, text), ``spells`` those that last,
     (from s, until s, process, text as in their mark); ``receptions`` the links used, (from, to, share of the frames
     that arrive); ``paths`` the routes of places that move, as in ``trackfield/link/places.py``;
-    ``layers`` how the readings of each sensor are drawn, if at all; ``headline`` the sources of the first view.
+    ``layers`` how the readings of each sensor are drawn, if at all; ``sensing`` the kind and the options of those
+    sensors of which another number is drawn than the first; ``headline`` the sources of the first view.
     """
 
     run: str
@@ -77,6 +78,7 @@ class FieldInfo:
     origin_ns: int = 0
     step_ns: int = NS
     layers: Mapping[str, str] = field(default_factory=dict)
+    sensing: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     headline: tuple[str, ...] = ()
 
     def tagged(self, tag: str) -> list[Place]:

@@ -31,9 +31,9 @@ def trackers() -> Iterator[str]:
 
 def papers() -> Iterator[str]:
     """The papers that can be reproduced."""
-    from launcher.reproduce.papers import PAPERS
+    from launcher.reproduce.papers import names
 
-    yield from PAPERS
+    yield from names()
 
 
 def kinds() -> Iterator[str]:

@@ -12,13 +12,14 @@ from launcher.records import Plan
 from trackfield.drivers.spec import role_places
 from trackfield.errors import ScenarioError, together
 from trackfield.filters.needs import unmet
-from trackfield.filters.trackers import TRACKERS, make_tracker
+from trackfield.filters.trackers import FORMER, TRACKERS, make_tracker
 from trackfield.plugins import importable
 from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
 from trackfield.scenario.options import tables
 from trackfield.scenario.sections.fusion import Fusion
 from trackfield.scenario.sensors import SensorSection
+from trackfield.scenario.survey import named
 from trackfield.sensing.kinds import SENSORS
 
 
@@ -74,7 +75,7 @@ def check_sensing(scenario: Scenario, sections: Mapping[str, SensorSection]) -> 
     adaptive(sections)
     for name, tracker in _kinds(scenario.fusion):
         if tracker in TRACKERS and (why := unmet(TRACKERS[tracker], kinds)):
-            able = [own for own in TRACKERS.own if not unmet(TRACKERS.own[own], kinds)]
+            able = [own for own in TRACKERS.own if own not in FORMER and not unmet(TRACKERS.own[own], kinds)]
             expected = f"{', '.join(sorted(able))}, or one of your own"
             raise ScenarioError(f"'{name}' {why}", key="fusion.trackers", expected=expected)
     if len(kinds) == 1:  # of several, whose reading is off shows only in the field
@@ -82,6 +83,16 @@ def check_sensing(scenario: Scenario, sections: Mapping[str, SensorSection]) -> 
         for number, fault in enumerate(scenario.faults):
             if isinstance(fault, Bias):
                 biases(number, fault, kind)
+
+
+def suited(scenario: Scenario) -> Scenario:
+    """Without the trackers that cannot work with its kinds of sensing; with the default ones if none is left.
+
+    Raises ``ScenarioError`` for an unknown kind, and for unsuitable options.
+    """
+    kinds = {name: section.sensing for name, section in named(scenario).items()}
+    kept = [name for name, own in _kinds(scenario.fusion) if own not in TRACKERS or not unmet(TRACKERS[own], kinds)]
+    return scenario.set("fusion.trackers", kept or list(Fusion().trackers))
 
 
 def check_importable(plan: Plan) -> None:

@@ -143,7 +143,14 @@ def _info(field: Built, spec: RunSpec, faults: Faults) -> FieldInfo:
         step_ns=site.step_ns,
         headline=field.views[0].sources,
         layers={id: kind.layer for id, kind in site.sensing.items() if kind.layer},
+        sensing=_drawn(site),
     )
+
+
+def _drawn(site: Site) -> dict[str, dict[str, Any]]:
+    """The kind and options of the sensors whose kind says what is drawn of a reading, by their ids."""
+    known = {name: section.plain for name, section in site.sections.items() if hasattr(section.sensing.own, "drawn")}
+    return {site.sensors[i][0]: plain for name, plain in known.items() for i in site.kinds[name]}
 
 
 def _truth(site: Site, target: str, path: Path) -> Truth:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from launcher.plan.architectures.ports import check_devices
+from launcher.plan.extensions import suited
 from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.forecast.foresight import foresee
 from launcher.plan.forecast.reception import receptions
@@ -42,10 +43,25 @@ def load(name: str, **options: Any) -> Scenario:
 
 
 def examine(name: str, **options: Any) -> tuple[Scenario | None, list[ScenarioError]]:
-    """As ``load``, but with all that is wrong; the scenario is without that, or None if there is none."""
+    """As ``load``, but with all that is wrong; the scenario is without that, or None if there is none.
+
+    Sensors of another kind than the scenario's leave out those of its trackers that cannot use them.
+    """
     overrides, errors = _changes(name, **options)
     scenario, found = Scenario.examine(name, overrides, known_trackers=TRACKERS)
-    return scenario, [*errors, *found]
+    errors += found
+    if scenario is not None and not errors and _of_another_kind(overrides):
+        try:
+            scenario = suited(scenario)
+        except ScenarioError as error:
+            errors.append(error)
+    return scenario, errors
+
+
+def _of_another_kind(overrides: Mapping[str, Any]) -> bool:
+    """Whether these change what sensors measure, and say nothing of trackers."""
+    sensing, tracking = {"sensor", "sensors", "sensor.kind"}, {"fusion", "fusion.trackers"}
+    return bool(sensing & overrides.keys()) and not tracking & overrides.keys()
 
 
 def changes(name: str, **options: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite, isnan
 from numbers import Real
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from trackfield.words import quoted
 from trackfield.world.path import Path
 from trackfield.world.placed import instants
 from trackfield.world.scene import Scene, Still
+
+_BIASES: Final = {"deg": "bias_deg", "dB": "bias_db", "dBm": "bias_db"}
+"""The key of a bias that is in a unit."""
 
 
 def probe(kind: Kind) -> None:
@@ -83,9 +86,10 @@ def _numbers(kind: Kind, name: str, values: Any) -> Any:
 
 def _probe_reading(kind: Kind, values: Any) -> None:
     """The way of numbers to a message and back."""
-    level = _call(kind, "level", kind.level, values)
-    if not isinstance(level, Real) or isnan(float(level)):
-        raise _wrong(kind, "level", level, "a number")
+    for name, method in (("level", kind.level), ("drawn", kind.drawn)):
+        number = _call(kind, name, method, values)
+        if not isinstance(number, Real) or isnan(float(number)):
+            raise _wrong(kind, name, number, "a number")
     message = _call(kind, "reading", lambda: kind.reading(values).report(1))
     if not kind.takes(message):
         raise _wrong(kind, "reading", message, f"a reading that reports a {kind.message.__name__}")
@@ -140,9 +144,8 @@ def biases(number: int, fault: Bias, kind: Kind) -> tuple[float, ...]:
             what = f"has {len(fault.by)} numbers, and a reading of kind '{kind.name}' has {kind.n}"
             raise ScenarioError(what, key=f"{key}.by", expected=f"a list of {kind.n}")
         return fault.by
-    named = {"deg": ("bias_deg", fault.bias_deg), "dB": ("bias_db", fault.bias_db)}
-    for unit, (name, value) in named.items():
-        if value and unit not in kind.units:
+    for name, value in (("bias_deg", fault.bias_deg), ("bias_db", fault.bias_db)):
+        if value and not any(_BIASES.get(unit) == name for unit in kind.units):
             what = f"has no meaning for sensors of kind '{kind.name}'"
             raise ScenarioError(what, key=f"{key}.{name}", expected=f"by, a list of {kind.n} numbers in their units")
-    return tuple(named[unit][1] if unit in named else 0.0 for unit in kind.units)
+    return tuple(getattr(fault, _BIASES[unit]) if unit in _BIASES else 0.0 for unit in kind.units)

@@ -28,7 +28,7 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
 from trackfield.words import quoted
 
-REPORTS: Final = ("doa", "measurement")
+REPORTS: Final = ("doa", "measurement", "range", "rss", "energy")
 """The kinds of message that carry what a sensor measured."""
 LONG: Final = 400
 """The most steps that a line can show one by one."""

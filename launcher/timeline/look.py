@@ -38,6 +38,8 @@ TRUTH: Final[Colour] = 0x969BA5FF
 INTERPOLATED: Final[Colour] = 0xE258A0FF
 TARGET: Final[Colour] = 0xFFFFFFFF
 RAY: Final[Colour] = 0x4FC07AC8
+RING: Final[Colour] = 0x4FC07A90
+DISC: Final[Colour] = 0x2F7A4EFF
 INFO: Final[Colour] = 0xC8CDD6FF
 LATE: Final[Colour] = 0xF5B041FF
 LOST: Final[Colour] = 0xF2524BFF
@@ -123,6 +125,11 @@ def line_style(colour: Colour, width: float, order: float) -> rr.LineStrips2D:
 def point_style(colour: Colour | None, radius: float, order: float) -> rr.Points2D:
     """Dots of this radius on screen, of one colour or each of its own; a higher order is drawn on top."""
     return rr.Points2D.from_fields(colors=colour, radii=rr.Radius.ui_points(radius), draw_order=order)
+
+
+def disc_style(colour: Colour, order: float) -> rr.Points2D:
+    """Discs of this colour, each as large as it is; a higher order is drawn on top."""
+    return rr.Points2D.from_fields(colors=colour, draw_order=order)
 
 
 def lanes(info: FieldInfo) -> list[Place]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from math import isfinite, nan
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +12,8 @@ from launcher.records import SENSES, FieldInfo
 from launcher.timeline import look, rows
 from launcher.timeline.layers import READINGS
 from launcher.timeline.layers.closeup import Closeups
-from launcher.timeline.scene import Add, Shown, crosses, extent, spacing
+from launcher.timeline.scene import Add, Shown, Sight, crosses, extent, spacing
+from trackfield.sensing.kinds import known_kind
 
 PACE_NS: Final = 400_000
 """A layer of n points is drawn at most once in n times this: files grow with what happens, not with the field."""
@@ -38,9 +40,10 @@ class Picture:
         self._whole = list(look.graph_positions(info)) if len(info.places) <= look.WHOLE_NETWORK else []
         self._reach = extent(info) / 4
         self._closeups = Closeups(info, add)
-        self._cross = 0.16 * spacing(info)
+        self._spacing = spacing(info)
+        self._cross = 0.16 * self._spacing
         self._still = self._places.keys() - {id for id, _ in info.paths}
-        self._layer_of = info.layers
+        self._layer_of, self._sensing = info.layers, info.sensing
         self._working: dict[str, int] = {}  # sensors that neither rest nor are dead, and their colours
         self._dead: set[str] = set()
         self._links = bool(info.receptions)
@@ -155,12 +158,25 @@ class Picture:
 
     def _draw_readings(self, t_ns: int) -> int:
         now, drawn = self.shown.now, 0
+        numbers = {id: self._number(id, values) for id, values in now["reading"].items()}
+        sight = Sight(self._places, now["fix"].values(), self._reach, self._spacing)
         for name in sorted(set(self._layer_of.values())):
-            mine = {id: values for id, values in now["reading"].items() if self._layer_of[id] == name}
-            found = READINGS[name](mine, self._places, now["fix"].values(), self._reach)
-            self._add(f"/field/{name}", rows.strips, t_ns, found)
+            layer = READINGS[name]
+            mine = {id: one for id, one in numbers.items() if self._layer_of[id] == name and isfinite(one)}
+            found = layer.shapes(mine, sight)
+            self._add(f"/field/{name}", layer.columns, t_ns, found)
             drawn += len(found)
         return drawn
+
+    def _number(self, id: str, values: Sequence[float]) -> float:
+        """The number of a reading that is drawn; NaN if its kind cannot say it."""
+        sensing = self._sensing.get(id)
+        if sensing is None:
+            return values[0]
+        try:
+            return float(known_kind(**sensing).drawn(values))
+        except Exception:  # noqa: BLE001  a user's own method, and numbers from anybody
+            return nan
 
     def _draw_marks(self, t_ns: int) -> int:
         marks = self.shown.now["mark"]

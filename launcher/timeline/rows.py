@@ -53,6 +53,12 @@ def dots(values: list[Dots]) -> Columns:
     return rr.Points2D.columns(positions=np.concatenate(at), colors=_colours(colours)).partition(_lengths(at))
 
 
+def discs(values: list[Points]) -> Columns:
+    """Positions and radii (n, 3) m of each picture."""
+    every = np.concatenate(values)
+    return rr.Points2D.columns(positions=every[:, :2], radii=every[:, 2]).partition(_lengths(values))
+
+
 def strips(values: list[Points]) -> Columns:
     """Lines (n, corners, 2) of each picture."""
     return rr.LineStrips2D.columns(strips=np.concatenate(values)).partition(_lengths(values))

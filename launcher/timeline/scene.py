@@ -5,9 +5,9 @@ from __future__ import annotations
 import heapq
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -136,6 +136,18 @@ class Seconds:
 
     def _second(self, t_ns: int) -> _Second:
         return self._open[max(t_ns // NS, self._next)]
+
+
+class Sight(NamedTuple):
+    """What readings are drawn with: the sensors' ``places`` (m), the latest ``fixes`` (m), and lengths (m).
+
+    ``reach_m`` is how far a ray goes that no fix ends, ``spacing_m`` how far sensors are apart.
+    """
+
+    places: Mapping[str, tuple[float, float]]
+    fixes: Iterable[tuple[float, float]]
+    reach_m: float
+    spacing_m: float
 
 
 def rings(centre: Points, covariance: tuple[float, ...]) -> Points:

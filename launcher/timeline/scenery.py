@@ -9,7 +9,7 @@ import rerun as rr
 
 from launcher.records import BATTERY, SENSES, FieldInfo, Place
 from launcher.timeline import look
-from launcher.timeline.layers import closeup, truth
+from launcher.timeline.layers import READINGS, closeup, truth
 from launcher.timeline.scene import crosses, halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
@@ -39,7 +39,8 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     if moving:
         labels = rr.Points2D.from_fields(labels=moving, show_labels=True)
         yield "/field/moving", look.point_style(look.CENTRE, 8, order=25), labels
-    yield "/field/rays", look.line_style(look.RAY, 1.2, order=5)
+    for name in sorted(set(info.layers.values())):
+        yield f"/field/{name}", READINGS[name].style
     yield from truth.styles(info)
     yield from closeup.styles(info)
     yield from _legend(info)

@@ -15,6 +15,7 @@ from launcher.report.folder import Run
 from launcher.report.style import Figures
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, names, summary
+from trackfield.scenario.keys import sections_of_file
 from trackfield.world.path import Path as Way
 
 FIGURES: Final[Figures] = {}
@@ -38,16 +39,34 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def changed(run: Run) -> list[str]:
-    """What differs from the packaged scenario of the same name, as ``key = value``, without the seed."""
+    """What differs from the packaged scenario of the same name, as ``key = value``, without the seed.
+
+    Of a section of another kind, that, and what differs from the defaults of that kind.
+    """
+    own = flat(run.scenario.plain())
     try:
-        packaged = flat(Scenario.load(run.scenario.name).plain())
+        packaged, kinds = _packaged(run.scenario.name, own)
     except ScenarioError:  # of another version of the program
         return []
-    own = flat(run.scenario.plain())
-    keys = [key for key in dict.fromkeys((*own, *packaged)) if not _same(run, key, own.get(key), packaged.get(key))]
+    differ = (key for key in (*own, *packaged) if not _same(run, key, own.get(key), packaged.get(key)))
+    keys = list(dict.fromkeys((*kinds, *differ)))
     own |= {key: Path(str(value)).name for key, value in own.items() if key.endswith(".file")}
     said = [f"{key} = {_short(own[key])}" if key in own else f"{key} unset" for key in keys if key != "seed"]
     return said[:_MOST_CHANGES] + ([f"{len(said) - _MOST_CHANGES} more"] if len(said) > _MOST_CHANGES else [])
+
+
+def _packaged(name: str, own: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """A packaged scenario with sections of the kinds of another one, as far as it can have them, and their keys.
+
+    Raises ``ScenarioError`` if there is none of this name.
+    """
+    packaged = flat(Scenario.load(name).plain())
+    tags = (f"{section}.{one.tag}" for section, one in sections_of_file().items() if one.tag and not one.many)
+    kinds = {tag: own[tag] for tag in tags if tag in own and own[tag] != packaged.get(tag)}
+    try:
+        return flat(Scenario.load(name, kinds).plain()), list(kinds)
+    except ScenarioError:  # such a kind needs more than itself, like the file of a target
+        return packaged, []
 
 
 def _same(run: Run, key: str, own: Any, packaged: Any) -> bool:

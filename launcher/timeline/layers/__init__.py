@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final, NamedTuple
 
+import rerun as rr
+
+from launcher.timeline import look, rows
+from launcher.timeline.layers.discs import discs
 from launcher.timeline.layers.rays import rays
-from launcher.timeline.scene import Points
+from launcher.timeline.layers.rings import rings
+from launcher.timeline.scene import Points, Sight
 
-Layer = Callable[
-    [Mapping[str, Sequence[float]], Mapping[str, tuple[float, float]], Iterable[tuple[float, float]], float], Points
-]
-"""Lines (n, 2, 2) in metres: of readings by sensor, the sensors' places, the latest fixes, and the reach (m)."""
 
-READINGS: Final[Mapping[str, Layer]] = {"rays": rays}
-"""How readings are drawn, by the layer that a kind of sensing names."""
+class Layer(NamedTuple):
+    """How readings are drawn: shapes of the numbers by sensor, the columns of these shapes, and how they look."""
+
+    shapes: Callable[[Mapping[str, float], Sight], Points]
+    columns: Callable[[list[Any]], rows.Columns]
+    style: rr.AsComponents
+
+
+READINGS: Final[Mapping[str, Layer]] = {
+    "rays": Layer(rays, rows.strips, look.line_style(look.RAY, 1.2, order=5)),
+    "rings": Layer(rings, rows.strips, look.line_style(look.RING, 1.0, order=5)),
+    "discs": Layer(discs, rows.discs, look.disc_style(look.DISC, order=4)),
+}
+"""By the layer that a kind of sensing names."""

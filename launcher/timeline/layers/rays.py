@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from launcher.timeline.scene import Points
+from launcher.timeline.scene import Points, Sight
 
 
-def rays(
-    readings: Mapping[str, Sequence[float]],
-    places: Mapping[str, tuple[float, float]],
-    fixes: Iterable[tuple[float, float]],
-    reach_m: float,
-) -> Points:
-    """From each sensor to a little past the first of the latest ``fixes``, else ``reach_m``: (n, 2, 2).
+def rays(readings: Mapping[str, float], sight: Sight) -> Points:
+    """From each sensor to a little past the first of the latest fixes, else as far as one sees: (n, 2, 2) m.
 
-    The first number of its reading is the bearing, in degrees clockwise from north.
+    Of readings the bearing, in degrees clockwise from north.
     """
-    fix = next(iter(fixes), None)
+    fix = next(iter(sight.fixes), None)
     found = []
-    for src, (bearing_deg, *_) in readings.items():
-        (x, y), bearing = places[src], math.radians(bearing_deg)
-        length = reach_m if fix is None else 1.15 * math.dist((x, y), fix) + 5.0
+    for src, bearing_deg in readings.items():
+        (x, y), bearing = sight.places[src], math.radians(bearing_deg)
+        length = sight.reach_m if fix is None else 1.15 * math.dist((x, y), fix) + 5.0
         found.append((x, y, x + length * math.sin(bearing), y + length * math.cos(bearing)))
     return np.reshape(found, (-1, 2, 2))
