@@ -21,11 +21,17 @@ def reproduce(
     ],
     runs: Annotated[int, typer.Option(help="The number of runs of each case, with the seeds 1, 2, ...")] = 100,
     out: Annotated[
-        Path | None, typer.Option(help="The folder of the study; runs that it already has are not repeated.")
+        Path | None,
+        typer.Option(help="The folder of the study; runs that it already has are not repeated, but for --kernels."),
     ] = None,
+    kernels: Annotated[
+        bool, typer.Option("--kernels", help="The bare filters instead: many runs at once, without roles and messages.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json, and nothing else, to stdout.")] = False,
 ) -> None:
     """Repeat the experiments of a paper and say which of its claims hold."""
     from launcher.reproduce.command import reproduce
+    from launcher.reproduce.kernels.command import reproduce_kernels
 
-    print(reproduce(paper, runs, out).shown(as_json=as_json), end="")
+    done = reproduce_kernels if kernels else reproduce
+    print(done(paper, runs, out).shown(as_json=as_json), end="")

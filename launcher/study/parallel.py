@@ -26,17 +26,24 @@ FIRST: Final = 5
 
 
 def unordered(
-    function: Callable[[Job], Answer], jobs: Sequence[Job], n_jobs: int = -1, title: str = "", *, lines: bool = False
+    function: Callable[[Job], Answer],
+    jobs: Sequence[Job],
+    n_jobs: int = -1,
+    title: str = "",
+    *,
+    lines: bool = False,
+    unit: str = "runs",
 ) -> Iterator[tuple[int, Answer]]:
     """(place in ``jobs``, answer) of each, as they come; with a progress bar on stderr where that is a terminal.
 
     ``n_jobs`` and ``joblib.parallel_config`` say where they are computed, as for ``joblib.Parallel``; the first is
     computed in this process, and so are all others if that takes less time than to start workers. With ``lines``,
-    progress is printed in plain lines where there is no terminal. Raises ``RunFailed`` if a process that computes dies.
+    progress is printed in plain lines where there is no terminal, and jobs are called by their ``unit``. Raises
+    ``RunFailed`` if a process that computes dies.
     """
     from joblib import Parallel, delayed
 
-    with _progress(title, len(jobs), lines=lines) as advance:
+    with _progress(title, len(jobs), unit, lines=lines) as advance:
         begun = time.monotonic()
         for place, job in enumerate(jobs[:1]):
             yield place, function(job)
@@ -80,7 +87,7 @@ def _placed(brought: Registered, function: Callable[[Job], Answer], place: int, 
 
 
 @contextmanager
-def _progress(title: str, total: int, *, lines: bool) -> Iterator[Callable[[], Any]]:
+def _progress(title: str, total: int, unit: str, *, lines: bool) -> Iterator[Callable[[], Any]]:
     """Call what it yields after each job."""
     from rich.console import Console
     from rich.progress import (
@@ -94,7 +101,7 @@ def _progress(title: str, total: int, *, lines: bool) -> Iterator[Callable[[], A
 
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
-        yield _plain(console.print, total) if lines else lambda: None
+        yield _plain(console.print, total, unit) if lines else lambda: None
         return
     columns = (
         *(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()),
@@ -105,7 +112,7 @@ def _progress(title: str, total: int, *, lines: bool) -> Iterator[Callable[[], A
         yield lambda: progress.advance(task)
 
 
-def _plain(say: Callable[[str], Any], total: int) -> Callable[[], None]:
+def _plain(say: Callable[[str], Any], total: int, unit: str) -> Callable[[], None]:
     """A line every few seconds."""
     done, said, begun = 0, time.monotonic(), 0.0
 
@@ -116,6 +123,6 @@ def _plain(say: Callable[[str], Any], total: int) -> Callable[[], None]:
         if now - said >= PLAIN_EVERY_S and done < total:
             said = now
             left = (now - begun) / (done - FIRST) * (total - done) if done > 2 * FIRST else 0.0
-            say(f"{done} of {total} runs{f', about {left:.0f} s remaining' if left else ''}")
+            say(f"{done} of {total} {unit}{f', about {left:.0f} s remaining' if left else ''}")
 
     return advance
