@@ -31,7 +31,7 @@ class FixUkf(Ukf):
 
 class _Fix(Ukf):
     def _take(self, belief: Gaussian, reports: Reports, model: Model) -> Gaussian:
-        return map_fix(belief, reports, model.sigma_w).posterior
+        return map_fix(belief, reports, model).posterior
 
 
 def table_of_errors(runs: int) -> None:
@@ -52,9 +52,7 @@ def table_of_consistency(runs: int) -> None:
     print(f"95 % band of the mean of {runs} runs at one step: {low:.2f} to {high:.2f}\n")
     print("| tracker | target | NEES | position | velocity | steps in band | runs in their band |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
-    rows = [
-        (name, TRACKERS[name](), scenario) for name in ("fix-imm-ukf", "spcpf", "fix-doa") for scenario in SCENARIOS
-    ]
+    rows = [(name, TRACKERS[name](), scenario) for name in ("imm-ukf", "spcpf", "fix-doa") for scenario in SCENARIOS]
     for name, tracker, scenario in [*rows, ("one model", FixUkf(), "s1")]:
         print(f"| `{name}` | {scenario} | {_consistency(*errors(tracker, scenario, range(runs)))} |")
 

@@ -13,7 +13,7 @@ from launcher.records import BATTERY, SENSES, TRACKS, FieldInfo, MessageRow, Pla
 from launcher.timeline.timeline import Timeline
 from trackfield.role import NS, TrackPoint
 
-TRACKERS = ("fix-imm-ukf", "spcpf")
+TRACKERS = ("imm-ukf", "spcpf")
 NODE, CENTRE = frozenset({SENSES, BATTERY}), frozenset({TRACKS})
 HEARING_M = 95.0
 DEADLINE_NS = 300_000_000

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from tests.zhai_field import GRID, MODEL, SCENARIOS, THRESHOLD_DB, hear, prior_around
-from trackfield.filters.fix_imm_ukf import FixImmUkf
+from trackfield.filters.imm_ukf import ImmUkf
 from trackfield.filters.metrics import rmse
 from trackfield.filters.types import Array, Reports, of_bearings
 from trackfield.tracking.following import Following
@@ -82,7 +82,7 @@ def errors(
 def _errors(scenario: str, kind: str, seed: int, gate: bool, prior: bool, sensor: int) -> Array:
     rng = np.random.default_rng(seed)
     truth = SCENARIOS[scenario](rng)
-    one = Following(FixImmUkf(gate=gate), MODEL)
+    one = Following(ImmUkf(gate=gate), MODEL)
     state, places = one.begin(prior_around(truth[0], rng) if prior else None), []
     heard = [hear(target[:2], rng, step=step) for step, target in enumerate(truth[1:], start=1)]
     if kind != "none":

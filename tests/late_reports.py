@@ -29,7 +29,7 @@ def _errors(seed: int, share: float, max_age_ns: int) -> Array:
     """Errors (T, 2) over the steps of s1 that have a track; the last steps' late reports come after the end."""
     truth = s1(np.random.default_rng(seed))
     fusion = Fusion(
-        trackers=["fix-imm-ukf"],
+        trackers=["imm-ukf"],
         sensors=[(f"n{i:03d}", float(x), float(y)) for i, (x, y) in enumerate(GRID)],
         step_ns=NS,
         deadline_ns=DEADLINE,

@@ -11,9 +11,10 @@ import numpy as np
 
 from trackfield.filters.types import Array, Model, Readings, Reports, of_bearings
 from trackfield.sensing.complete import Kind
-from trackfield.sensing.doa import Doa
+from trackfield.sensing.doa import Doa as Arrays
 from trackfield.sensing.kinds import SENSORS, register_sensor
-from trackfield.sensing.readings import Window
+from trackfield.sensing.readings import Said, Window
+from trackfield.wire.messages import Doa
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed
 from trackfield.world.scene import Scene
@@ -34,7 +35,12 @@ def registered(**kinds: Any) -> Iterator[None]:
 
 def bearings_model(sigma_w: float, sigma_v: float = 0.1) -> Model:
     """A field of arrays whose bearings have the sd ``sigma_w`` (rad)."""
-    return Model({"doa": Kind("doa", Doa(doa_sd_deg=degrees(sigma_w)))}, sigma_v)
+    return Model({"doa": Kind("doa", Arrays(doa_sd_deg=degrees(sigma_w)))}, sigma_v)
+
+
+def hearing(level_db: float, bearing_deg: float) -> Said:
+    """The reading of an array of microphones."""
+    return Said(Doa, (bearing_deg, level_db), level_db)
 
 
 def arrays(doa_sd_deg: float = 3.0) -> dict[str, dict[str, Any]]:
@@ -67,5 +73,5 @@ def array_at(
 ) -> Placed:
     """An array that hears 70 dB sources down to 51 dB, 79.4 m far, and reports from 52.5 dB on; seed 1, node n007."""
     options = {"doa_sd_deg": 0.0, "margin_db": 1.5, **options}
-    kind = Kind("doa", Doa(**options))  # type: ignore[arg-type]
+    kind = Kind("doa", Arrays(**options))  # type: ignore[arg-type]
     return Placed("n007", position, Scene(tuple(paths)), tuple(windows), kind, options, kind.threshold, seed=1)

@@ -41,7 +41,7 @@ def _errors(tracker: Tracker[Any], scenario: str, seed: int, lag: int) -> tuple[
 
 def main() -> None:
     """A line for each tracker and target."""
-    for name in ("fix-imm-ukf", "fix-doa", "ekf"):
+    for name in ("imm-ukf", "fix-doa", "ekf"):
         for scenario in SCENARIOS:
             found = [rms_errors(make_tracker(name), scenario, SEEDS, lag) for lag in LAGS]
             cells = " | ".join(f"{smoothed:.2f}" for _, smoothed in found)

@@ -65,7 +65,7 @@ class Outcome(NamedTuple):
 
 def outcome(way: Way, seed: int) -> Outcome:
     """Run it."""
-    plan = planned(load(way.scenario, seed=seed, settings=way.settings, trackers=["fix-imm-ukf"]))
+    plan = planned(load(way.scenario, seed=seed, settings=way.settings, trackers=["imm-ukf"]))
     ledger, tracks = simulated(plan)
     known = [(row.point, row.truth) for row in tracks if row.point.mean and row.truth]
     clocks = {key: abs(error) / 1e6 for key, error in ledger.clock_errors.items()}
@@ -112,7 +112,7 @@ def largest(outcomes: Sequence[Outcome]) -> str:
 
 def verdicts(outcomes: Sequence[Outcome]) -> str:
     """How many runs were tracked, tracked with gaps, and lost."""
-    found = Counter(one.of("trackers", "fix-imm-ukf", "verdict") for one in outcomes)
+    found = Counter(one.of("trackers", "imm-ukf", "verdict") for one in outcomes)
     return " / ".join(str(found[verdict]) for verdict in (TRACKED, WITH_GAPS, LOST))
 
 

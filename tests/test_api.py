@@ -212,8 +212,8 @@ def test_the_table_of_a_study_has_a_row_for_each_seed_and_tracker() -> None:
 
 def test_the_median_run_is_the_one_in_the_middle() -> None:
     study = tf.study(SMALL, range(5), n_jobs=1)
-    errors = [run.metrics.trackers["fix-imm-ukf"].rmse.position for run in study.results]
-    assert study.median.metrics.trackers["fix-imm-ukf"].rmse.position == np.median([e for e in errors if e is not None])
+    errors = [run.metrics.trackers["imm-ukf"].rmse.position for run in study.results]
+    assert study.median.metrics.trackers["imm-ukf"].rmse.position == np.median([e for e in errors if e is not None])
 
 
 def test_a_study_leaves_its_tables_and_the_median_run(tmp_path: Path) -> None:

@@ -13,14 +13,17 @@ from bench.data import BEARINGS, STEPS, Track, track
 from bench.kernels import (
     BARE,
     OURS,
+    alone,
     batched,
     data_error,
     looped,
     measured,
+    proposals,
     table,
     take_ekf,
     take_ukf,
     tracked,
+    unscented_particle_filters,
     with_peers,
 )
 from trackfield.filters.bootstrap import Bootstrap
@@ -56,6 +59,11 @@ def test_the_bare_bootstrap_draws_the_same_particles(data: Track, n: int) -> Non
 def test_the_bare_kalman_filters_have_the_same_means(data: Track) -> None:
     assert looped(data, lambda: bare.Ekf(data, 1))() == pytest.approx(tracked(data, Ekf())(), abs=1e-9)
     assert looped(data, lambda: bare.Ukf(data, 1))() == pytest.approx(tracked(data, Ukf())(), abs=1e-9)
+
+
+def test_the_kernels_alone_are_the_tracker(data: Track) -> None:
+    assert alone(data, take_ekf)() == pytest.approx(tracked(data, Ekf())(), abs=1e-9)
+    assert alone(data, take_ukf)() == pytest.approx(tracked(data, Ukf())(), abs=1e-9)
 
 
 def test_many_filters_at_once_do_what_one_does(data: Track) -> None:
@@ -106,3 +114,10 @@ def test_growth_is_drawn(tmp_path: Path) -> None:
     particles = [{"particles": n, "bootstrap": n / 10, "spcpf": n / 5} for n in (100, 1000)]
     growth.draw(nodes, particles, tmp_path / "a.png")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_unscented_particle_filters_track(data: Track) -> None:
+    """Below the 20 m that the prior alone allows; over the first steps, beside others' if they are there."""
+    for who, run in {**unscented_particle_filters(data), **proposals(data)}.items():
+        means = run()
+        assert data_error(data.first(len(means)), means) < 8.0, who

@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import pytest
 
+from launcher.report.folder import REPORTS
 from tests.campaign import __main__ as campaign
 from tests.campaign import verdicts
 from tests.campaign.__main__ import Verdict
 from tests.campaign.cases import FIELD, TALKERS, Case, case
 from tests.campaign.census import PROVOKED, RETRACTION
 from tests.campaign.draws import LINKS, Draw
-from tests.campaign.fields import KINDS, settings
+from tests.campaign.fields import KINDS, SENSING, settings
 from tests.campaign.verdicts import Run, complaints, run
 from tests.protocols.agreement import Compared
 from trackfield.role import NS
@@ -33,6 +34,7 @@ def test_all_that_can_be_drawn_is_drawn() -> None:
     fields = [settings(seed) for seed in SEEDS]
     assert {fault["kind"] for one in fields for fault in one["faults"]} == set(KINDS)
     assert {one["link.model"] for one in fields} == {LINKS[name](Draw(1))["model"] for name in LINKS}
+    assert {one["sensor.kind"] for one in fields} == set(SENSING)
     assert {1, 2, 3, 4, 5, 6} == {len(one["faults"]) for one in fields}
     befallen = {id for one in fields for fault in one["faults"] for id in fault.get("nodes", ())}
     assert "fusion" in befallen
@@ -62,7 +64,7 @@ def sound() -> Run:
     assert case(SOUND).talkers == FIELD
     found = run(case(SOUND).plan)
     assert list(complaints(found)) == []
-    assert any(row.kind == "doa" and row.delivered for row in found.ledger.rows)
+    assert any(row.kind in REPORTS and row.delivered for row in found.ledger.rows)
     assert any(row.point.mean for row in found.tracks)
     return found
 
@@ -86,7 +88,7 @@ def test_a_sum_that_is_wrong(sound: Run) -> None:
 
 def test_a_step_reported_twice(sound: Run) -> None:
     spoilt = again(sound)
-    row = next(row for row in spoilt.ledger.rows if row.kind == "doa")
+    row = next(row for row in spoilt.ledger.rows if row.kind in REPORTS)
     spoilt.ledger.rows.append(replace(row, sent_ns=row.sent_ns + 5))
     assert any(f"reports step {row.step} 2 times" in what for what in complaints(spoilt))
 
@@ -100,7 +102,7 @@ def test_a_track_that_is_no_number(sound: Run) -> None:
 
 def test_a_life_after_death_and_a_stir_in_the_frost(sound: Run) -> None:
     spoilt = again(sound)
-    row = next(row for row in spoilt.ledger.rows if row.kind == "doa" and not row.incarnation)
+    row = next(row for row in spoilt.ledger.rows if row.kind in REPORTS and not row.incarnation)
     diary = spoilt.ledger.diaries[row.src]
     diary.spec = replace(diary.spec, kill_ns=row.sent_ns)
     assert any(f"{row.src} acts at" in what and "outside" in what for what in complaints(spoilt))
@@ -115,7 +117,7 @@ def test_a_run_without_end(sound: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_frame_after_the_battery_was_empty(sound: Run) -> None:
     spoilt = again(sound)
-    row = next(row for row in spoilt.ledger.rows if row.kind == "doa" and not row.incarnation)
+    row = next(row for row in spoilt.ledger.rows if row.kind in REPORTS and not row.incarnation)
     spoilt.ledger.diaries[row.src].died = (row.sent_ns - 1, 3)
     assert any(f"{row.src} acts at" in what and "battery" in what for what in complaints(spoilt))
 

@@ -30,10 +30,10 @@ def test_a_run_ends_by_naming_its_folder_and_the_next_command(trackfield: Call, 
     said = trackfield("run", "spcpf", *SHORT, "--out", "mine")
     assert (said.code, said.out) == (0, "")
     first, *_, folder, page, following = said.err.splitlines()
-    assert first == "zhai-spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
+    assert first == "zhai-spcpf: 121 sensor nodes, 9 s, link lognormal_prr, seed 1, trackers imm-ukf, spcpf"
     assert (folder, page) == ("run folder: mine", "report: mine/report.html")
     assert following == "next: trackfield view mine"
-    for tracker in ("fix-imm-ukf", "spcpf"):
+    for tracker in ("imm-ukf", "spcpf"):
         assert re.search(rf"{tracker} +│ +\d\.\d\d m ", said.err)
     files = {file.name for file in (tmp_path / "mine").iterdir()}
     assert files == {
@@ -99,7 +99,7 @@ def test_validate_says_what_it_comes_to_and_leaves_nothing(trackfield: Call, tmp
     said = trackfield("validate", "bus", "--set", "link.model=ideal", "--set", "target.from=08:00:30")
     assert (said.code, said.out) == (0, "")
     first, coverage, reports, *receptions, last = said.err.splitlines()
-    assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers fix-imm-ukf, spcpf", first)
+    assert re.fullmatch(r"bus: \d\d sensor nodes, 72 s, link ideal, seed 1, trackers imm-ukf, spcpf", first)
     assert coverage.startswith("coverage: enough sensors for a fix (2) within 56 m of the target in 71 of 71 steps (")
     assert coverage.endswith(" on average), enough reports for a fix (2) in time in 100%")
     assert re.fullmatch(

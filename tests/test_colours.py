@@ -7,9 +7,17 @@ from trackfield.filters.trackers import TRACKERS
 
 
 def test_a_packaged_tracker_always_has_its_own_colour() -> None:
-    alone = {name: tracker_colours([name])[name] for name in TRACKERS.own}
+    alone = {name: tracker_colours([name])[name] for name in TRACKERS.own if name != "fix-imm-ukf"}
     assert len(set(alone.values())) == len(alone)
     assert tracker_colours(list(reversed(alone))) == alone
+
+
+def test_the_former_name_has_the_colour_of_the_new_one_unless_both_are_there() -> None:
+    new = tracker_colours(["imm-ukf"])["imm-ukf"]
+    former = tracker_colours(["fix-imm-ukf", "mine"])
+    assert former["fix-imm-ukf"] == new != former["mine"]
+    both = tracker_colours(["fix-imm-ukf", "imm-ukf"])
+    assert both["imm-ukf"] == new != both["fix-imm-ukf"]
 
 
 def test_others_take_what_is_left() -> None:

@@ -205,7 +205,7 @@ def test_figures_stand_side_by_side(tmp_path: Path) -> None:
         metrics["timing"]["host_late"] = 17
 
     a = finished(tmp_path / "a", change=odd)
-    b = finished(tmp_path / "b", "link.loss=1", 'fusion.trackers=["fix-imm-ukf"]')
+    b = finished(tmp_path / "b", "link.loss=1", 'fusion.trackers=["imm-ukf"]')
     table = shown(a, b)
     assert table["spcpf"]["RMSE [m]"] == ["1.25", "–"]
     assert table["spcpf"]["verdict"] == ["tracked with gaps", "–"]
@@ -231,7 +231,7 @@ def test_the_keys_in_which_scenarios_differ_come_first(tmp_path: Path) -> None:
     assert first["faults"][0].endswith(" ...")  # what tells them apart is too long to be shown
     assert "name" not in first
     assert "link.queue" not in shown(a, b)["settings that differ"]
-    assert next(iter(shown(a, finished(tmp_path / "again", "link.busy=0.25", many % "")))) == "fix-imm-ukf"
+    assert next(iter(shown(a, finished(tmp_path / "again", "link.busy=0.25", many % "")))) == "imm-ukf"
 
 
 def test_only_what_says_something_has_a_row(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def test_the_page_says_what_differs_and_what_came_of_it(trackfield: Call, tmp_pa
     assert code == 0
     assert "a, out – Trackfield comparison" in read.text
     assert 'faults – [{"kind": "restart", "nodes": ["fusion"], "at_s": 4.0, "until_s": 9.0}]' in read.text
-    assert re.search(r"fix-imm-ukf a tracked RMSE [\d.]+ m, .* over all 12 steps", read.text)
+    assert re.search(r"imm-ukf a tracked RMSE [\d.]+ m, .* over all 12 steps", read.text)
     assert re.search(r"out (lost|tracked with gaps) RMSE [\d.]+ m, .* over 8 of 12 steps", read.text)
     assert "4 s without a track: fusion was restarted at 4 s and came back at 9 s" in read.text
     assert "a lower figure may be chance" in read.text
@@ -96,7 +96,7 @@ def test_the_page_needs_nothing_else(trackfield: Call, tmp_path: Path, home: Pat
 def test_each_tracker_has_its_colour_on_the_page(trackfield: Call, tmp_path: Path, home: Path) -> None:
     page(trackfield, tmp_path, home / "a", home / "out")
     text = (tmp_path / "page.html").read_text()
-    for tracker, colour in tracker_colours(["fix-imm-ukf", "spcpf"]).items():
+    for tracker, colour in tracker_colours(["imm-ukf", "spcpf"]).items():
         assert re.search(rf'<li style="border-color:{colour}"><h2>{tracker}', text)
 
 
@@ -153,8 +153,8 @@ def test_lines_of_a_tracker_have_its_colour_and_runs_are_told_apart(home: Path) 
     figure = figures.errors(found)
     assert figure is not None
     drawn = {line.get_label(): line for line in figure.axes[0].get_lines()}
-    own = tracker_colours(["fix-imm-ukf", "spcpf"])
-    assert list(drawn) == ["fix-imm-ukf, a", "spcpf, a", "fix-imm-ukf, out", "spcpf, out"]
+    own = tracker_colours(["imm-ukf", "spcpf"])
+    assert list(drawn) == ["imm-ukf, a", "spcpf, a", "imm-ukf, out", "spcpf, out"]
     assert drawn["spcpf, a"].get_color() == own["spcpf"]
     assert drawn["spcpf, out"].get_color() == tint(own["spcpf"], -0.5)
     assert drawn["spcpf, a"].get_linestyle() != drawn["spcpf, out"].get_linestyle()
@@ -166,7 +166,7 @@ def test_a_line_breaks_in_an_outage_and_its_steps_count(home: Path) -> None:
     over_time, shares = figures.errors(found), figures.distribution(found)
     assert over_time is not None
     assert shares is not None
-    for axes, name in ((over_time.axes[0], "fix-imm-ukf, out"), (shares.axes[0], "fix-imm-ukf, out")):
+    for axes, name in ((over_time.axes[0], "imm-ukf, out"), (shares.axes[0], "imm-ukf, out")):
         (line,) = [one for one in axes.get_lines() if one.get_label() == name]
         x, y = (np.asarray(values, float) for values in line.get_data())
         if axes in over_time.axes:
@@ -194,7 +194,7 @@ def test_errors_of_a_short_run_beside_a_long_one_are_over_the_same_window(
 def test_many_lines_have_a_plot_for_each_tracker(home: Path) -> None:
     runs = [read_run(home / "a")] * 4
     plots = panels(lines(runs, ["r", "s", "t", "u"]))
-    assert [{line.track.tracker for line in plot} for plot in plots] == [{"fix-imm-ukf"}, {"spcpf"}]
+    assert [{line.track.tracker for line in plot} for plot in plots] == [{"imm-ukf"}, {"spcpf"}]
     assert len(panels(lines(runs[:3], ["r", "s", "t"]))) == 1
 
 
@@ -215,7 +215,7 @@ def test_step_by_step_the_runs_are_paired(home: Path) -> None:
     row = dict(zip(table.head, table.rows[0], strict=True))
     a, out = (one.tracks[0].error_m for one in runs)
     both = np.isfinite(a - out)
-    assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("fix-imm-ukf", "out", "a", "8")
+    assert (row["tracker"], row["run"], row["against"], row["steps in both"]) == ("imm-ukf", "out", "a", "8")
     assert float(row["difference [m]"]) == pytest.approx(float((out - a)[both].mean()), rel=5e-3)
     assert row["parts lower"] == "–"  # too few steps
 
@@ -268,7 +268,7 @@ def test_csv_has_a_row_for_each_run_and_tracker(trackfield: Call, tmp_path: Path
     assert "table: table.csv\n" in said.err
     rows = list(csv.DictReader(io.StringIO((tmp_path / "table.csv").read_text())))
     assert [(row["run"], row["tracker"]) for row in rows] == [
-        ("a", "fix-imm-ukf"), ("a", "spcpf"), ("out", "fix-imm-ukf"), ("out", "spcpf"), ("other", "ekf"),
+        ("a", "imm-ukf"), ("a", "spcpf"), ("out", "imm-ukf"), ("out", "spcpf"), ("other", "ekf"),
     ]  # fmt: skip
     for row in rows:
         metrics = json.loads((home / row["run"] / "metrics.json").read_text())
@@ -350,7 +350,7 @@ def test_a_comparison_shows_itself(home: Path) -> None:
     comparison = tf.compare([home / "a", home / "out"])
     whole, piece = Reader(comparison.to_html()), Reader(comparison._repr_html_())
     assert "Error over time" in whole.text
-    assert "fix-imm-ukf verdict tracked" in piece.text
+    assert "imm-ukf verdict tracked" in piece.text
     assert [tag for tag, _ in piece.tags if tag in ("html", "body", "img")] == []
     error = read_runs([home / "a", home / "out"]).metrics[0]["trackers"]["spcpf"]["rmse"]["position"]
     assert f"{error:.2f}" in piece.text

@@ -51,7 +51,7 @@ def test_of_many_curves_the_legend_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("peak", [5, 50, 95])
-@pytest.mark.parametrize("labels", [["lost", "late"], ["bound", "fix-imm-ukf", "spcpf"]])
+@pytest.mark.parametrize("labels", [["lost", "late"], ["bound", "imm-ukf", "spcpf"]])
 def test_no_curve_is_behind_the_legend(peak: int, labels: list[str]) -> None:
     curves, _ = drawn({t: 10.0 if abs(t - peak) < 4 else 2.0 for t in range(100)})
     axis = curves.axis("error", labels)
@@ -88,7 +88,7 @@ def outage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_curves_break_in_an_outage(outage: Path) -> None:
-    for plot in ("error/fix-imm-ukf", "error/spcpf", "error/bound", "latency"):
+    for plot in ("error/imm-ukf", "error/spcpf", "error/bound", "latency"):
         values = read(outage, f"/plots/{plot}", "Scalars:scalars")
         (end,) = [t for t in broken(values) if 5 <= t <= 7]
         times = [t for t, _ in values if t is not None]
@@ -97,7 +97,7 @@ def test_curves_break_in_an_outage(outage: Path) -> None:
 
 
 def test_lines_break_and_nothing_is_current_in_an_outage(outage: Path) -> None:
-    for tracker in ("fix-imm-ukf", "spcpf"):
+    for tracker in ("imm-ukf", "spcpf"):
         for name, component in (("position", "Points2D:positions"), ("ellipse", "LineStrips2D:strips")):
             rows = [(t, value) for t, value in read(outage, f"/field/{tracker}/{name}", component) if t is not None]
             assert [t for t, value in rows if 4 < t < 12.5 and not value] == [5.0], tracker

@@ -179,3 +179,29 @@ def test_the_paper_scenario_is_the_same_under_every_fault(tmp_path: FilePath) ->
     assert real.metrics["timing"]["host_late"] == 0
     assert 0 < real.metrics["lifetime_s"]["first_death"] < 31
     assert {"doa", "sync-request", "sync-reply", "threshold"} <= real.metrics["frames"]["by_kind"].keys()
+
+
+KINDS: dict[str, list[str]] = {
+    "range": [],
+    "rss": ["sensor.slow=0.4", "sensor.slow_s=5", "sensor.fixed=0.2"],
+    "energy": ["sensor.window_s=1", "sensor.sound_m_s=343"],
+}
+SENSOR_FAULTS = """[
+{kind='babble', nodes=['n000'], at_s=2, until_s=7}, {kind='stuck', nodes=['n001'], at_s=4},
+{kind='bias', nodes=['n002'], by=[3.5], at_s=3}, {kind='deaf', nodes=['n003'], at_s=5, until_s=8},
+{kind='restart', nodes=['n004'], at_s=3, until_s=6}, {kind='kill', nodes=['n005'], at_s=8},
+{kind='clock_jump', nodes=['n006'], jump_ms=300, at_s=6}]""".replace("\n", " ")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_field_of_each_kind_is_the_same_under_every_fault(kind: str, tmp_path: FilePath) -> None:
+    """Nine sensors, whose readings remember: shadowing that lasts, sound that is late and adds up over a window."""
+    settings = [
+        "field.extent_m=100", "target.steps=10", f"sensor.kind={kind}", *KINDS[kind], "fusion.trackers=['ekf', 'ukf']",
+        "fusion.prior=none", "fusion.max_age_s=1", "clock.offset_ms=30", f"faults={SENSOR_FAULTS}",
+    ]  # fmt: skip
+    real, found = both(planned(load("spcpf", link="fixed", seed=1, settings=settings), speed=2), tmp_path)
+    assert found == []
+    assert real.metrics["frames"]["by_kind"][kind]["sent"] > 50
+    assert min(real.metrics["trackers"][name]["steps_tracked"] for name in ("ekf", "ukf")) > 5
+    assert real.metrics["timing"]["host_late"] == 0

@@ -6,7 +6,8 @@ import pytest
 from tests.zhai_field import MODEL, hear, only, prior_around, s1
 from trackfield.filters import batch
 from trackfield.filters.gaussian import moments
-from trackfield.filters.particles import log_likelihood, moved, picked
+from trackfield.filters.measurement import log_likelihood
+from trackfield.filters.particles import moved, picked
 from trackfield.filters.resampling import evenly, normalised
 from trackfield.filters.rng import generator
 from trackfield.filters.spcpf import SpCpf
@@ -56,7 +57,7 @@ def test_the_bootstraps_kernels_take_runs_too():
 
     def step(particles, normals, reports, u):
         particles = moved(particles, 1.0, 0.1, normals)
-        weights = normalised(log_likelihood(particles, reports, MODEL.sigma_w))
+        weights = normalised(log_likelihood(MODEL, particles, reports))
         return *moments(weights, particles), picked(particles, evenly(weights, 300, u))
 
     together = step(particles, normals, batch.stacked(reports), u)

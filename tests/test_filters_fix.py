@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from tests import kalman
-from tests.zhai_field import GRID, SIGMA_W, hear, only
-from trackfield.filters.fix import centroid, intensity_weights, map_fix
+from tests.sensing import bearings_model
+from tests.zhai_field import GRID, MODEL, SIGMA_W, hear, only
+from trackfield.filters.fix import centroid, map_fix
 from trackfield.filters.gaussian import extent
+from trackfield.filters.measurement import intensity_weights
 from trackfield.filters.types import Gaussian, of_bearings
 from trackfield.models import doa
 from trackfield.models.sound import wrap
@@ -45,7 +47,7 @@ def test_fix_is_the_best_point_of_a_brute_force_search(seed):
     P = np.diag([20.0, 20.0, 4.0, 4.0]) @ (np.eye(4) + 0.1 * A @ A.T) @ np.diag([20.0, 20.0, 4.0, 4.0])
     prior = Gaussian(truth + np.linalg.cholesky(P) @ rng.normal(size=4), P)
     heard = hear(truth[:2], rng)
-    fix = map_fix(prior, heard, SIGMA_W).posterior
+    fix = map_fix(prior, heard, MODEL).posterior
     best = brute_force(prior, heard, SIGMA_W)
     assert fix.mean[:2] == pytest.approx(best, abs=1e-4)
     # velocities follow the position by the prior's correlation
@@ -60,7 +62,7 @@ def test_linear_case_is_kalmans_mean_covariance_and_evidence(seed):
     prior = Gaussian(rng.normal(0.0, 9.0, 4), A @ A.T + np.eye(4))
     z = rng.normal(0.0, 9.0, 2)
     exact = kalman.update(prior, z, np.eye(2, 4), 4.0 * np.eye(2))
-    posterior, log_evidence = map_fix(prior, kalman.far_reports(z), 2.0 / kalman.FAR)
+    posterior, log_evidence = map_fix(prior, kalman.far_reports(z), bearings_model(2.0 / kalman.FAR))
     assert posterior.mean == pytest.approx(exact.mean, abs=1e-3)
     assert posterior.covariance == pytest.approx(exact.covariance, rel=1e-4, abs=1e-3)
     # a density per radian of each of two bearings, not per metre
@@ -72,7 +74,7 @@ def nees_of_fixes(truths, rng):
     P, nees = np.diag([400.0, 400.0, 16.0, 16.0]), []
     for truth in truths:
         prior = Gaussian(np.append(truth + 20.0 * rng.normal(size=2), [0.0, 0.0]), P)
-        fix = map_fix(prior, hear(truth, rng), SIGMA_W).posterior
+        fix = map_fix(prior, hear(truth, rng), MODEL).posterior
         error = fix.mean[:2] - truth
         nees.append(error @ np.linalg.inv(fix.covariance[:2, :2]) @ error)
     return np.array(nees)
@@ -98,12 +100,12 @@ def test_exact_bearings_across_the_cut_of_the_angle():
     turned = reports(sensors, heard.bearings + 2.0 * np.pi * np.array([1.0, -1.0, 2.0]))
     prior = Gaussian(np.array([10.0, -20.0, 0.0, 0.0]), np.diag([1e6, 1e6, 1.0, 1.0]))
     for each in (heard, turned):
-        assert map_fix(prior, each, 0.05).posterior.mean[:2] == pytest.approx(truth, abs=1e-3)
+        assert map_fix(prior, each, bearings_model(0.05)).posterior.mean[:2] == pytest.approx(truth, abs=1e-3)
 
 
 def test_one_bearing_leaves_the_range_to_the_prior():
     prior = Gaussian(np.array([5.0, 60.0, 0.0, 0.0]), np.diag([400.0, 400.0, 16.0, 16.0]))
-    fix = map_fix(prior, reports([(0.0, 0.0)], [0.0]), 0.05).posterior
+    fix = map_fix(prior, reports([(0.0, 0.0)], [0.0]), bearings_model(0.05)).posterior
     assert fix.mean[:2] == pytest.approx([0.0, 60.0], abs=1.0)
     assert np.sqrt(fix.covariance[1, 1]) == pytest.approx(20.0, rel=0.05)
     assert np.sqrt(fix.covariance[0, 0]) == pytest.approx(3.0, rel=0.15)  # 0.05 rad at 60 m
@@ -115,7 +117,7 @@ def test_with_one_sensor_the_prior_is_the_start(seed):
     rng = np.random.default_rng(seed)
     prior = Gaussian(np.array([230.0, 140.0, 0.0, 0.0]), np.diag([60.0, 60.0, 4.0, 4.0]) ** 2)
     heard = only(hear(prior.mean[:2] + rng.normal(0.0, 20.0, 2), rng), [0])
-    fix = map_fix(prior, heard, SIGMA_W).posterior
+    fix = map_fix(prior, heard, MODEL).posterior
     found = cost(prior, heard, SIGMA_W, np.stack((fix.mean[:2], brute_force(prior, heard, SIGMA_W))))
     assert found[0] < found[1] + 0.5
 
@@ -129,7 +131,7 @@ def test_under_a_prior_that_is_off_the_fix_is_still_likelier_than_the_truth(sd):
         mean = truth + 2.5 * sd * np.array([np.sin(aside), np.cos(aside)])
         prior = Gaussian(np.append(mean, [0.0, 0.0]), P)
         heard = only(hear(truth, rng), [0, -1])
-        fix = map_fix(prior, heard, SIGMA_W).posterior
+        fix = map_fix(prior, heard, MODEL).posterior
         at_fix, at_truth = cost(prior, heard, SIGMA_W, np.stack((fix.mean[:2], truth)))
         assert at_fix <= at_truth
 
@@ -138,7 +140,7 @@ def test_under_a_prior_that_is_off_the_fix_is_still_likelier_than_the_truth(sd):
 def test_a_singular_prior_stays_where_it_has_no_extent(P):
     prior = Gaussian(np.array([30.0, 40.0, 1.0, 2.0]), P)
     heard = reports(GRID[:3], doa.measure(np.array([33.0, 40.0]), GRID[:3]))
-    fix = map_fix(prior, heard, 0.01).posterior
+    fix = map_fix(prior, heard, bearings_model(0.01)).posterior
     fixed = np.diag(P) == 0.0
     assert fix.mean[fixed] == pytest.approx(prior.mean[fixed])
     if P.any():
@@ -149,7 +151,7 @@ def test_intensity_weights_are_shares_of_power():
     assert intensity_weights(np.array([60.0, 50.0, 50.0])) == pytest.approx(np.array([10.0, 1.0, 1.0]) / 12.0)
     assert intensity_weights(np.array([-4e3])) == pytest.approx([1.0])
     heard = reports([(0.0, 0.0), (11.0, 22.0)], [0.0, 0.0], [60.0, 50.0])
-    assert centroid(heard) == pytest.approx([1.0, 2.0])
+    assert centroid(MODEL, heard) == pytest.approx([1.0, 2.0])
 
 
 @pytest.mark.parametrize("sd", [1e2, 1e4, 1e6])
@@ -157,7 +159,7 @@ def test_intensity_weights_are_shares_of_power():
 def test_a_wide_prior_around_the_sensor_itself(off: float, sd: float) -> None:
     """One bearing of a radar, from a track that has come to lie on it: steep, and still nothing is singular."""
     prior = Gaussian(np.array([off, 0.0, 10.0, 0.0]), np.diag(np.square([sd, sd, 10.0, 10.0])))
-    fix, log_evidence = map_fix(prior, reports(np.array([[0.0, 0.0]]), [0.5]), 0.0035)
+    fix, log_evidence = map_fix(prior, reports(np.array([[0.0, 0.0]]), [0.5]), bearings_model(0.0035))
     assert np.isfinite(log_evidence)
     assert np.linalg.eigvalsh(fix.covariance).min() > 0.0
     assert extent(fix.covariance) == pytest.approx(sd, rel=1e-3)  # its distance stays unknown

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.sensing import silence, with_bearings
-from tests.zhai_field import GRID, MODEL, SCENARIOS, SIGMA_W, hear, only, prior_around
+from tests.zhai_field import GRID, MODEL, SCENARIOS, hear, only, prior_around
 from trackfield.filters.fix import first_fix
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Estimate, of_bearings
@@ -20,7 +20,7 @@ def exactly(position, sensors):
     return of_bearings(0, ids, sensors, doa.measure(np.array(position), sensors), np.full(len(sensors), 60.0))
 
 
-def following(name="fix-imm-ukf"):
+def following(name="imm-ukf"):
     return Following(make_tracker(name), MODEL)
 
 
@@ -59,14 +59,14 @@ def straight(n, start=(120.0, 130.0), velocity=(6.0, 5.0)):
     ],
 )
 def test_bearings_that_leave_the_range_open_give_no_fix(reports):
-    assert first_fix(reports, SIGMA_W, ANYWHERE) is None
+    assert first_fix(reports, MODEL, ANYWHERE) is None
     state, estimate = following().step(following().begin(None), reports, 1.0, np.random.default_rng(0))
     assert estimate is None
     assert state.track is None
 
 
 def test_two_bearings_that_cross_give_one():
-    fix = first_fix(exactly((20.0, 30.0), [(0.0, 0.0), (50.0, 0.0)]), SIGMA_W, ANYWHERE)
+    fix = first_fix(exactly((20.0, 30.0), [(0.0, 0.0), (50.0, 0.0)]), MODEL, ANYWHERE)
     assert fix.mean == pytest.approx([20.0, 30.0, 0.0, 0.0], abs=0.1)
     assert np.sqrt(np.diag(fix.covariance)[2:]) == pytest.approx([10.0, 10.0])  # any vehicle in town
 
@@ -75,7 +75,7 @@ def test_two_bearings_that_cross_give_one():
 def test_the_first_fix_is_as_good_as_it_says(seed):
     rng, nees = np.random.default_rng(seed), []
     for position in rng.uniform(100.0, 400.0, (100, 2)):
-        fix = first_fix(hear(position, rng), SIGMA_W, ANYWHERE)
+        fix = first_fix(hear(position, rng), MODEL, ANYWHERE)
         if fix is not None:
             error = fix.mean[:2] - position
             nees.append(error @ np.linalg.inv(fix.covariance[:2, :2]) @ error)
@@ -90,14 +90,14 @@ def test_the_track_starts_with_the_first_step_that_gives_a_fix():
     def heard(step, reports):
         return only(reports, range({0: 0, 1: 1}.get(step, len(reports))))
 
-    _, estimates = follow("fix-imm-ukf", straight(12), np.random.default_rng(1), heard=heard)
+    _, estimates = follow("imm-ukf", straight(12), np.random.default_rng(1), heard=heard)
     assert estimates[:2] == [None, None]
     assert off(estimates[2], straight(12)[2]) < 6.0
     assert off(estimates[11], straight(12)[11]) < 4.0
     assert estimates[11].mean[2:] == pytest.approx([6.0, 5.0], abs=2.0)
 
 
-@pytest.mark.parametrize("name", ["fix-imm-ukf", "spcpf"])
+@pytest.mark.parametrize("name", ["imm-ukf", "spcpf"])
 @pytest.mark.parametrize("scenario", list(SCENARIOS))
 def test_alone_is_as_good_as_with_a_prior_and_never_starts_anew(name, scenario):
     squares = []
@@ -111,11 +111,11 @@ def test_alone_is_as_good_as_with_a_prior_and_never_starts_anew(name, scenario):
         fresh = pytest.approx(10.0**2)  # the variance of a velocity of which nothing is known
         assert not any(estimates[i].covariance[2, 2] == fresh for i in range(1, len(estimates)))
         squares += [off(e, p[:2]) ** 2 for e, p in zip(estimates, truth[1:], strict=True)]
-    band = {"fix-imm-ukf": 2.1, "spcpf": 3.2}[name]
+    band = {"imm-ukf": 2.1, "spcpf": 3.2}[name]
     assert np.sqrt(np.mean(squares)) < band
 
 
-@pytest.mark.parametrize("name", ["fix-imm-ukf", "spcpf", "bootstrap"])
+@pytest.mark.parametrize("name", ["imm-ukf", "spcpf", "bootstrap"])
 def test_a_target_that_jumps_is_found_again(name):
     path = np.concatenate((straight(15), straight(15, start=(400.0, 120.0), velocity=(-6.0, 5.0))))
     _, estimates = follow(name, path, np.random.default_rng(3))
@@ -152,7 +152,7 @@ def test_one_sensor_that_points_anywhere_does_not_end_a_track():
             bearings[0] += 2.5
         return with_bearings(reports, bearings)
 
-    states, _ = follow("fix-imm-ukf", straight(40), np.random.default_rng(4), heard=heard)
+    states, _ = follow("imm-ukf", straight(40), np.random.default_rng(4), heard=heard)
     assert all(state.track is not None for state in states)
     assert states[-1].doubt < 14.0
 
@@ -161,7 +161,7 @@ def test_silence_is_coasted_through_and_a_long_one_ends_the_track():
     def heard(step, reports):
         return NONE if step >= 10 else reports
 
-    _, estimates = follow("fix-imm-ukf", straight(300), np.random.default_rng(5), heard=heard)
+    _, estimates = follow("imm-ukf", straight(300), np.random.default_rng(5), heard=heard)
     assert off(estimates[13], straight(14)[13]) < 25.0
     ended = estimates.index(None)
     assert ended > 15
@@ -176,7 +176,7 @@ def test_the_track_comes_back_after_silence():
     def heard(step, reports):
         return NONE if 10 <= step < 40 else reports
 
-    _, estimates = follow("fix-imm-ukf", path, np.random.default_rng(6), heard=heard)
+    _, estimates = follow("imm-ukf", path, np.random.default_rng(6), heard=heard)
     assert off(estimates[45], path[45]) < 8.0
 
 

@@ -10,15 +10,18 @@ from immutables import Map
 
 from tests import kalman
 from tests.sensing import with_bearings
-from tests.zhai_field import GRID, MODEL, SIGMA_W, hear
+from tests.zhai_field import GRID, MODEL, hear
 from trackfield.filters import ukf
 from trackfield.filters.fix import agreeing
-from trackfield.filters.fix_imm_ukf import FixImmUkf
 from trackfield.filters.gate import CLUTTER, left_out, likeliest
 from trackfield.filters.gaussian import extent
+from trackfield.filters.imm_ukf import ImmUkf
 from trackfield.filters.suspicion import clutter, learn
 from trackfield.filters.types import Gaussian, of_bearings
 from trackfield.models import doa
+
+ANY = -np.log(2.0 * np.pi)
+"""Log density of a bearing that may be any."""
 
 
 def problem(rng, k, n=4, spread=2.0):
@@ -50,7 +53,7 @@ class Kalman:
 
 def by_enumeration(prior, H, sd, z, chances):
     """The likeliest of all 2^K stories, and its log odds."""
-    gain = left_out(chances)
+    gain = left_out(chances, ANY)
     stories = [which for size in range(len(z) + 1) for which in combinations(range(len(z)), size)]
     odds = [evidence(prior, H, sd, z, which) - gain[list(which)].sum() for which in stories]
     return stories[int(np.argmax(odds))], max(odds)
@@ -75,8 +78,8 @@ def exact_ones(wrong):
         prior, H, sd, z = problem(rng, 6, spread=0.05)
         z[list(wrong)] += rng.choice([-1.0, 1.0], len(wrong)) * rng.uniform(1.0, 3.0, len(wrong))
         chances = rng.uniform(0.02, 0.5, 6)
-        story = likeliest(chances, Kalman(prior, H, sd, z))
-        found = evidence(prior, H, sd, z, story.believed) - left_out(chances)[story.believed].sum()
+        story = likeliest(left_out(chances, ANY), Kalman(prior, H, sd, z))
+        found = evidence(prior, H, sd, z, story.believed) - left_out(chances, ANY)[story.believed].sum()
         assert story.log_odds == pytest.approx(found)
         count += tuple(story.believed) == by_enumeration(prior, H, sd, z, chances)[0]
     return count
@@ -98,7 +101,7 @@ def test_a_single_bearing_is_left_out_where_bayes_rule_says():
     prior, H = Gaussian(np.zeros(1), np.array([[sd**2]])), np.eye(1)
     for off, believed in ((edge - 1e-6, 1), (edge + 1e-6, 0)):
         z = np.array([off * np.sqrt(2.0) * sd])
-        assert len(likeliest(np.array([c]), Kalman(prior, H, np.array([sd]), z)).believed) == believed
+        assert len(likeliest(left_out(np.array([c]), ANY), Kalman(prior, H, np.array([sd]), z)).believed) == believed
 
 
 # --- in the tracker ---
@@ -106,7 +109,7 @@ def test_a_single_bearing_is_left_out_where_bayes_rule_says():
 
 def settled(truth, rng, gate=True, steps=12, velocity=(6.0, 5.0)):
     """The tracker's state after it followed a straight path to one second before ``truth``."""
-    tracker, v = FixImmUkf(gate=gate), np.array(velocity)
+    tracker, v = ImmUkf(gate=gate), np.array(velocity)
     prior = Gaussian(np.append(truth - steps * v, v), np.diag([9.0, 9.0, 1.0, 1.0]))
     state = tracker.init(prior, MODEL)
     for step in range(steps - 1, 0, -1):
@@ -196,13 +199,13 @@ def test_a_fix_from_many_leaves_out_the_one_that_does_not_fit(degrees):
         bearings = doa.measure(truth, sensors)
         bearings[wrong] += np.radians(degrees)
         heard = of_bearings(0, tuple("abcde"), sensors, bearings, np.full(5, 60.0))
-        assert agreeing(wide, heard, SIGMA_W).believed.tolist() == [k for k in range(5) if k != wrong]
+        assert agreeing(wide, heard, MODEL).believed.tolist() == [k for k in range(5) if k != wrong]
 
 
 def test_two_bearings_cannot_tell_which_of_them_is_wrong():
     heard = of_bearings(0, ("a", "b"), GRID[[48, 60]], np.array([2.0, 3.0]), np.full(2, 60.0))
     wide = Gaussian(np.array([240.0, 230.0, 0.0, 0.0]), np.diag([1e6, 1e6, 100.0, 100.0]))
-    assert agreeing(wide, heard, SIGMA_W).believed.tolist() == [0, 1]
+    assert agreeing(wide, heard, MODEL).believed.tolist() == [0, 1]
 
 
 # --- what is learnt of sensors ---

@@ -9,10 +9,10 @@ from tests.sensing import bearings_model
 from tests.zhai_field import MODEL, hear
 from trackfield.filters import sp_pekf
 from trackfield.filters.bootstrap import Bootstrap
-from trackfield.filters.fix import intensity_weights
 from trackfield.filters.fix_doa import FixDoa
 from trackfield.filters.gaussian import collapse
-from trackfield.filters.particles import draw, log_likelihood, propagate
+from trackfield.filters.measurement import intensity_weights, log_likelihood
+from trackfield.filters.particles import draw, propagate
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Gaussian
 from trackfield.models import doa, motion
@@ -109,7 +109,7 @@ def test_likelihood_is_of_all_bearings_and_wraps():
     by_hand = np.zeros(50)
     for bearing, sensor in zip(heard.bearings, heard.positions, strict=True):
         by_hand += norm.logpdf(wrap(bearing - doa.measure(particles, sensor[None])[:, 0]), scale=0.1)
-    constant = by_hand - log_likelihood(particles, heard, 0.1)
+    constant = by_hand - log_likelihood(bearings_model(0.1), particles, heard)
     assert constant == pytest.approx(np.full(50, constant[0]))
 
 
@@ -145,7 +145,7 @@ def test_the_bank_of_ekfs_is_the_papers_equations(seed):
         carried += share * np.einsum("n,nij->ij", psi, np.array(covariances))
     expected = collapse(shares, np.array(sensors_mean), np.array(sensors_cov))
 
-    fused = sp_pekf.advance(nominals, noisy, R, heard, shares, dt=dt, sigma_v=sigma_v, sigma_w=sigma_w)
+    fused = sp_pekf.advance(nominals @ F.T, noisy, R, heard, shares, bearings_model(sigma_w, sigma_v), dt)
     assert fused.proposal.mean == pytest.approx(expected.mean)
     assert fused.proposal.covariance == pytest.approx(expected.covariance)
     assert fused.carried == pytest.approx(carried, abs=1e-9)

@@ -17,7 +17,7 @@ from trackfield.filters import imm
 from trackfield.filters.belief import Belief, Believes, Modes, Particles, dimension, form_of, moments, pack, unpack
 from trackfield.filters.bootstrap import Bootstrap, BootstrapState
 from trackfield.filters.checked import checked
-from trackfield.filters.fix_imm_ukf import FixImmUkf, FixImmUkfState
+from trackfield.filters.imm_ukf import ImmUkf, ImmUkfState
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import TRACKERS, make_tracker
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
@@ -58,7 +58,11 @@ def lived(following: Following[Any], reports: list[Reports], steps: int = START)
 # --- what they hand on ---
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("fix-imm-ukf", "predict-only")])
+MODES = ("imm-ukf", "fix-imm-ukf", "mrbpf", "mrbpf-weightmass", "jm-rbpf")
+"""Who hands on a Gaussian for each mode."""
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in (*MODES, "predict-only")])
 def test_by_default_it_is_the_gaussian_of_the_estimate(name: str) -> None:
     reports = heard(s1(np.random.default_rng(1)), 1)
     following = Following(make_tracker(name), MODEL)
@@ -99,7 +103,7 @@ def test_a_track_that_has_just_begun_is_known_by_its_fix() -> None:
 
 def test_its_modes_go_on_as_if_it_had_never_ended_but_for_rounding() -> None:
     """Over steps without reports: of those with reports the first is used by a fix."""
-    following = Following(FixImmUkf(), MODEL)
+    following = Following(ImmUkf(), MODEL)
     state = lived(following, heard(s3(np.random.default_rng(2)), 2))
     belief = following.belief(state)
     assert isinstance(belief, Modes)
@@ -115,7 +119,7 @@ def test_its_modes_go_on_as_if_it_had_never_ended_but_for_rounding() -> None:
 
 
 def test_it_suspects_no_sensor_any_more() -> None:
-    tracker, reports = FixImmUkf(), heard(s1(np.random.default_rng(1)), 1)
+    tracker, reports = ImmUkf(), heard(s1(np.random.default_rng(1)), 1)
     following = Following(tracker, MODEL)
     state = lived(following, reports)
     wrong = reports[START + 1]
@@ -125,13 +129,13 @@ def test_it_suspects_no_sensor_any_more() -> None:
     belief = following.belief(state)
     assert belief is not None
     resumed = following.resume(belief).track
-    assert isinstance(resumed, FixImmUkfState)
+    assert isinstance(resumed, ImmUkfState)
     assert not resumed.suspicion
 
 
 def test_other_beliefs_are_a_prior() -> None:
     rng = np.random.default_rng(3)
-    tracker, points = FixImmUkf(), rng.normal(size=(50, 4))
+    tracker, points = ImmUkf(), rng.normal(size=(50, 4))
     for belief in (
         Gaussian(np.ones(4), np.eye(4)),
         Particles(np.full(50, 0.02), points),
@@ -148,7 +152,7 @@ def test_a_manoeuvre_that_the_pause_hid_does_not_throw_it_off() -> None:
     misses = []
     for seed in range(20):
         truth = s3(np.random.default_rng(seed))
-        following, reports = Following(FixImmUkf(), MODEL), heard(truth, seed)
+        following, reports = Following(ImmUkf(), MODEL), heard(truth, seed)
         belief = following.belief(lived(following, reports))
         assert belief is not None
         state = following.resume(sent(belief))

@@ -84,7 +84,7 @@ def assert_as_the_document_says(summary: Path) -> None:
     """Of both trackers up to 60 m, of energy and error, and of 80 m."""
     with summary.open(newline="") as file:
         rows = {(row["field.spacing_m"], row["tracker"]): row for row in csv.DictReader(file)}
-    trackers = ("fix-imm-ukf", "spcpf")
+    trackers = ("imm-ukf", "spcpf")
     assert rows.keys() == {(spacing, name) for spacing in ("40", "50", "60", "80") for name in trackers}
     assert {float(row["tracked.share"]) for (spacing, _), row in rows.items() if spacing != "80"} == {1.0}
     assert (rows["80", "spcpf"]["tracked_with_gaps"], rows["80", "spcpf"]["runs"]) == ("3", "5")
@@ -92,7 +92,7 @@ def assert_as_the_document_says(summary: Path) -> None:
     assert energy == {"40": 173, "60": 75}
     assert {f"{spent} J" in DOCUMENT for spent in energy.values()} == {True}
     error = {place: float(row["rmse.position"]) for place, row in rows.items()}
-    assert (round(error["40", "fix-imm-ukf"], 1), round(error["60", "fix-imm-ukf"], 1)) == (1.3, 2.8)
+    assert (round(error["40", "imm-ukf"], 1), round(error["60", "imm-ukf"], 1)) == (1.3, 2.8)
     for name in trackers:
         assert 1.8 < error["60", name] / error["40", name] < 2.3
         assert error["80", name] / error["40", name] > 5.0

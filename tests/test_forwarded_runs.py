@@ -171,11 +171,11 @@ def test_other_trackers_go_by_the_origin_that_was_chosen_in_the_run(tmp_path: Pa
     was = run(LOSSY)
     found = replayed(was, tmp_path, ["ekf", "spcpf"])
     chosen: dict[tuple[str, int], str] = {}
-    for (_, tracker, t_ns), row in of(was[2], BASE).items():  # fix-imm-ukf comes before spcpf
+    for (_, tracker, t_ns), row in of(was[2], BASE).items():  # imm-ukf comes before spcpf
         chosen.setdefault(("ekf", t_ns), row.point.origin)
         chosen[tracker, t_ns] = row.point.origin
     made, shown = of(found, *CENTRES), of(found, BASE)
-    expected = {key: origin for key, origin in chosen.items() if key[0] != "fix-imm-ukf"}
+    expected = {key: origin for key, origin in chosen.items() if key[0] != "imm-ukf"}
     assert {(tracker, t_ns): row.point.origin for (_, tracker, t_ns), row in shown.items()} == expected
     for (_, *what), row in shown.items():
         assert row.point.mean == pytest.approx(made[row.point.origin, *what].point.mean, rel=1e-6)

@@ -42,7 +42,7 @@ def last_words(effects: Sequence[Effect]) -> dict[tuple[str, int], TrackPoint]:
 def test_late_reports_within_the_age_give_the_track_of_those_on_time_bit_for_bit(which: str, prior: Any) -> None:
     """One to three steps late: every step's last word is what it would have been."""
     draw, steps = Random(which), range(1, 13)
-    fusion = centre("fix-imm-ukf", "spcpf", "bootstrap", prior=prior, max_age_ns=AGE)
+    fusion = centre("imm-ukf", "spcpf", "bootstrap", prior=prior, max_age_ns=AGE)
     on_time = [told(step, id) for step in steps for id in IDS]
     late = [
         told(step, id, 1_000_000 + draw.randint(1, 3) * NS) if which == "all" or draw.random() < 0.4 else told(step, id)

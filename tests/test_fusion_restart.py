@@ -53,7 +53,7 @@ def test_what_is_packed_is_unpacked() -> None:
 
 def test_the_bytes_are_those_of_the_belief_and_little_more() -> None:
     assert len(pack(65535, 52.5, {"ekf": BELIEF})) < 56 + 30
-    fusion = centre("fix-imm-ukf", "ekf")
+    fusion = centre("imm-ukf", "ekf")
     assert len(lived(fusion, 3)) < 3 * 60 + 56 + 50
 
 
@@ -119,7 +119,7 @@ def test_foreign_and_damaged_bytes_are_noted_and_no_more(data: bytes, reason: st
 @settings(max_examples=200)
 @given(st.binary(max_size=200), st.integers(0, 160), st.binary(max_size=3))
 def test_no_bytes_crash_it(garbage: bytes, at: int, patch: bytes) -> None:
-    fusion, good = centre(), pack(7, None, {"fix-imm-ukf": BELIEF})
+    fusion, good = centre(), pack(7, None, {"imm-ukf": BELIEF})
     for data in (garbage, good[:at], good[:at] + patch + good[at + len(patch) :]):
         memory, _ = fusion.handle(fusion.begin(), Started(9 * NS, data))
         fusion.handle(memory, deadline(memory.progress.step + 1))
@@ -169,7 +169,7 @@ def test_it_goes_on_from_the_step_after_the_stored_one() -> None:
 def test_over_missed_steps_it_coasts_as_the_tracker_does() -> None:
     fusion = centre()
     kept = lived(fusion, 8)
-    belief = unpack(kept).beliefs["fix-imm-ukf"]
+    belief = unpack(kept).beliefs["imm-ukf"]
     assert isinstance(belief, Modes)
     memory, effects = fusion.handle(fusion.begin(), Started(12 * NS, kept))
     (point,) = points(effects)
@@ -210,7 +210,7 @@ def test_a_step_from_the_future_is_not_believed() -> None:
 
 
 def test_each_tracker_takes_its_own_belief_and_a_stranger_starts_alone() -> None:
-    both, kept = centre("spcpf", "fix-imm-ukf"), lived(centre("spcpf"), 8)
+    both, kept = centre("spcpf", "imm-ukf"), lived(centre("spcpf"), 8)
     memory, _ = both.handle(both.begin(), Started(9 * NS, kept))
     _, effects = both.handle(memory, deadline(9))
     assert [p.status for p in points(effects)] == ["coasting", "waiting"]

@@ -48,7 +48,7 @@ DEADLINE = 300_000_000
 
 def centre(*trackers: str, prior: Mapping[str, Any] | None = None, **changes: Any) -> Fusion:
     settings: dict[str, Any] = {
-        "trackers": trackers or ("fix-imm-ukf",),
+        "trackers": trackers or ("imm-ukf",),
         "sensors": SENSORS,
         "step_ns": NS,
         "deadline_ns": DEADLINE,
@@ -113,14 +113,14 @@ def test_without_prior_it_starts_from_the_first_reports_that_give_a_fix() -> Non
         (1, "waiting", 0), (2, "waiting", 1), (3, "tracking", 3), (4, "coasting", 0), (5, "tracking", 2)
     ]  # fmt: skip
     assert [e.name for e in effects if isinstance(e, State)] == ["tracking", "coasting", "tracking"]
-    assert all((p.tracker, p.target) == ("fix-imm-ukf", "bus") for p in points(effects))
+    assert all((p.tracker, p.target) == ("imm-ukf", "bus") for p in points(effects))
 
 
 def test_while_it_waits_it_publishes_that_it_does_and_nothing_more() -> None:
     fusion = centre()
     _, effects = fusion.handle(started(fusion), deadline(1))
-    point = TrackPoint("fix-imm-ukf", "bus", NS, "waiting", step=1)
-    kept = Store(pack(1, None, {"fix-imm-ukf": None}))
+    point = TrackPoint("imm-ukf", "bus", NS, "waiting", step=1)
+    kept = Store(pack(1, None, {"imm-ukf": None}))
     assert effects == (Publish(point), kept, SetTimer("deadline", 2 * NS + DEADLINE))
 
 
@@ -169,9 +169,9 @@ def test_after_a_loss_it_waits_again_and_finds_the_target_elsewhere() -> None:
 
 
 def test_each_tracker_publishes_a_point_in_every_step() -> None:
-    fusion = centre("spcpf", "fix-imm-ukf", "bootstrap", prior=PRIOR)
+    fusion = centre("spcpf", "imm-ukf", "bootstrap", prior=PRIOR)
     memory, effects = play(fusion, started(fusion), [report(1, "n0"), deadline(1)])
-    assert [p.tracker for p in points(effects)] == ["spcpf", "fix-imm-ukf", "bootstrap"]
+    assert [p.tracker for p in points(effects)] == ["spcpf", "imm-ukf", "bootstrap"]
     assert {(p.step, p.status, p.reports) for p in points(effects)} == {(1, "tracking", 1)}
     assert memory.phase is Phase.TRACKING
 
@@ -181,9 +181,9 @@ def test_trackers_side_by_side_do_not_disturb_each_other() -> None:
     events = [
         event for step in (1, 2, 3) for event in (*(report(step, id) for id in ("n0", "n1", "n2")), deadline(step))
     ]
-    together = centre("spcpf", "fix-imm-ukf", prior=PRIOR)
+    together = centre("spcpf", "imm-ukf", prior=PRIOR)
     published = points(play(together, started(together), events)[1])
-    for name in ("spcpf", "fix-imm-ukf"):
+    for name in ("spcpf", "imm-ukf"):
         alone = centre(name, prior=PRIOR)
         assert points(play(alone, started(alone), events)[1]) == [p for p in published if p.tracker == name]
 
@@ -273,7 +273,7 @@ class Spy:
 
 def spied(*names: str, **changes: Any) -> tuple[Fusion, Memory, dict[str, Any]]:
     """A centre with a spy for each of these trackers."""
-    fusion = centre("fix-imm-ukf", **changes)
+    fusion = centre("imm-ukf", **changes)
     spies: dict[str, Any] = {name: Spy() for name in names}
     fusion.bank.trackers = spies
     return fusion, started(fusion), spies
@@ -345,7 +345,7 @@ def picture(value: Any) -> Any:
 
 def test_a_picture_shows_every_change() -> None:
     """The check below is worth what this is: a single number changed anywhere in a state must show."""
-    fusion = centre("spcpf", "fix-imm-ukf", prior=PRIOR)
+    fusion = centre("spcpf", "imm-ukf", prior=PRIOR)
     memory, _ = play(fusion, started(fusion), [report(1, "n0"), deadline(1), report(2, "n0")])
     arrays = [leaf for leaf in leaves(memory) if isinstance(leaf, np.ndarray) and leaf.flags.writeable]
     assert len(arrays) >= 3
@@ -381,7 +381,7 @@ happenings = st.lists(
 @given(happenings, st.booleans(), st.integers(0, 3))
 def test_any_events_in_any_order(happened: list[Any], with_prior: bool, max_age: int) -> None:
     """Equal calls have equal answers, no call writes into the state that it was given, and the table is kept."""
-    fusion = centre("fix-imm-ukf", "spcpf", prior=PRIOR if with_prior else None, max_age_ns=max_age * NS)
+    fusion = centre("imm-ukf", "spcpf", prior=PRIOR if with_prior else None, max_age_ns=max_age * NS)
     memory = started(fusion)
     for what in happened:
         step = memory.progress.step + 1

@@ -29,7 +29,7 @@ from trackfield.tracking.following import Following
 from trackfield.tracking.smoothing import Smoothing, lagged_name
 from trackfield.tracking.stored import unpack
 
-NAME = "fix-imm-ukf+lag2"
+NAME = "imm-ukf+lag2"
 
 
 # --- the numbers --------------------------------------------------------------------------------------------------
@@ -75,7 +75,7 @@ def test_in_the_linear_case_a_point_is_the_state_given_the_reports_so_far(lag: i
 
 @pytest.mark.parametrize(("scenario", "share"), [("s1", 0.7), ("s2", 0.75), ("s3", 0.75)])
 def test_the_smoothed_error_is_clearly_below_the_live_one(scenario: str, share: float) -> None:
-    live, smoothed = rms_errors(make_tracker("fix-imm-ukf"), scenario, range(8), 3)
+    live, smoothed = rms_errors(make_tracker("imm-ukf"), scenario, range(8), 3)
     assert smoothed < share * live
 
 
@@ -93,11 +93,11 @@ def played(fusion: Fusion, steps: int, *, silent: range = range(0)) -> list[Trac
 
 
 def test_each_step_is_published_again_as_many_steps_later_as_the_lag() -> None:
-    found = played(centre("fix-imm-ukf", prior=PRIOR, smooth_lag=2), 6, silent=range(3, 4))
+    found = played(centre("imm-ukf", prior=PRIOR, smooth_lag=2), 6, silent=range(3, 4))
     assert [(point.tracker, point.step, point.lag) for point in found] == [
-        ("fix-imm-ukf", 1, 0), ("fix-imm-ukf", 2, 0),
-        ("fix-imm-ukf", 3, 0), (NAME, 1, 2), ("fix-imm-ukf", 4, 0), (NAME, 2, 2),
-        ("fix-imm-ukf", 5, 0), (NAME, 3, 2), ("fix-imm-ukf", 6, 0), (NAME, 4, 2),
+        ("imm-ukf", 1, 0), ("imm-ukf", 2, 0),
+        ("imm-ukf", 3, 0), (NAME, 1, 2), ("imm-ukf", 4, 0), (NAME, 2, 2),
+        ("imm-ukf", 5, 0), (NAME, 3, 2), ("imm-ukf", 6, 0), (NAME, 4, 2),
     ]  # fmt: skip
     smoothed = [point for point in found if point.lag]
     assert [(point.status, point.reports) for point in smoothed] == [
@@ -108,7 +108,7 @@ def test_each_step_is_published_again_as_many_steps_later_as_the_lag() -> None:
 
 
 def test_live_tracks_are_none_the_different_and_only_they_are_stored() -> None:
-    trackers = ("fix-imm-ukf", "spcpf", "bootstrap")
+    trackers = ("imm-ukf", "spcpf", "bootstrap")
     with_lag = centre(*trackers, prior=PRIOR, smooth_lag=2)
     found = played(with_lag, 5)
     assert [point for point in found if not point.lag] == played(centre(*trackers, prior=PRIOR), 5)
@@ -118,7 +118,7 @@ def test_live_tracks_are_none_the_different_and_only_they_are_stored() -> None:
 
 def test_a_late_report_is_in_every_smoothed_point_that_it_belongs_to() -> None:
     """The last word on each step is what it would have been, had all been on time."""
-    fusion = centre("fix-imm-ukf", "spcpf", prior=PRIOR, max_age_ns=3 * NS, smooth_lag=2)
+    fusion = centre("imm-ukf", "spcpf", prior=PRIOR, max_age_ns=3 * NS, smooth_lag=2)
     on_time = [told(step, id) for step in range(1, 11) for id, _, _ in SENSORS]
     late = [told(4, id, 2 * NS + 1) if (step, id) == (4, "n1") else told(step, id) for step in range(1, 11)
             for id, _, _ in SENSORS]  # fmt: skip
@@ -135,7 +135,7 @@ def test_a_late_report_is_in_every_smoothed_point_that_it_belongs_to() -> None:
 
 def test_a_step_handled_twice_gives_the_same() -> None:
     """States are values: going back to one, as drivers do, finds it as it was."""
-    fusion = centre("fix-imm-ukf", prior=PRIOR, smooth_lag=2)
+    fusion = centre("imm-ukf", prior=PRIOR, smooth_lag=2)
     memory = started(fusion)
     for step in range(1, 5):
         memory, _ = play(fusion, memory, [*(report(step, id) for id, _, _ in SENSORS), deadline(step)])
@@ -143,7 +143,7 @@ def test_a_step_handled_twice_gives_the_same() -> None:
 
 
 def test_a_centre_that_comes_back_smooths_what_it_saw_itself() -> None:
-    fusion = centre("fix-imm-ukf", prior=PRIOR, smooth_lag=2)
+    fusion = centre("imm-ukf", prior=PRIOR, smooth_lag=2)
     kept, found = lived(fusion, 5), list[TrackPoint]()
     memory, effects = fusion.handle(fusion.begin(), Started(6 * NS + DEADLINE + 1, kept))
     found += points(effects)
@@ -157,7 +157,7 @@ def test_a_centre_that_comes_back_smooths_what_it_saw_itself() -> None:
 
 def test_a_track_that_starts_anew_knows_nothing_of_the_one_before() -> None:
     """The target is suddenly elsewhere: the steps since count, and none is smoothed over the jump."""
-    fusion = centre("fix-imm-ukf", smooth_lag=2)
+    fusion = centre("imm-ukf", smooth_lag=2)
     memory, found = started(fusion), list[TrackPoint]()
     for step in range(1, 16):
         x, y = (20.0, 20.0) if step < 8 else (90.0, 60.0)
@@ -178,10 +178,10 @@ def test_a_smoothed_track_is_one_of_the_runs_tracks(tmp_path: FilePath) -> None:
     (tmp_path / "logs").mkdir()
     plan = spcpf(1, ["target.steps=12", "fusion.smooth_lag=2"])
     metrics = run_virtual(plan, tmp_path).metrics
-    assert list(metrics["trackers"]) == ["fix-imm-ukf", "spcpf", NAME]
-    assert metrics["trackers"]["fix-imm-ukf"]["steps"] == 12
+    assert list(metrics["trackers"]) == ["imm-ukf", "spcpf", NAME]
+    assert metrics["trackers"]["imm-ukf"]["steps"] == 12
     assert (metrics["trackers"][NAME]["steps"], metrics["trackers"][NAME]["lost"]) == (10, False)
-    assert metrics["trackers"][NAME]["rmse"]["position"] < metrics["trackers"]["fix-imm-ukf"]["rmse"]["position"]
+    assert metrics["trackers"][NAME]["rmse"]["position"] < metrics["trackers"]["imm-ukf"]["rmse"]["position"]
     assert metrics["latency_ms"]["to_track"]["max"] == 300.0  # of live tracks
     rows = pq.read_table(tmp_path / "tracks.parquet").to_pylist()
     smoothed = [row for row in rows if row["tracker"] == NAME]
@@ -197,7 +197,7 @@ def test_a_smoothed_track_is_one_of_the_runs_tracks(tmp_path: FilePath) -> None:
 def test_without_a_lag_there_is_nothing_more() -> None:
     plan = spcpf(1, ["target.steps=5"])
     _, tracks = simulated(plan)
-    assert {row.point.tracker for row in tracks} == set(plan.info.trackers) == {"fix-imm-ukf", "spcpf"}
+    assert {row.point.tracker for row in tracks} == set(plan.info.trackers) == {"imm-ukf", "spcpf"}
 
 
 def test_who_cannot_be_smoothed_is_named() -> None:

@@ -15,7 +15,7 @@ from tests.hostile.samples import ALARM, ALL, REFUSED, Bad, Draw, Known, Sample
 from tests.running import Run
 
 FLOOD = 10_000
-FIELD = Known(("n000", "n001"), "fusion", ("fusion", "n000", "n001", "n001~1"), ("fix-imm-ukf",), now_ns=5 * 10**9)
+FIELD = Known(("n000", "n001"), "fusion", ("fusion", "n000", "n001", "n001~1"), ("imm-ukf",), now_ns=5 * 10**9)
 
 
 def drawn(bad: Bad, seed: int) -> Sample | None:

@@ -94,7 +94,7 @@ def test_every_key_is_there_and_no_other() -> None:
     ledger.refuse("data/field/to/fusion/nobody/doa", "sender")
     metrics = run_metrics(plan, ledger, tracks)
     assert set(paths(metrics)) == set(expanded(KEYS)) - BY_ROLE
-    assert metrics["trackers"].keys() == {"fix-imm-ukf", "spcpf"}
+    assert metrics["trackers"].keys() == {"imm-ukf", "spcpf"}
     assert metrics["frames"]["by_kind"].keys() == {"doa"}
     for tracker in metrics["trackers"].values():
         assert tracker["targets"].keys() == {"target", "second"}

@@ -10,7 +10,7 @@ import pytest
 
 from tests.running import both_ways
 
-FIELD = ("spcpf", "--nodes", "6", "--set", "target.steps=12", "--tracker", "fix-imm-ukf", "--quiet")
+FIELD = ("spcpf", "--nodes", "6", "--set", "target.steps=12", "--tracker", "imm-ukf", "--quiet")
 LORA = ("link.radio=lora868", "link.queue=4")
 
 CASES = {

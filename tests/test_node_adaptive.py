@@ -8,6 +8,7 @@ import pytest
 
 from node.role import Memory, Node, Phase
 from tests.puppet import MS, run
+from tests.sensing import hearing
 from tests.test_timesync import CONFIG, asking, resting
 from trackfield.draw import uniform
 from trackfield.drivers.engine.conditions import Conditions
@@ -32,7 +33,6 @@ from trackfield.role import (
     State,
     Timer,
 )
-from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa, SyncReply, Threshold
 
@@ -70,7 +70,7 @@ def story(node: Node, state: Memory, *lines: tuple[Event, tuple[Effect, ...]]) -
 def test_a_passing_bus() -> None:
     """It listens after each deadline while it hears the bus; a higher threshold silences it, a lower one has it report
     again."""
-    heard = Heard(53.0, 10.0)
+    heard = hearing(53.0, 10.0)
     story(
         NODE,
         NODE.begin(),
@@ -103,7 +103,7 @@ def test_a_command_that_does_not_come_is_not_waited_for_until_the_next_step() ->
         AWAKE,
         (Timer(5300 * MS, "command"), (Radio(True), command(5700))),
         (Timer(5700 * MS, "command"), (Radio(False), command(6300))),
-        (Sampled(6 * NS, "sound", Heard(50.0, 0.0)), (at(7), command(6300))),
+        (Sampled(6 * NS, "sound", hearing(50.0, 0.0)), (at(7), command(6300))),
         (Timer(6300 * MS, "command"), (Radio(True), command(6700))),
     )
     assert (after.threshold_db, after.threshold_step) == (52.5, 5)
@@ -244,7 +244,7 @@ def switched(clock: Clock, given: Conditions, commands: tuple[tuple[int, int], .
     def sense(name: str, t: int) -> object:
         if name == "wake-up":
             return clock.local(NS) if t < NS else None
-        return Heard(60.0, 1.0) if t <= 4500 * MS else None
+        return hearing(60.0, 1.0) if t <= 4500 * MS else None
 
     core = Core(NODE, owner="n001", clock=clock, sense=sense, conditions=given)
     for at_ms, step in commands:

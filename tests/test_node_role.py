@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from node.role import TRANSITIONS, Memory, Node, Phase
+from tests.sensing import hearing
 from trackfield.role import (
     NS,
     Effect,
@@ -26,12 +27,11 @@ from trackfield.role import (
     State,
     Timer,
 )
-from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest, Threshold
 
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion")
-LOUD, FAINT = Heard(60.0, 123.45), Heard(50.0, 123.45)
+LOUD, FAINT = hearing(60.0, 123.45), hearing(50.0, 123.45)
 RUNNING = (Phase.ASLEEP, Phase.AWAKE, Phase.REPORTING)
 
 
@@ -133,9 +133,9 @@ def test_when_it_hears_nothing_it_asks_when_to_wake_next(before: Phase) -> None:
 
 
 def test_exactly_the_threshold_is_loud_enough() -> None:
-    after, _ = NODE.handle(node_that_is(Phase.AWAKE), Sampled(NS, "sound", Heard(52.5, 0.0)))
+    after, _ = NODE.handle(node_that_is(Phase.AWAKE), Sampled(NS, "sound", hearing(52.5, 0.0)))
     assert after.phase is Phase.REPORTING
-    after, _ = NODE.handle(node_that_is(Phase.AWAKE), Sampled(NS, "sound", Heard(52.49, 0.0)))
+    after, _ = NODE.handle(node_that_is(Phase.AWAKE), Sampled(NS, "sound", hearing(52.49, 0.0)))
     assert after.phase is Phase.AWAKE
 
 
@@ -203,7 +203,7 @@ def test_a_broken_driver_is_told_so(phase: Phase, event: Event) -> None:
 
 times = st.integers(0, 10**6 * NS)
 readings = st.none() | st.builds(
-    Heard, st.floats(-50, 200), st.floats(0, 360, exclude_max=True).map(lambda angle: round(angle, 2) % 360)
+    hearing, st.floats(-50, 200), st.floats(0, 360, exclude_max=True).map(lambda angle: round(angle, 2) % 360)
 )
 events = st.one_of(
     st.builds(Timer, times, st.just("step")),

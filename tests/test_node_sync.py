@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from node.role import Memory, Node, Phase
 from tests.puppet import MS, frames, run
+from tests.sensing import hearing
 from tests.test_timesync import CONFIG, START_NS, asking, reply, resting
 from trackfield.draw import uniform
 from trackfield.drivers.engine.core import Core
@@ -37,12 +38,11 @@ from trackfield.role import (
     State,
     Timer,
 )
-from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import decode, encode
 from trackfield.wire.messages import Doa, SyncReply, SyncRequest
 
 NODE = Node(step_ns=NS, threshold_db=52.5, centre="fusion", sync=CONFIG)
-LOUD = Heard(60.0, 123.45)
+LOUD = hearing(60.0, 123.45)
 
 
 # --- a round, event by event --------------------------------------------------------------------------------------

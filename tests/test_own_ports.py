@@ -25,7 +25,7 @@ from trackfield.wire.messages import Track
 
 __all__ = ["trackfield"]
 
-SMALL = {"field.nodes": 9, "target.steps": 4, "architecture.kind": "own", "fusion.trackers": ["fix-imm-ukf"]}
+SMALL = {"field.nodes": 9, "target.steps": 4, "architecture.kind": "own", "fusion.trackers": ["imm-ukf"]}
 
 
 @dataclass(frozen=True)

@@ -113,8 +113,8 @@ def test_an_option_called_file_is_no_file_of_the_run(tmp_path: Any) -> None:
         ({"sensor__range_m": 0.5}, "sensor.range_m: the target never comes in range"),
         (
             {"fusion__trackers": ["ekf", "spcpf"]},
-            "fusion.trackers: 'spcpf' takes bearings only, and the sensors are of kind ranger; "
-            "expected bootstrap, ekf, predict-only, ukf, or one of your own",
+            "fusion.trackers: 'spcpf' takes readings of one number only, and the sensors are of kind ranger; "
+            "expected bootstrap, ekf,",
         ),
         (
             {"faults": [{"kind": "bias", "share": 0.1, "at_s": 3.0, "bias_deg": 5.0}]},

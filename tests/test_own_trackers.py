@@ -75,9 +75,9 @@ def refused(*trackers: str, **settings: Any) -> str:
 def test_a_registered_tracker_runs_beside_others() -> None:
     register_tracker("still", Still)
     options = {"still": {"east": 5}, "off": {"tracker": "still", "east": 30.0}}
-    _, rows = simulated(plan_with("still", "off", "fix-imm-ukf", options=options))
+    _, rows = simulated(plan_with("still", "off", "imm-ukf", options=options))
     points = {(row.point.tracker, row.point.step): row.point for row in rows}
-    assert {name for name, _ in points} == {"still", "off", "fix-imm-ukf"}
+    assert {name for name, _ in points} == {"still", "off", "imm-ukf"}
     for step in range(1, 13):
         assert points["off", step].mean[0] - points["still", step].mean[0] == pytest.approx(25.0)
     assert "still" in TRACKERS

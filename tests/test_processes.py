@@ -215,4 +215,4 @@ def test_no_peer_can_bring_a_run_down(tmp_path: Path) -> None:
     assert frames["refused"] == {"envelope": 2, "key": 1, "sender": 4, "size": 1}
     assert frames["expected"] == frames["delivered"] == frames["sent"]
     assert (frames["ignored"], frames["duplicate"], frames["host_lost"]) == (0, 0, 0)
-    assert not run.metrics()["trackers"]["fix-imm-ukf"]["lost"]
+    assert not run.metrics()["trackers"]["imm-ukf"]["lost"]

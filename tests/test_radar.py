@@ -17,7 +17,7 @@ from trackfield.scenario.layouts import Ground
 from trackfield.world.targets import waypoints
 
 DataFile = Callable[[str], Path]
-DEFAULT, ALONE = "fix-imm-ukf", "predict-only"
+DEFAULT, ALONE = "imm-ukf", "predict-only"
 
 
 # --- the layout -------------------------------------------------------------------------------------------------------

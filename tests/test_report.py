@@ -172,12 +172,12 @@ def test_several_targets_each_have_their_lines(copied: Path) -> None:
     with_tracks(copied, twice)
     read = read_run(copied)
     assert [(track.tracker, track.target) for track in read.tracks] == [
-        (tracker, target) for tracker in ("fix-imm-ukf", "spcpf") for target in ("target", "other")
+        (tracker, target) for tracker in ("imm-ukf", "spcpf") for target in ("target", "other")
     ]
     figure = FIGURES["error"](read)
     assert figure is not None
     labels = figure.axes[0].get_legend_handles_labels()[1]
-    assert {"fix-imm-ukf, target", "fix-imm-ukf, other", "spcpf, target", "spcpf, other"} <= set(labels)
+    assert {"imm-ukf, target", "imm-ukf, other", "spcpf, target", "spcpf, other"} <= set(labels)
 
 
 def test_a_tracker_that_diverged_to_no_number_has_a_report(copied: Path) -> None:

@@ -52,11 +52,11 @@ def line_of(axes: Axes, label: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_an_outage_is_said_with_its_reason(outage: Path) -> None:
-    metrics, page = json.loads((outage / "metrics.json").read_text())["trackers"]["fix-imm-ukf"], read(outage)
+    metrics, page = json.loads((outage / "metrics.json").read_text())["trackers"]["imm-ukf"], read(outage)
     assert "5 s without a track: fusion was restarted at 3 s and came back at 9 s." in page.text
     assert "over 7 of 12 steps (1 of them without a report)" in page.text
     assert "all 12 steps" not in page.text
-    assert f"fix-imm-ukf {metrics['verdict']}" in page.text
+    assert f"imm-ukf {metrics['verdict']}" in page.text
     assert metrics["verdict"] != "tracked"
     assert "ended early" not in page.text
 
@@ -64,11 +64,11 @@ def test_an_outage_is_said_with_its_reason(outage: Path) -> None:
 def test_lines_break_in_every_plot_over_an_outage(outage: Path) -> None:
     found = read_run(outage)
     for name in ("error", "nees"):
-        times, values = line_of(drawn(name, found), "fix-imm-ukf")
+        times, values = line_of(drawn(name, found), "imm-ukf")
         assert times.tolist() == list(range(1, 13))
         assert np.isnan(values[2:7]).all()
         assert np.isfinite(values[[0, 1, 7, 11]]).all()
-    _, north = line_of(drawn("field", found), "fix-imm-ukf")
+    _, north = line_of(drawn("field", found), "imm-ukf")
     assert np.isnan(north[2:7]).all()
 
 
@@ -138,7 +138,7 @@ def test_what_a_frozen_centre_told_too_late_is_said_and_not_drawn_as_current(tmp
         == 2
     )
     assert re.search(r"\d s without a track", text) is None
-    for tracker in ("fix-imm-ukf", "spcpf"):
+    for tracker in ("imm-ukf", "spcpf"):
         at = rrd.read(file / "run.rrd", f"/field/{tracker}/position", "Points2D:positions")
         shown = {t for t, points in at if points}
         gone = [t for t, points in at if not points]
@@ -160,7 +160,7 @@ def gappy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_interpolated_truth_stands_apart(gappy: Path) -> None:
-    m, text = json.loads((gappy / "metrics.json").read_text())["trackers"]["fix-imm-ukf"], read(gappy).text
+    m, text = json.loads((gappy / "metrics.json").read_text())["trackers"]["imm-ukf"], read(gappy).text
     assert "7 of 20 steps (35.0 %) lie in 1 gap of the recorded path" in text
     assert f"over all {m['steps_expected']} steps" in text
     assert m["steps_expected"] == 13
@@ -180,7 +180,7 @@ def test_gaps_are_marked_in_all_plots_over_time_and_pale_in_errors(gappy: Path) 
         axes = drawn(name, found)
         assert "truth interpolated" in labels(axes)
     axes = drawn("error", found)
-    _, counted = line_of(axes, "fix-imm-ukf")
+    _, counted = line_of(axes, "imm-ukf")
     assert np.isnan(counted[6:13]).all()
     assert np.isfinite(counted[[5, 13]]).all()
     assert any(line.get_alpha() and np.isfinite(np.asarray(line.get_ydata())[6:13]).all() for line in axes.lines)
@@ -236,6 +236,6 @@ def test_a_long_run_has_rolling_errors_and_their_distribution(outage: Path, monk
     assert found.window == 2
     assert "rms over 2 s" in drawn("error", found).get_ylabel()
     assert "mean over 2 s" in drawn("nees", found).get_ylabel()
-    track, (errors, shares) = found.tracks[0], line_of(drawn("distribution", found), "fix-imm-ukf")
+    track, (errors, shares) = found.tracks[0], line_of(drawn("distribution", found), "imm-ukf")
     assert shares.max() == pytest.approx(100 * 7 / 12)  # of all expected steps
     assert errors.max() == pytest.approx(np.nanmax(track.error_m))

@@ -48,7 +48,7 @@ def test_every_column_is_on_paper(troubled: Path, pages: list[list[str]]) -> Non
 def test_the_first_page_is_used(pages: list[list[str]]) -> None:
     """What was run, the verdicts, and the map with its caption."""
     first = words(pages[0])
-    for said in ("zhai-spcpf", "fix-imm-ukf", "spcpf", "Track", "Sensors by the best outcome of their reports"):
+    for said in ("zhai-spcpf", "imm-ukf", "spcpf", "Track", "Sensors by the best outcome of their reports"):
         assert said in first
 
 

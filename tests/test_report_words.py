@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,12 @@ from launcher.record.words import joules, span
 from launcher.report import page
 from launcher.report.cells import number, percent
 from launcher.report.folder import read_run
-from launcher.report.parts import errors, verdicts
+from launcher.report.parts import errors, setting, verdicts
 from launcher.report.parts.consistency import consistency
 from tests.command_line import Call, trackfield
 from tests.reporting import changed, copied, read, run, troubled
 from trackfield.errors import ScenarioError
-from trackfield.scenario import summary
+from trackfield.scenario import Scenario, summary
 
 __all__ = ["copied", "trackfield", "troubled"]
 
@@ -47,7 +48,7 @@ def test_verdicts(copied: Path) -> None:
     row = dict(zip(table.head, table.rows[0], strict=True))
     shown = {"verdict": "tracked", "RMSE [m]": "3.00", "bound [m]": "2.00", "/ bound": "1.50", "median [m]": "1.00"}
     assert row | shown | {"steps": "12 of 12"} == row
-    assert consistency(run).rows[0] == ["fix-imm-ukf", "9.00", "3.00", "5.00"]
+    assert consistency(run).rows[0] == ["imm-ukf", "9.00", "3.00", "5.00"]
     bare = replace(run, tracks=tuple(replace(track, bound=track.bound * np.nan) for track in run.tracks))
     assert "/ bound" not in errors.trackers(bare).head
     assert "over 7 of 12 steps" in second.text
@@ -186,3 +187,25 @@ def test_what_is_no_finished_run_is_named(
     said = trackfield("report", str(copied))
     assert (said.code, said.err.count("\n")) == (2, 1)
     assert what in said.err
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        ({}, []),
+        ({"seed": 7, "sensor.doa_sd_deg": 5.0}, ["sensor.doa_sd_deg = 5.0"]),
+        ({"link.model": "ideal"}, ["link.model = ideal"]),
+        (
+            {"sensor.kind": "rss", "sensor.shadow_sd_db": 6.0, "fusion.trackers": ["ukf"]},
+            ["sensor.kind = rss", "sensor.shadow_sd_db = 6.0", 'fusion.trackers = ["ukf"]'],
+        ),
+        (
+            {"target.path": "waypoints", "target.waypoints": [[0, 0, 0], [9, 90, 0]]},
+            ["target.path = waypoints", "target.waypoints = [[0.0, 0.0, 0.0], [9.0, 90.0, 0.0]]"],
+        ),
+    ],
+)
+def test_what_was_changed_in_a_packaged_scenario(tmp_path: Path, settings: dict[str, Any], says: list[str]) -> None:
+    """Of a section of another kind no key that is as that kind has it anyway."""
+    one: Any = SimpleNamespace(scenario=Scenario.load("zhai-spcpf", settings), folder=tmp_path)
+    assert setting.changed(one) == says

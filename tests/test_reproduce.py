@@ -165,7 +165,7 @@ def test_the_folder_of_another_kind_of_study_is_left_alone(trackfield: Call, tmp
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        (["reproduce", "zhay"], ["PAPER: unknown paper 'zhay'", "did you mean zhai?", "expected one of zhai"]),
+        (["reproduce", "zhay"], ["PAPER: unknown paper 'zhay'", "did you mean zhai?", "zhai"]),
         (["reproduce", "zhai", "--runs", "0"], ["--runs: is 0", "expected 1 or more"]),
         (["reproduce", "zhai", "--out", "full"], ["full: --out: the folder is not empty"]),
     ],

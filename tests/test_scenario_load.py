@@ -40,7 +40,7 @@ def test_a_name_and_a_target_are_enough() -> None:
     assert (scenario.field.spacing_m, scenario.field.extent_m) == (50.0, 500.0)
     assert (scenario.sensor.level_db, scenario.sensor.threshold, scenario.sensor.alpha) == (70.0, 0.75, 2.0)
     assert scenario.plain()["link"] == {"model": "ideal"}
-    assert scenario.fusion.trackers == ("fix-imm-ukf",)
+    assert scenario.fusion.trackers == ("imm-ukf",)
     assert scenario.fusion.prior == "none"
 
 
@@ -329,9 +329,9 @@ def test_name_and_target_are_missed() -> None:
 def test_trackers_are_checked_where_they_are_known() -> None:
     given = {**LEAST, "fusion": {"trackers": ["spcf"]}}
     assert Scenario.load(given).fusion.trackers == ("spcf",)
-    message = failure(given, known_trackers=["spcpf", "fix-imm-ukf"])
-    assert message == "fusion.trackers: unknown tracker 'spcf'; did you mean spcpf?; expected one of fix-imm-ukf, spcpf"
-    assert Scenario.load("spcpf", known_trackers={"spcpf": 1, "fix-imm-ukf": 2}).name == "zhai-spcpf"
+    message = failure(given, known_trackers=["spcpf", "imm-ukf"])
+    assert message == "fusion.trackers: unknown tracker 'spcf'; did you mean spcpf?; expected one of imm-ukf, spcpf"
+    assert Scenario.load("spcpf", known_trackers={"spcpf": 1, "imm-ukf": 2}).name == "zhai-spcpf"
 
 
 def test_all_errors_come_at_once_with_file_and_line(tmp_path: Path) -> None:

@@ -32,11 +32,11 @@ def test_there_are_three() -> None:
 
 
 def test_zhai_spcpf_is_the_papers() -> None:
-    scenario = Scenario.load("spcpf", known_trackers=["spcpf", "fix-imm-ukf"])
+    scenario = Scenario.load("spcpf", known_trackers=["spcpf", "imm-ukf"])
     sensor = scenario.sensor
     assert (sensor.level_db, sensor.alpha, sensor.threshold, sensor.doa_sd_deg) == (70.0, 2.0, 0.75, 3.0)
     assert sensor.level_sd_db == 0.0
-    assert scenario.fusion.trackers == ("fix-imm-ukf", "spcpf")
+    assert scenario.fusion.trackers == ("imm-ukf", "spcpf")
     assert (scenario.fusion.prior, scenario.fusion.prior_sd) == ("paper", (20.0, 20.0, 4.0, 4.0))
     site = survey(scenario)
     assert (len(site.sensors), site.steps, site.step_ns, site.centre) == (121, 60, 10**9, (250.0, 250.0))

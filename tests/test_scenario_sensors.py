@@ -97,7 +97,7 @@ def test_sensor_drops_out_if_no_sensors_are_left_for_it() -> None:
 
 def test_what_takes_one_kind_only_takes_a_group_of_all_sensors() -> None:
     everybody = {"kind": "doa", "share": 1.0, "doa_sd_deg": 2.0}
-    for more in ({"fusion__trackers": ["spcpf"]}, {"fusion__trackers": ["fix-imm-ukf"]}):
+    for more in ({"fusion__trackers": ["spcpf"]}, {"fusion__trackers": ["fix-doa"]}):
         assert len(planned(scenario(everybody, **more)).tracking["sensing"]) == 1
     plan = planned(scenario(everybody | {"threshold": "adaptive"}))
     assert any("threshold" in process.config for process in plan.processes if process.role == "fusion")
@@ -160,8 +160,8 @@ def test_what_takes_one_kind_only_takes_a_group_of_all_sensors() -> None:
         ),
         (
             [{"kind": "ranger", "share": 0.5}],
-            {"fusion__trackers": ["ekf", "fix-imm-ukf"]},
-            "fusion.trackers: 'fix-imm-ukf' takes ",
+            {"fusion__trackers": ["ekf", "fix-doa"]},
+            "fusion.trackers: 'fix-doa' takes ",
         ),
         (
             [{"kind": "doa", "nodes": ["n001"], "threshold": 0.99}],
@@ -177,6 +177,6 @@ def test_bad_input(groups: list[dict[str, Any]], settings: dict[str, Any], says:
 def test_only_what_is_wrong_is_told() -> None:
     """Whether trackers and thresholds fit the kinds is not said as long as it does not show which kinds there are."""
     groups = [{"kind": "doa", "nodes": ["n999"], "threshold": "adaptive"}]
-    (error,) = worked_out(scenario(*groups, fusion__trackers=["fix-imm-ukf"]), set())
+    (error,) = worked_out(scenario(*groups, fusion__trackers=["fix-doa"]), set())
     assert str(error).startswith("sensors[0].nodes: there is no sensor 'n999'")
     assert not worked_out(scenario(*groups), {"sensors"})  # the group is known to be wrong, and told

@@ -212,7 +212,7 @@ def test_a_sensor_hears_in_its_windows_whatever_it_could_hear_at_all(name: str) 
             assert (heard is not None) <= any(a <= t <= b for a, b in own)
             exact = keen.sample(t)
             assert exact is not None
-            assert (heard is not None) == (exact.level_db >= audible_db)
+            assert (heard is not None) == (exact.level >= audible_db)
 
 
 def test_a_site_holds_what_a_run_needs() -> None:

@@ -24,9 +24,9 @@ BANDS_M = {
     ("spcpf", "s1"): 1.7,
     ("spcpf", "s2"): 3.0,
     ("spcpf", "s3"): 2.6,
-    ("fix-imm-ukf", "s1"): 1.15,
-    ("fix-imm-ukf", "s2"): 2.0,
-    ("fix-imm-ukf", "s3"): 1.95,
+    ("imm-ukf", "s1"): 1.15,
+    ("imm-ukf", "s2"): 2.0,
+    ("imm-ukf", "s3"): 1.95,
 }
 
 
@@ -57,7 +57,7 @@ def test_the_packaged_radio_works_there(path: str) -> None:
     ledgers, tracks = zip(*map(simulated, plans), strict=True)
     rows = [row for ledger in ledgers for row in ledger.rows]
     assert 0 < sum(not row.delivered for row in rows) < 0.05 * len(rows)
-    for tracker in ("spcpf", "fix-imm-ukf"):
+    for tracker in ("spcpf", "imm-ukf"):
         runs = [tracker_metrics(plan, one)[tracker] for plan, one in zip(plans, tracks, strict=True)]
         assert not any(run["lost"] for run in runs)
         assert np.sqrt(np.mean([run["rmse"]["position"] ** 2 for run in runs])) <= 1.1 * BANDS_M[tracker, path]

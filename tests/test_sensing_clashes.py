@@ -12,12 +12,11 @@ import trackfield as tf
 from launcher.plan.prepare import planned
 from launcher.record.books.said import describe
 from tests.rangers import Distance
-from tests.sensing import registered
+from tests.sensing import hearing, registered
 from tests.tripwire import Trip
 from trackfield.scenario import survey
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
-from trackfield.sensing.readings import Heard
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Measurement
 from trackfield.world.path import Path
@@ -106,6 +105,7 @@ def test_a_setting_with_the_name_of_a_member_is_told_to_have_another(
         ("draws", "a", "a tuple of texts, or None"),
         ("draws", ("a", "b"), "a text for each number, or None"),
         ("message", Distance, "a class of messages of trackfield/wire"),
+        ("colour", "red", "None, or a Colour(slow, slow_s, fixed)"),
         ("fix", 3, "a method"),
         ("words", None, "a method"),
     ],
@@ -128,7 +128,7 @@ def test_a_layer_may_be_none() -> None:
         ("level", lambda self, values: "loud", "returned 'loud'; expected a number"),
         ("level", lambda self, values: values[7], "IndexError: tuple index out of range"),
         ("reading", lambda self, values: values, "AttributeError: 'tuple' object has no attribute 'report'"),
-        ("reading", lambda self, values: Heard(60.0, 90.0), "expected a reading that reports a Measurement"),
+        ("reading", lambda self, values: hearing(60.0, 90.0), "expected a reading that reports a Measurement"),
         ("values", lambda self, message: message.bearing_deg, "AttributeError: 'Measurement' object"),
         ("values", lambda self, message: (1.0, 2.0), "expected 1 numbers"),
         ("words", lambda self, message: 5, "returned 5; expected a text"),

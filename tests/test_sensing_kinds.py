@@ -21,6 +21,7 @@ from launcher.plan.prepare import planned
 from launcher.plan.probe import probe
 from tests.rangers import Distance, Ranger
 from tests.sensing import registered
+from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
@@ -56,6 +57,7 @@ NAN = float("nan")
 METRES = "expected metres, above 0: from 0.001 to"
 SMALL = "expected a tuple of numbers above 0: from 1e-12 to 1e+12"
 LEVELS = "expected None, or the lowest and the highest level"
+COLOUR = "expected None, or a Colour(slow, slow_s, fixed): shares of at most 1 together, seconds above 0"
 UNKNOWNS = "expected a tuple of Unknown(name, sd, walk_sd, mean), at most 8, sd above 0"
 
 
@@ -68,9 +70,17 @@ UNKNOWNS = "expected a tuple of Unknown(name, sd, walk_sd, mean), at most 8, sd 
         *(("report_m", value, METRES) for value in (0.0, NAN, "far")),
         *(("fix_sensors", value, "expected a whole number of at least 1") for value in (0, -1, 1.5, "two")),
         *(("units", value, "expected a tuple of texts") for value in ("mm", ("m", 1), ["m", "m"])),
-        *(("layer", value, "expected one of rays, or an empty text") for value in ("arrows", 1)),
+        *(("layer", value, "expected one of rays, rings, discs, or an empty text") for value in ("arrows", 1)),
         *(("rhythm", value, "expected steps or events") for value in ("step", None)),
         *(("thresholds", value, LEVELS) for value in ((2.0, 1.0), (1.0,), 3)),
+        *(("memory_s", value, "expected seconds, from 0 to 1e+09") for value in (-1.0, NAN, inf, "long", None)),
+        *(
+            ("colour", value, COLOUR)
+            for value in (
+                0.5, (0.5, 1.0, 0.5), Colour(-0.1), Colour(1.1), Colour(0.6, 1.0, 0.5), Colour(0.5, 0.0),
+                Colour(0.5, -1.0), Colour(0.5, 1.0, -0.1), Colour(NAN), Colour(0.5, NAN), Colour(0.5, inf),
+            )
+        ),
         *(("speed_m_s", value, "expected metres per second, above 0") for value in (0.0, -343.0, NAN, "fast")),
         ("unknowns", Unknown("power", 1.0, 0.1), UNKNOWNS),
         ("unknowns", ("power",), UNKNOWNS),
@@ -99,6 +109,10 @@ def test_a_member_that_no_kind_can_have(member: str, value: object, expected: st
         (
             {"thresholds": (1.0, 2.0)},
             "sensor.level: 'odd' has none; expected a method level: it has thresholds",
+        ),
+        (
+            {"draws": ("a", "b"), "colour": Colour(0.5)},
+            "sensor.draws: 'odd' has ('a', 'b'), and a colour; expected one of the two",
         ),
         *(
             ({"simulate": method}, f"sensor 'odd': simulate: takes {count} arguments; expected {WAYS}")
@@ -143,6 +157,8 @@ def test_members_that_do_not_go_together(members: dict[str, Any], says: str) -> 
             "sensor 'odd': log_clutter: returned an array (3, 2) for arrays (3, 2) and (3, 2); expected (3,)",
         ),
         ({"loudness": lambda self, z: z}, "sensor 'odd': loudness: returned an array (3, 2) for arrays (3, 2)"),
+        ({"drawn": lambda self, values: "far"}, "sensor 'odd': drawn: returned 'far'; expected a number"),
+        ({"drawn": lambda self: 1.0}, "sensor 'odd': drawn: TypeError: "),
         ({"loudness": lambda self, z: z.decibels}, "sensor 'odd': loudness: AttributeError: "),
         (
             {"unknowns": (Unknown("power", 1.0, 0.1),)},

@@ -24,7 +24,7 @@ STATUS: dict[str, Any] = {
     "sent": 90,
     "outcomes": {"delivered": 70, "late": 4, "ignored": 1, "radio": 9, "asleep": 6},
     "states": {"asleep": 100, "reporting": 4},
-    "errors": {"fix-imm-ukf": 1.234, "spcpf": None},
+    "errors": {"imm-ukf": 1.234, "spcpf": None},
 }
 
 Said = Callable[[], str]
@@ -77,8 +77,7 @@ def test_lines_wait_for_the_first_status(plan: Plan, said: Said) -> None:
         assert said() == ""
         observer.running(STATUS)
     assert said() == (
-        "t = 2 s of 6: frames sent 90; delivered 75; lost (asleep) 6; lost (radio) 9; "
-        "error: fix-imm-ukf 1.23 m, spcpf -\n"
+        "t = 2 s of 6: frames sent 90; delivered 75; lost (asleep) 6; lost (radio) 9; error: imm-ukf 1.23 m, spcpf -\n"
     )
 
 
@@ -115,7 +114,7 @@ def test_the_screen_counts_who_is_ready_and_then_shows_a_table(plan: Plan, said:
         screen.running(STATUS)
         table = drawn(live)
     assert "zhai-spcpf  t = 2 / 6 s" in table
-    for cell in ("asleep 100", "reporting 4", "frames sent 90", "delivered 75", "lost (radio) 9", "fix-imm-ukf 1.23 m"):
+    for cell in ("asleep 100", "reporting 4", "frames sent 90", "delivered 75", "lost (radio) 9", "imm-ukf 1.23 m"):
         assert cell in table
 
 
@@ -148,7 +147,7 @@ def test_a_plan_is_announced_with_its_gaps(
 ) -> None:
     show.announce(replace(plan, paths={"target": replace(plan.paths["target"], gaps=gaps)}))
     first, *notes = said().splitlines()
-    assert first == "zhai-spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers fix-imm-ukf, spcpf"
+    assert first == "zhai-spcpf: 121 sensor nodes, 6 s, link lognormal_prr, seed 1, trackers imm-ukf, spcpf"
     after = "a straight line stands in for the truth there, and headline errors leave these steps out"
     assert notes == [f"note: {line}{after}" for line in told]
 
@@ -212,7 +211,7 @@ def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monk
     show.conclude(outcome(metrics))
     table = rows(said())
     assert table["spcpf"] == ["1.23 m", "1.00 m", "5.68 m/s", "5 of 5", "lost"]
-    assert table["fix-imm-ukf"][-2:] == ["5 of 5", "tracked"]
+    assert table["imm-ukf"][-2:] == ["5 of 5", "tracked"]
     assert "frames: sent 20, delivered 15 (late 2); lost: radio 4, dead 1" in said()
     folder, page, following = said().splitlines()[-3:]
     assert (folder, page) == ("run folder: runs/a", "report: runs/a/report.html")

@@ -188,8 +188,7 @@ class Anything(FourNumbers):
 @pytest.mark.parametrize(
     ("tracker", "why"),
     [
-        ("spcpf", "takes bearings only"),
-        ("fix-imm-ukf", "takes bearings only"),
+        ("spcpf", "takes readings that depend on the target's position and velocity only"),
         ("fix-doa", "takes bearings only"),
         ("four", "takes readings that depend on the target's position and velocity only"),
     ],
@@ -199,7 +198,10 @@ def test_trackers_that_cannot_use_it_are_refused_with_the_reason(trackfield: Cal
     said = trackfield("run", "zhai-spcpf", "--virtual", "--set", "sensor.kind=strength", "--tracker", tracker)
     assert said.code == 2
     assert f"'{tracker}' {why}, and the sensors are of kind strength" in " ".join(said.err.split())
-    assert "bootstrap, ekf, predict-only, ukf, or one of your own" in " ".join(said.err.split())
+    expected = " ".join(said.err.split()).partition("expected ")[2]
+    assert "bootstrap, ekf, gpf-ukf, imm-ukf, jm-rbpf, " in expected
+    assert "ukf, or one of your own" in expected
+    assert "fix-imm-ukf" not in expected
 
 
 def test_a_tracker_that_does_not_estimate_what_it_takes_is_told() -> None:

@@ -65,11 +65,11 @@ def test_right_clocks_have_no_error(clocks) -> None:
 
 def test_an_outcome_is_what_the_run_said() -> None:
     one = outcome(QUIET, 3)
-    settings = [*QUIET.settings, "fusion.trackers=['fix-imm-ukf']"]
+    settings = [*QUIET.settings, "fusion.trackers=['imm-ukf']"]
     _, tracks = simulated(spcpf(3, settings))
     assert len(one.errors) == len(one.sds) == len(tracks) == 12
     assert one.blank == 0
-    assert studies.rmse([one]) == f"{one.of('trackers', 'fix-imm-ukf', 'rmse', 'position'):.2f}"
+    assert studies.rmse([one]) == f"{one.of('trackers', 'imm-ukf', 'rmse', 'position'):.2f}"
     assert one.clock_ms == one.set_ms == ()
 
 

@@ -36,7 +36,7 @@ __all__ = ["trackfield"]
 
 FIELD = ("zhai-spcpf", "--set", "target.steps=6", "--set", "link.loss=0.2")
 VARIED = ("--vary", "field.spacing_m=50,75", "--vary", "link.model=ideal,fixed")
-SPACINGS, MODELS, TRACKERS = (50, 75), ("ideal", "fixed"), ("fix-imm-ukf", "spcpf")
+SPACINGS, MODELS, TRACKERS = (50, 75), ("ideal", "fixed"), ("imm-ukf", "spcpf")
 
 
 def command(*arguments: str) -> list[str]:
@@ -90,7 +90,7 @@ def test_a_narrow_terminal_gets_the_columns_that_fit(
     out = trackfield(*again).out
     lines = out.splitlines()
     assert max(map(len, lines)) <= columns
-    assert sum("fix-imm-ukf" in line and "%" in line and "–" in line for line in lines) == 4
+    assert sum("imm-ukf" in line and "%" in line and "–" in line for line in lines) == 4
     assert ("energy" in out, "median" in out) == (True, False)
     assert "study.html has more columns" in " ".join(out.split())
 
@@ -186,8 +186,8 @@ def test_the_page_names_a_run_of_each_combination_to_look_at(study: tuple[Path, 
     )
     metrics = json.loads(done.stdout)
     runs = pq.read_table(folder / "study.parquet").to_pylist()
-    own = [r for r in runs if (r["field.spacing_m"], r["link.model"], r["tracker"]) == (75, "fixed", "fix-imm-ukf")]
-    assert metrics["trackers"]["fix-imm-ukf"]["rmse"]["position"] == np.median([r["rmse.position"] for r in own])
+    own = [r for r in runs if (r["field.spacing_m"], r["link.model"], r["tracker"]) == (75, "fixed", "imm-ukf")]
+    assert metrics["trackers"]["imm-ukf"]["rmse"]["position"] == np.median([r["rmse.position"] for r in own])
 
 
 def row(values: Mapping[str, Any], tracker: str = "ekf", lost: int = 0, **figures: float | None) -> Row:

@@ -98,7 +98,7 @@ def test_every_part_of_the_picture_is_there(played: Played) -> None:
         "/closeup/target/zoom/legend/dots",
         "/closeup/target/zoom/legend/names",
         "/field/spcpf/particles",
-        "/field/fix-imm-ukf/particles",  # its style only, see below
+        "/field/imm-ukf/particles",  # its style only, see below
         "/network",
         "/messages/doa",
         "/times",
@@ -115,7 +115,7 @@ def test_every_part_of_the_picture_is_there(played: Played) -> None:
         "/plots/clock",
         "/plots/queue",
         "/plots/error/bound",
-        "/plots/error/fix-imm-ukf",
+        "/plots/error/imm-ukf",
         "/plots/error/spcpf",
         "/plots/latency",
         "/plots/lost",

@@ -37,7 +37,7 @@ class Bursts:
         return only(reports, kept)
 
 
-def follow(path, seed, name="fix-imm-ukf"):
+def follow(path, seed, name="imm-ukf"):
     """Means (T, 4) along the path, one a second; nan while there is no track."""
     one = Following(make_tracker(name), MODEL)
     state, field, bursts, means = one.begin(None), field_along(path), Bursts(generator(seed, "loss")), []
@@ -64,7 +64,7 @@ def assert_followed(path, seeds, name, band):
 
 
 @pytest.mark.parametrize("window", [("07:50:00", "07:53:00"), ("07:58:00", "08:01:00"), ("08:07:00", "08:10:00")])
-@pytest.mark.parametrize(("name", "band"), [("fix-imm-ukf", 2.5), ("spcpf", 3.0)])
+@pytest.mark.parametrize(("name", "band"), [("imm-ukf", 2.5), ("spcpf", 3.0)])
 def test_a_recorded_bus_is_followed(data_file, window, name, band):
     assert_followed(recorded(data_file("bus_304.gpx"), *window), range(3), name, band)
 
@@ -97,7 +97,7 @@ def stop_and_go():
 
 def test_a_bus_leaves_its_stop_and_the_track_with_it():
     path = stop_and_go()
-    assert_followed(path, range(4), "fix-imm-ukf", 2.0)
+    assert_followed(path, range(4), "imm-ukf", 2.0)
     for seed in range(4):
         error = np.linalg.norm(follow(path, seed)[:, :2] - path, axis=-1)
         assert error[30:40].max() < 8.0  # it is not left standing

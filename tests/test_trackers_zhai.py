@@ -50,9 +50,9 @@ def test_sensors_are_awake_as_often_as_the_paper_says():
         ("spcpf", "s1", 1.7),
         ("spcpf", "s2", 3.0),
         ("spcpf", "s3", 2.6),
-        ("fix-imm-ukf", "s1", 1.15),
-        ("fix-imm-ukf", "s2", 2.0),
-        ("fix-imm-ukf", "s3", 1.95),
+        ("imm-ukf", "s1", 1.15),
+        ("imm-ukf", "s2", 2.0),
+        ("imm-ukf", "s3", 1.95),
         ("fix-doa", "s1", 1.42 * 1.1),
         ("fix-doa", "s2", 1.74 * 1.1),
         ("fix-doa", "s3", 1.66 * 1.1),
@@ -64,7 +64,7 @@ def test_position_error_is_within_its_band_and_no_run_is_lost(name, scenario, ba
     assert not Lost().holds(e[..., :2]).any()
 
 
-@pytest.mark.parametrize("name", ["spcpf", "fix-imm-ukf"])
+@pytest.mark.parametrize("name", ["spcpf", "imm-ukf"])
 def test_on_the_straight_target_errors_are_as_large_as_the_covariances_say(name):
     """NEES of 4 states on average; below it means that the tracker claims less than it knows."""
     mean = nees(*results(name, "s1", 20)).mean()
@@ -80,7 +80,7 @@ def test_with_the_one_model_of_the_target_nees_is_in_its_band():
 
 def test_ready_for_manoeuvres_that_do_not_come_the_default_tracker_is_surer_than_it_says():
     """In s1 nobody turns: what docs/tracking.md says of it."""
-    e, P = results("fix-imm-ukf", "s1", 20)
+    e, P = results("imm-ukf", "s1", 20)
     low, _ = nees_band(4, 20 * 60 / 5)
     assert 0.5 * 4.0 < nees(e, P).mean() < low
 
@@ -129,7 +129,7 @@ def test_the_bootstrap_filter_fails_as_in_the_paper():
         assert Lost().holds(e[..., :2]).mean() > 0.8
 
 
-@pytest.mark.parametrize("name", ["spcpf", "fix-imm-ukf"])
+@pytest.mark.parametrize("name", ["spcpf", "imm-ukf"])
 def test_error_grows_with_the_noise_of_the_bearings(name):
     levels = [np.radians(sd) for sd in (0.3, 3.0, 30.0)]
     found = [rmse(errors(make_tracker(name), "s1", range(5), sigma_w=float(sd))[0][..., :2]) for sd in levels]

@@ -21,7 +21,7 @@ TARGET = (60.0, 50.0)
 def head(*trackers: str, max_age_ns: int = 0, prior: Any = None) -> Steps:
     """What a cluster head would compose."""
     bank = Bank(
-        trackers=trackers or ("fix-imm-ukf",),
+        trackers=trackers or ("imm-ukf",),
         sensors=SENSORS,
         step_ns=NS,
         seed=1,
@@ -60,18 +60,18 @@ def lived(steps: Steps, count: int) -> tuple[Progress, bytes]:
 
 
 def test_each_step_has_a_point_of_each_tracker_and_a_timer_of_the_given_name() -> None:
-    steps = head("fix-imm-ukf", "spcpf")
+    steps = head("imm-ukf", "spcpf")
     state = steps.start(steps.begin(), 0, b"").state
     assert steps.deadline(state) == SetTimer("fuse", due(1))
     first = taken(steps, state)
-    assert list(first.points) == ["fix-imm-ukf", "spcpf"]
+    assert list(first.points) == ["imm-ukf", "spcpf"]
     assert first.all == tuple(first.points.values())
     assert [(p.step, p.sensors, p.target) for p in first.all] == [(1, tuple(IDS), "bus")] * 2
     assert steps.deadline(first.state) == SetTimer("fuse", due(2))
 
 
 def test_a_late_report_takes_every_step_since_again_and_ends_where_it_would_have_been_in_time() -> None:
-    steps = head("fix-imm-ukf", "spcpf", "bootstrap", max_age_ns=AGE, prior=PRIOR)
+    steps = head("imm-ukf", "spcpf", "bootstrap", max_age_ns=AGE, prior=PRIOR)
     state = steps.start(steps.begin(), 0, b"").state
     patient = state
     for heard in (IDS, IDS[:3], IDS):
@@ -108,18 +108,18 @@ def test_a_smoothed_track_follows_the_points_of_the_step() -> None:
 
 
 def test_a_next_life_predicts_over_the_steps_that_it_missed() -> None:
-    steps = head("fix-imm-ukf", "ekf")
+    steps = head("imm-ukf", "ekf")
     _, kept = lived(steps, 8)
     begun = steps.start(steps.begin(), 12 * NS, kept)
     assert (begun.state.step, begun.unusable) == (11, ())
     assert [(p.tracker, p.step, p.status) for p in begun.points] == [
-        ("fix-imm-ukf", 11, "coasting"),
+        ("imm-ukf", 11, "coasting"),
         ("ekf", 11, "coasting"),
     ]
     assert begun.stored is not None
     assert begun.stored.step == 8
     after = taken(steps, begun.state)
-    assert after.points["fix-imm-ukf"].mean[:2] == pytest.approx(TARGET, abs=1.0)
+    assert after.points["imm-ukf"].mean[:2] == pytest.approx(TARGET, abs=1.0)
 
 
 @pytest.mark.parametrize("kept", [b"\xc1", b"garbage", b"\x94\x01\x02"])

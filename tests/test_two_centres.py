@@ -30,7 +30,7 @@ HARD = {
     "clock.drift_ppm": 20.0,
     "energy.battery_j": 40.0,
     "energy.centre_battery_j": 2000.0,
-    "fusion.trackers": ["fix-imm-ukf", "ekf"],
+    "fusion.trackers": ["imm-ukf", "ekf"],
     "faults": [{"kind": "kill", "nodes": ["west"], "at_s": 12}],
     "target.steps": 24,
 }
@@ -52,7 +52,7 @@ def scenario(**settings: Any) -> tf.Scenario:
     return tf.Scenario.load("zhai-spcpf", {"architecture.kind": "two-centres", **settings})
 
 
-def origins(run: tf.Result, tracker: str = "fix-imm-ukf") -> dict[int, str]:
+def origins(run: tf.Result, tracker: str = "imm-ukf") -> dict[int, str]:
     """Whose track the base published, by step."""
     rows = run.tracks.to_pylist()
     return {row["step"]: row["origin"] for row in rows if row["source"] == "base" and row["tracker"] == tracker}
@@ -78,7 +78,7 @@ def test_the_base_goes_on_with_the_other_centre(tmp_path: Path) -> None:
     found = origins(run)
     assert {found[step] for step in range(1, 25)} == {"west"}
     assert {found[step] for step in range(45, 61)} == {"east"}
-    figures = run.metrics.trackers["fix-imm-ukf"]
+    figures = run.metrics.trackers["imm-ukf"]
     assert figures.sources == {"base": 60, "east": 60, "west": 39}
     assert figures.verdict == "tracked"
     assert figures.rmse.position < 3.0
@@ -110,15 +110,15 @@ def test_with_the_frames_of_tracks_deleted_the_base_has_no_track(
         tf.run(scenario(**{"target.steps": 10}), out=tmp_path / "run")
     run = tf.open(tmp_path / "run")
     assert origins(run) == {}
-    assert run.metrics.trackers["fix-imm-ukf"].views["in-network"].steps == 10
+    assert run.metrics.trackers["imm-ukf"].views["in-network"].steps == 10
 
 
 def test_the_bound_is_finite_and_below_the_errors(tmp_path: Path) -> None:
     """Over six runs: the mean square error of an efficient tracker is 1.0 to 1.5 times the bound's."""
     squares, bounds = [], []
     for seed in range(1, 7):
-        run = tf.run(scenario(**{"fusion.trackers": ["fix-imm-ukf"]}), seed=seed, out=tmp_path / str(seed))
-        view = run.metrics.trackers["fix-imm-ukf"].views["base"]
+        run = tf.run(scenario(**{"fusion.trackers": ["imm-ukf"]}), seed=seed, out=tmp_path / str(seed))
+        view = run.metrics.trackers["imm-ukf"].views["base"]
         assert view.bound_m is not None
         squares.append(view.rmse.position**2)
         bounds.append(view.bound_m**2)

@@ -18,6 +18,8 @@ from trackfield import wire
 from trackfield.wire import (
     Blob,
     Doa,
+    Range,
+    Rss,
     Scaled,
     SyncReply,
     SyncRequest,
@@ -130,6 +132,14 @@ def test_a_report_comes_back_within_half_a_resolution(step: int, bearing: float,
     assert abs(back.level_db - level) <= 0.005 + 1e-9
     assert 0 <= back.bearing_deg < 360
     assert encode(back) == data
+
+
+@pytest.mark.parametrize("cls", [Range, Rss])
+@given(st.data())
+def test_a_range_and_a_level_take_few_bytes(cls: Any, data: st.DataObject) -> None:
+    """Whatever they are."""
+    message = data.draw(st.builds(cls, *map(any_value, registry.kind_of_class(cls).fields)))
+    assert len(encode(message)) <= 12
 
 
 @settings(max_examples=400)
@@ -349,7 +359,7 @@ def test_a_kind_of_ones_own() -> None:
     assert kind_name(gust) == "wind"
     assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
     assert decode(encode(gust)) == Wind(12.5, -(2**63))
-    own = ["doa", "sync-request", "sync-reply", "threshold", "measurement", "track"]
+    own = ["doa", "sync-request", "sync-reply", "threshold", "measurement", "track", "range", "rss", "energy"]
     assert [known.name for known in registry.product_kinds()] == own
 
 

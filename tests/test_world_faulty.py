@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from tests.sensing import array_at
-from trackfield.sensing.readings import Ears, Heard
+from tests.sensing import array_at, hearing
+from trackfield.sensing.readings import Ears
 from trackfield.world.faulty import with_faults
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed
@@ -60,9 +60,9 @@ def test_one_that_gets_stuck_in_silence_reads_something_above_its_threshold() ->
     broken = faulty(fault("stuck", 1))
     (reading,) = {broken.sample(t * S) for t in range(1, 30)}
     assert reading is not None
-    assert reading.level_db == THRESHOLD + 3
+    assert reading.level == THRESHOLD + 3
     bearings = [
-        heard.bearing_deg
+        heard.values[0]
         for id in range(1000)
         if (heard := faulty(fault("stuck", 1), sensor=replace(SENSOR, id=f"n{id}")).sample(S)) is not None
     ]
@@ -76,21 +76,21 @@ def test_a_biased_one_is_off_by_so_much_and_hears_no_more_than_before() -> None:
         true, read = SENSOR.sample(t * S), broken.sample(t * S)
         assert true is not None
         assert read is not None
-        assert read.level_db == pytest.approx(true.level_db + db)
-        assert read.bearing_deg == pytest.approx((true.bearing_deg + degrees) % 360)
+        assert read.level == pytest.approx(true.level + db)
+        assert read.values[0] == pytest.approx((true.values[0] + degrees) % 360)
     assert broken.sample(1 * S) is None
 
 
 def test_no_reading_is_louder_than_an_array_shows() -> None:
-    assert faulty(fault("bias", 0, bias=(0.0, 1000.0))).sample(9 * S) == Heard(200.0, pytest.approx(354.6, abs=9))
-    assert with_faults(replace(SENSOR, threshold=199.9), [fault("babble", 0)]).sample(9 * S).level_db <= 200.0  # type: ignore[union-attr]
+    assert faulty(fault("bias", 0, bias=(0.0, 1000.0))).sample(9 * S) == hearing(200.0, pytest.approx(354.6, abs=9))
+    assert with_faults(replace(SENSOR, threshold=199.9), [fault("babble", 0)]).sample(9 * S).level <= 200.0  # type: ignore[union-attr]
 
 
 def test_a_babbling_one_reads_anything_above_its_threshold() -> None:
     broken = faulty(fault("babble", 0))
     heard = [reading for t in range(2000) if (reading := broken.sample(t * S)) is not None]
     assert len(set(heard)) == 2000
-    levels, bearings = [one.level_db for one in heard], [one.bearing_deg for one in heard]
+    levels, bearings = [one.level for one in heard], [one.values[0] for one in heard]
     for values, low, width in ((levels, THRESHOLD, 10), (bearings, 0, 360)):
         assert low <= min(values) < low + width / 50
         assert low + width * 49 / 50 < max(values) <= low + width

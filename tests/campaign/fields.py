@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final
 
 from launcher.plan.prepare import planned
@@ -15,6 +15,25 @@ from trackfield.scenario import Scenario
 SPACING_M: Final = 50.0
 KINDS: Final = ("kill", "freeze", "restart", "partition", "stuck", "bias", "deaf", "babble", "clock_jump")
 OF_SENSORS: Final = ("stuck", "bias", "deaf", "babble")
+SENSING: Final[dict[str, Callable[[Draw], dict[str, Any]]]] = {
+    "doa": lambda draw: {
+        "threshold": draw.choice([0.7, 0.75, 0.78, "adaptive"]),
+        "level_sd_db": draw.choice([0.0, 1.0]),
+    },
+    "range": lambda draw: {"range_m": draw.choice([60.0, 100.0]), "growth_m": draw.choice([0.0, 0.05])},
+    "rss": lambda draw: {
+        "range_m": draw.choice([60.0, 100.0]),
+        "shadow_sd_db": draw.number(1, 6),
+        "slow": draw.choice([0.0, 0.5]),
+        "fixed": draw.choice([0.0, 0.5]),
+    },
+    "energy": lambda draw: {
+        "range_m": draw.choice([60.0, 100.0]),
+        "window_s": draw.choice([0.0, 1.0, 3.0]),
+        "sound_m_s": draw.choice([0.0, 200.0]),
+    },
+}
+"""What sensors measure, and the options of that."""
 
 
 def settings(seed: int) -> dict[str, Any]:
@@ -22,11 +41,12 @@ def settings(seed: int) -> dict[str, Any]:
     draw = Draw(seed)
     side, steps = draw.randint(5, 8), draw.randint(15, 30)
     settings = dict(surroundings(draw, side, steps)) | {"seed": seed}
+    sensing = settings["sensor.kind"]
     ids = [place.id for place in field(settings).info.places if place.role == "node"]
     faults: list[dict[str, Any]] = []
     wanted = draw.randint(1, 6)
     while len(faults) < wanted:
-        one = fault(draw, ids, steps)
+        one = fault(draw, ids, steps, sensing)
         field({**settings, "faults": [one]})
         try:
             field({**settings, "faults": [*faults, one]})
@@ -47,11 +67,14 @@ def surroundings(draw: Draw, side: int, steps: int) -> Iterator[tuple[str, Any]]
     yield "field.layout", draw.choice(["grid", "jittered", "random"])
     yield "field.spacing_m", SPACING_M
     yield "field.extent_m", extent
-    yield "sensor.threshold", draw.choice([0.7, 0.75, 0.78, "adaptive"])
-    yield "sensor.level_sd_db", draw.choice([0.0, 1.0])
+    sensing = draw.choice(["doa", *SENSING])
+    yield "sensor.kind", sensing
+    for key, value in SENSING[sensing](draw).items():
+        yield f"sensor.{key}", value
     yield "target.path", "waypoints"
     yield "target.waypoints", route(draw, extent, steps)
-    yield "fusion.trackers", ["fix-imm-ukf", *draw.maybe(0.15, lambda: "spcpf")]
+    more = [] if sensing == "energy" else draw.maybe(0.15, lambda: "spcpf")  # which takes no unknowns
+    yield "fusion.trackers", ["imm-ukf", *more]
     yield "fusion.deadline_s", draw.choice([0.1, 0.3, 0.9])
     yield "fusion.max_age_s", draw.choice([0.0, 0.0, 1.5, 4.0])
     yield "fusion.prior", draw.choice(["paper", "none"])
@@ -79,8 +102,8 @@ def route(draw: Draw, extent: float, steps: int) -> list[list[float]]:
     return [[float(t), draw.number(0, extent), draw.number(0, extent)] for t in times]
 
 
-def fault(draw: Draw, ids: Sequence[str], steps: int) -> dict[str, Any]:
-    """One fault, of sensors or, where it can be, of the centre too."""
+def fault(draw: Draw, ids: Sequence[str], steps: int, sensing: str) -> dict[str, Any]:
+    """One fault, of sensors of a kind or, where it can be, of the centre too."""
     kind = draw.choice(KINDS)
     fault: dict[str, Any] = {"kind": kind, "at_s": draw.number(0.5, steps - 2)}
     if draw.random() < 0.3:
@@ -91,7 +114,9 @@ def fault(draw: Draw, ids: Sequence[str], steps: int) -> dict[str, Any]:
         fault["nodes"] = sorted({*fault["nodes"], *draw.sample(list(ids), draw.randint(0, 2))})
     if kind == "clock_jump":
         fault["jump_ms"] = draw.choice([-1, 1]) * draw.choice([20.0, 700.0, 1000.0, 4000.0])
-    if kind == "bias":
+    if kind == "bias" and sensing != "doa":
+        fault["by"] = [draw.choice([-30.0, -5.0, 5.0, 1e6])]
+    elif kind == "bias":
         fault["bias_deg"] = draw.choice([-20.0, 20.0, 170.0])
         fault["bias_db"] = draw.choice([-5.0, 0.0, 5.0])
     if kind in ("freeze", "restart", "partition") or (kind in OF_SENSORS and draw.random() < 0.5):

@@ -13,6 +13,7 @@ from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import TrackRow, track_rows
 from launcher.records import Plan
+from launcher.report.folder import REPORTS
 from node.role import Phase as NodePhase
 from tests.protocols.agreement import Compared, compared
 from tests.running import SPEEDS, kept_up
@@ -108,7 +109,7 @@ def _lives(run: Run) -> Iterator[str]:
 
 def _reports(run: Run) -> Iterator[str]:
     """No life of a node reports a step twice."""
-    frames = {(r.src, r.incarnation, r.step, r.sent_ns, r.copy) for r in run.ledger.rows if r.kind == "doa"}
+    frames = {(r.src, r.incarnation, r.step, r.sent_ns, r.copy) for r in run.ledger.rows if r.kind in REPORTS}
     times = Counter(frame[:3] for frame in frames)
     for (src, incarnation, step), count in times.items():
         if count > 1:

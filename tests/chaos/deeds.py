@@ -121,7 +121,7 @@ class Case:
             f"sensor.threshold={threshold}",
             f"seed={self.seed}",
             "clock.offset_ms=20",
-            "fusion.trackers=['fix-imm-ukf']",
+            "fusion.trackers=['imm-ukf']",
             *restart,
         )
 

@@ -26,7 +26,7 @@ SETTINGS: Final = (
     "sensor.threshold=adaptive",
     "clock.offset_ms=20",
     "clock.sync=true",
-    "fusion.trackers=['fix-imm-ukf']",
+    "fusion.trackers=['imm-ukf']",
     "energy.battery_j=1",
     "faults=[{kind='restart', nodes=['n004'], at_s=4, until_s=10}]",
 )
