@@ -34,6 +34,10 @@ class Track(NamedTuple):
         steps = zip(self.sensors, self.bearings, strict=True)
         return [of_bearings(k, names, where, angles, levels) for k, (where, angles) in enumerate(steps, start=1)]
 
+    def first(self, steps: int) -> Track:
+        """Its first steps."""
+        return self._replace(truth=self.truth[:steps], sensors=self.sensors[:steps], bearings=self.bearings[:steps])
+
 
 def track(seed: int = 1) -> Track:
     """The track and its bearings, as the sensors of ``zhai-spcpf`` hear them."""

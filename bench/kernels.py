@@ -25,17 +25,23 @@ from launcher.plan.prepare import load
 from launcher.study.studies import study
 from trackfield.filters import ekf, ukf
 from trackfield.filters.bootstrap import Bootstrap
+from trackfield.filters.fa_upf import FaUpf
 from trackfield.filters.gaussian import constant_velocity, predict
+from trackfield.filters.gpf_ukf import GpfUkf
+from trackfield.filters.jm_rbpf import JmRbpf
 from trackfield.filters.single_model import Ekf, Ukf
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.trackers import TRACKERS
 from trackfield.filters.types import Array, Gaussian, Reports, Tracker
+from trackfield.filters.upf import Upf
 from trackfield.models import doa
 from trackfield.models.doa import wrap
 
 SIZES: Final = (200, 1_000, 10_000)
 BARE: Final = "bare numpy"
 OURS: Final = "trackfield"
+SLOW_STEPS: Final = 10
+"""Of a filter that takes long."""
 TURN_S: Final = 0.05
 """The shortest run of a filter in a round, as shorter processor times are coarse."""
 
@@ -92,6 +98,20 @@ def take_ekf(belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
 def take_ukf(belief: Gaussian, reports: Reports, sigma_w: float) -> Gaussian:
     """The kernel of the tracker ``ukf``."""
     return ukf.posterior(belief, reports.bearings, sigma_w, partial(doa.measure, sensors=reports.positions), wrap)
+
+
+def alone(data: Track, take: Take) -> Contender:
+    """One filter by its kernels alone, without a tracker around them."""
+    reports, motion = data.reports, constant_velocity(DT, data.model.sigma_v)
+
+    def run() -> Array:
+        belief, means = data.prior, []
+        for one in reports:
+            belief = take(predict(belief, motion), one, data.model.sigma_w)
+            means.append(belief.mean)
+        return np.array(means)
+
+    return run
 
 
 def batched(data: Track, take: Take, n: int) -> Contender:
@@ -168,11 +188,37 @@ def particle_filters(data: Track, n: int) -> dict[str, Contender]:
     return with_peers(own, others)
 
 
+def unscented_particle_filters(data: Track) -> dict[str, Contender]:
+    """Those of Zhou et al. (2011), beside a bootstrap filter of as many particles as they compare with."""
+    return {
+        "bootstrap, 1,000": tracked(data, Bootstrap(1_000)),
+        "UPF, 200": tracked(data, Upf(200)),
+        "FA-UPF, 200": tracked(data, FaUpf(200)),
+        "GPF-UKF, 100": tracked(data, GpfUkf(100)),
+    }
+
+
+def proposals(data: Track) -> dict[str, Contender]:
+    """Particles that are drawn from a Kalman filter of their own; over the first steps only, as the other is slow."""
+    few = data.first(SLOW_STEPS)
+    others = {"Stone Soup": partial(peers.stonesoup_proposal, few, 200)}
+    return with_peers({OURS: tracked(few, Upf(200))}, others)
+
+
+def turning_filters(data: Track, n: int = 500) -> dict[str, Contender]:
+    """What modes of motion and Gaussian velocities cost."""
+    return {"bootstrap": tracked(data, Bootstrap(n)), "JM-RBPF": tracked(data, JmRbpf(n))}
+
+
 def kalman_filters(data: Track, kind: str) -> dict[str, Contender]:
     """One EKF, or one UKF."""
     extended = kind == "EKF"
     make = bare.Ekf if extended else bare.Ukf
-    own = {BARE: looped(data, lambda: make(data, 1)), OURS: tracked(data, Ekf() if extended else Ukf())}
+    own = {
+        BARE: looped(data, lambda: make(data, 1)),
+        OURS: tracked(data, Ekf() if extended else Ukf()),
+        f"{OURS}, its kernels alone": alone(data, take_ekf if extended else take_ukf),
+    }
     others = {
         "filterpy": partial(peers.filterpy_ekf if extended else peers.filterpy_ukf, data),
         "Stone Soup": partial(peers.stonesoup_kalman, data, "Extended" if extended else "Unscented"),
@@ -218,6 +264,12 @@ def main() -> None:
     )
     paper = {"bootstrap, 2,000": tracked(data, Bootstrap(2_000)), "SP-CPF, 200 and 15": tracked(data, SpCpf(200, 15))}
     print(f"The paper's two:\n\n{table('filter', {'s1': measured(data, paper, rounds)})}\n", flush=True)
+    turning = {"s1": measured(data, turning_filters(data), rounds)}
+    print(f"With turns:\n\n{table('filter', turning)}\n", flush=True)
+    unscented = {"s1": measured(data, unscented_particle_filters(data), rounds)}
+    print(f"Unscented particle filters:\n\n{table('filter', unscented)}\n", flush=True)
+    one = {f"UPF, N=200, {SLOW_STEPS} steps": measured(data.first(SLOW_STEPS), proposals(data), min(rounds, 3))}
+    print(f"The same by another package:\n\n{table('filter', one)}\n", flush=True)
     wall_s, cpu_s = hundred_runs()
     print(
         f"100 virtual runs of s1, {len(TRACKERS)} trackers: {wall_s:.0f} s, {cpu_s:.0f} s of processors ({machine()})"

@@ -37,7 +37,7 @@ def measure(threshold: float, seconds: int = 60, seed: int = 1) -> Figures:
     """The latency (ms) of a run's frames (``run``), and of bare puts by how many are put at once: number, p50, p99."""
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "run"
-        settings = [f"target.steps={seconds}", f"sensor.threshold={threshold}", "fusion.trackers=['fix-imm-ukf']"]
+        settings = [f"target.steps={seconds}", f"sensor.threshold={threshold}", "fusion.trackers=['imm-ukf']"]
         asked = [word for setting in settings for word in ("--set", setting)]
         command = [
             sys.executable,

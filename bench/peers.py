@@ -107,6 +107,46 @@ def stonesoup_particles(track: Track, n: int) -> Contender:
     return lambda: _stonesoup_run(track, predictor, updaters, prior)
 
 
+def stonesoup_proposal(track: Track, n: int) -> Contender:
+    """``ParticlePredictor`` with a ``KalmanProposal``, an unscented one, that takes all bearings of a step at once.
+
+    Its motion has white noise in the acceleration, as its weights need a covariance of full rank.
+    """
+    from stonesoup.models.measurement.nonlinear import Cartesian2DToBearing, CombinedReversibleGaussianMeasurementModel
+    from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
+    from stonesoup.predictor.kalman import UnscentedKalmanPredictor
+    from stonesoup.predictor.particle import ParticlePredictor
+    from stonesoup.proposal.simple import KalmanProposal
+    from stonesoup.resampler.particle import SystematicResampler
+    from stonesoup.types.array import StateVector, StateVectors
+    from stonesoup.types.detection import Detection
+    from stonesoup.types.hypothesis import SingleHypothesis
+    from stonesoup.types.state import ParticleState
+    from stonesoup.updater.kalman import UnscentedKalmanUpdater
+    from stonesoup.updater.particle import ParticleUpdater
+
+    motion = CombinedLinearGaussianTransitionModel([ConstantVelocity(track.model.sigma_v**2)] * 2)
+    proposal = KalmanProposal(UnscentedKalmanPredictor(motion), UnscentedKalmanUpdater(None))
+    predictor, updater = ParticlePredictor(motion, proposal=proposal), ParticleUpdater(None, SystematicResampler())
+    noise = np.array([[track.model.sigma_w**2]])
+
+    def run() -> Array:
+        rng, means = np.random.default_rng(1), []
+        points = track.prior.mean + rng.standard_normal((n, 4)) * np.sqrt(np.diag(track.prior.covariance))
+        state = ParticleState(StateVectors(points[:, _INTERLEAVED].T), weight=np.full(n, 1.0 / n), timestamp=_ZERO)
+        for step, (sensors, bearings) in enumerate(zip(track.sensors, track.bearings, strict=True), start=1):
+            models = [Cartesian2DToBearing(4, (2, 0), noise, translation_offset=at[::-1, None]) for at in sensors]
+            both = CombinedReversibleGaussianMeasurementModel(models)
+            now = _ZERO + timedelta(seconds=step * DT)
+            seen = Detection(StateVector(bearings), timestamp=now, measurement_model=both)
+            ahead = predictor.predict(state, timestamp=now, measurement=seen)
+            state = updater.update(SingleHypothesis(ahead, seen))
+            means.append(np.asarray(state.mean, float).ravel()[_INTERLEAVED])
+        return np.array(means)
+
+    return run
+
+
 _INTERLEAVED = [0, 2, 1, 3]
 """Stone Soup's state is (x, vx, y, vy)."""
 _ZERO = datetime(2020, 1, 1)

@@ -45,7 +45,7 @@ def scenario(nodes: int, link: str, seconds: int, seed: int) -> Scenario:
         "fusion.prior": "none",
     }
     values = [f"{key}={json.dumps(value)}" for key, value in settings.items()]
-    return load("zhai-spcpf", settings=values, seed=seed, nodes=nodes, link=link, trackers=["fix-imm-ukf"])
+    return load("zhai-spcpf", settings=values, seed=seed, nodes=nodes, link=link, trackers=["imm-ukf"])
 
 
 def route(field_m: float, seconds: int) -> list[tuple[float, float, float]]:
@@ -142,7 +142,7 @@ def measure(nodes: int, link: str, seconds: int, seed: int) -> dict[str, Any]:
         "rss_mb": probe.rss_mb,
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
         "frames": metrics["frames"],
-        "rmse_m": metrics["trackers"]["fix-imm-ukf"]["rmse"]["position"],
+        "rmse_m": metrics["trackers"]["imm-ukf"]["rmse"]["position"],
     }
 
 
