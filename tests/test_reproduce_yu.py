@@ -16,6 +16,7 @@ from launcher.reproduce.papers.yu import truth
 from launcher.reproduce.papers.yu.bound import bounds
 from launcher.reproduce.papers.yu.crossing import Crossing, crossings, held, nearest
 from launcher.reproduce.papers.yu.experiments import CASES, EXPERIMENTS, PLAIN, RULE, followed
+from launcher.reproduce.papers.yu.imm_log import imm_errors
 from launcher.reproduce.papers.yu.runs import Case, looked_back, reports_of, selected, sticky, tracks
 from launcher.reproduce.papers.yu.tables import PERIODS, lost
 from launcher.reproduce.papers.yu.truth import Field, drawn, paths
@@ -103,6 +104,24 @@ def test_a_run_is_the_same_whatever_is_beside_it(case: Case) -> None:
     assert beside.means[1] == pytest.approx(alone.means[0], rel=1e-9, abs=1e-9)
     assert beside.covariances[1] == pytest.approx(alone.covariances[0], rel=1e-9, abs=1e-9)
     assert beside.changes[1] == alone.changes[0]
+
+
+def test_a_run_of_kalman_filters_is_the_same_whatever_is_beside_it() -> None:
+    alone, beside = _by_kalman(3, [2]), _by_kalman(3, [1, 2, 3])
+    assert beside[1] == pytest.approx(alone[0], rel=1e-9, abs=1e-9)
+
+
+def test_kalman_filters_start_anew_where_they_lost_the_target() -> None:
+    """In run 102 the target leaves the range of all chosen sensors in the first turn; run 1 is never lost."""
+    never, anew = (_by_kalman(after, [1, 102])[:, -30:] for after in (10**9, 3))
+    far, near = (np.linalg.norm(one, axis=-1).mean(axis=1) for one in (never, anew))
+    assert far[1] > 200.0
+    assert near[1] < 20.0
+    assert far[0] == near[0] < 20.0
+
+
+def _by_kalman(after: int, runs: Sequence[int]) -> Any:
+    return imm_errors(FEW.turns, 0.12, 4, after, PLAIN, runs)
 
 
 @pytest.mark.parametrize("tracker", [FEW, Mrbpf(60, q=0.12, silent=3)])

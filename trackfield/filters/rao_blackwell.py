@@ -18,18 +18,17 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from trackfield.filters.belief import Modes
 from trackfield.filters.gaussian import Motion, root
-from trackfield.filters.measurement import STATE
+from trackfield.filters.measurement import STATE, heard
 from trackfield.filters.resampling import evenly
 from trackfield.filters.turning import Complex, Indices, Turns, rates_of, shares, turned
 from trackfield.filters.types import Array, Gaussian, Model, Reports
 
 _LOUDEST = 4
-_AROUND_M, _SPEED_M_S = 40.0, 5.0
-"""The sd of position and velocity, per axis, of a track that starts anew (spec of Yu et al., ``reacquire``)."""
+AROUND_M, SPEED_M_S = 40.0, 5.0
+"""The sd of position and velocity, per axis, of a track that starts anew around the loudest sensors."""
 _TINY = float(np.finfo(np.float64).tiny)
 
 
@@ -124,20 +123,20 @@ def renewed(cloud: Cloud, reports: Reports, model: Model, normals: Array, after:
 
     With ``after`` 0 they never are; else the velocity is then unknown and the target goes straight ahead.
     """
-    heard = _heard(reports, cloud.silent.shape)
-    silent = np.where(heard, 0, cloud.silent + 1)
-    anew = heard & (cloud.silent >= after) if after else np.zeros_like(heard)
+    there = heard(reports)
+    silent = np.where(there, 0, cloud.silent + 1)
+    anew = there & (cloud.silent >= after) if after else np.zeros_like(there)
     if not anew.any():
         return cloud._replace(silent=silent)
     points = np.zeros_like(cloud.points)
-    points[..., :2] = _centroid(reports, model)[..., None, :] + _AROUND_M * normals[..., :2]
+    points[..., :2] = centroid(reports, model)[..., None, :] + AROUND_M * normals[..., :2]
     if model.unknowns:
         mean, sd = np.array([(one.mean, one.sd) for one in model.unknowns]).T
         points[..., STATE:] = mean + sd * normals[..., 2:]
     each, m = anew[..., None], cloud.probability.shape[-1]
     return Cloud(
         np.where(each[..., None], points, cloud.points),
-        np.where(each, _SPEED_M_S**2, cloud.variance),
+        np.where(each, SPEED_M_S**2, cloud.variance),
         np.where(each, 0, cloud.mode),
         np.where(each, 0.0, cloud.rate),
         np.where(each, np.eye(m)[0], cloud.probability),
@@ -204,6 +203,20 @@ def foreseen(then: Array, rate: Array, model: Model, dt: float, q: float) -> Mot
     return Motion(F, Q)
 
 
+def centroid(reports: Reports, model: Model) -> Array:
+    """The mean place (..., 2) of the loudest sensors."""
+    levels = [
+        np.where(np.isnan(one.values[..., 0]), -np.inf, model.kinds[one.kind].loudness(one.values))
+        for one in reports.readings
+    ]
+    loud = np.concatenate(levels, axis=-1)
+    loudest = np.argsort(-loud, axis=-1, kind="stable")[..., :_LOUDEST]
+    weights = np.isfinite(np.take_along_axis(loud, loudest, axis=-1)).astype(float)
+    places = np.take_along_axis(reports.positions, loudest[..., None], axis=-2)
+    mean: Array = (weights[..., None] * places).sum(axis=-2) / np.maximum(weights.sum(axis=-1), 1.0)[..., None]
+    return mean
+
+
 # --- parts ------------------------------------------------------------------------------------------------------------
 
 
@@ -246,25 +259,3 @@ def _taken(part: Any, chosen: Indices) -> Any:
     if chosen.ndim == 1:
         return part.take(chosen, axis=0)
     return np.take_along_axis(part, chosen.reshape(*chosen.shape, *(1,) * (part.ndim - chosen.ndim)), chosen.ndim - 1)
-
-
-def _heard(reports: Reports, runs: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """Whether a run (...,) has reports in this step."""
-    found = np.zeros(runs, bool)
-    for one in reports.readings:
-        found |= ~np.isnan(one.values[..., 0]).all(axis=-1)
-    return found
-
-
-def _centroid(reports: Reports, model: Model) -> Array:
-    """The mean place (..., 2) of the loudest sensors."""
-    levels = [
-        np.where(np.isnan(one.values[..., 0]), -np.inf, model.kinds[one.kind].loudness(one.values))
-        for one in reports.readings
-    ]
-    loud = np.concatenate(levels, axis=-1)
-    loudest = np.argsort(-loud, axis=-1, kind="stable")[..., :_LOUDEST]
-    weights = np.isfinite(np.take_along_axis(loud, loudest, axis=-1)).astype(float)
-    places = np.take_along_axis(reports.positions, loudest[..., None], axis=-2)
-    centroid: Array = (weights[..., None] * places).sum(axis=-2) / np.maximum(weights.sum(axis=-1), 1.0)[..., None]
-    return centroid

@@ -86,7 +86,7 @@ def followed(case: Case, runs: Sequence[int]) -> Figures:
 
 def by_imm(tracker: Blackwell, runs: Sequence[int]) -> Figures:
     """The runs of the interacting Kalman filters, with the modes and the noise of this tracker."""
-    return {"errors": imm_errors(tracker.turns, Q, SENSORS[0], PLAIN, runs)}
+    return {"errors": imm_errors(tracker.turns, Q, SENSORS[0], tracker.silent, PLAIN, runs)}
 
 
 def bounded(runs: Sequence[int]) -> Figures:

@@ -10,37 +10,62 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
-from launcher.reproduce.papers.yu.runs import reports_of
+from launcher.reproduce.papers.yu.runs import reports_of, taking_part
 from launcher.reproduce.papers.yu.truth import STEPS, Field, T, drawn
 from trackfield.filters import imm, ukf
 from trackfield.filters.gaussian import Motion, predict
-from trackfield.filters.rao_blackwell import foreseen
+from trackfield.filters.measurement import heard
+from trackfield.filters.rao_blackwell import AROUND_M, SPEED_M_S, centroid, foreseen
 from trackfield.filters.turning import Turns
-from trackfield.filters.types import Array, Gaussian
+from trackfield.filters.types import Array, Gaussian, Reports
 from trackfield.sensing.energy import Energy
 
 
-def imm_errors(turns: Turns, q: float, sensors: int, field: Field, runs: Sequence[int]) -> Array:
-    """The errors (R, T, 2) m of the position, with the ``sensors`` nearest to where the target is expected."""
+def imm_errors(turns: Turns, q: float, sensors: int, after: int, field: Field, runs: Sequence[int]) -> Array:
+    """The errors (R, T, 2) m of the position, with the ``sensors`` taking_part to where the target is expected.
+
+    After ``after`` steps without a reading a track starts anew, as those of particles do.
+    """
     told, m = drawn(field, runs), len(turns.rates)
     motions = _motions(field, turns, q)
-    bank = imm.Bank(
-        np.tile(np.eye(m)[0], (len(runs), 1)),
-        np.repeat(told.prior.mean[:, None], m, axis=1),
-        np.repeat(told.prior.covariance[:, None], m, axis=1),
-    )
+    bank, silent = _begun(told.prior, m), np.zeros(len(runs), int)
     errors = np.empty((len(runs), STEPS, 2))
     for t in range(STEPS):
-        mean = imm.combined(bank).mean
-        away = np.square(told.places - (mean[:, :2] + T * mean[:, 2:4])[:, None]).sum(axis=-1)
-        reports = reports_of(told, t, np.argsort(away, axis=-1, kind="stable")[:, :sensors])
+        late = silent >= after
+        reports = reports_of(told, t, taking_part(imm.combined(bank).mean, told, t, sensors, late))
         bank = imm.mix(bank, turns.switching)
-        prior = predict(Gaussian(bank.mean, bank.covariance), motions)
+        bank = imm.Bank(bank.probability, *predict(Gaussian(bank.mean, bank.covariance), motions))
+        there = heard(reports)
+        anew, silent = there & late, np.where(there, 0, silent + 1)
+        if anew.any():
+            bank = imm.Bank(*(_where(anew, *both) for both in zip(_anew(reports, field, m), bank, strict=True)))
+        prior = Gaussian(bank.mean, bank.covariance)
         posterior, log_evidence = _update(field.kind, prior, reports.readings[0].values[..., 0], reports.positions)
         bank = imm.Bank(imm.reweigh(bank.probability, log_evidence), *posterior)
         errors[:, t] = imm.combined(bank).mean[:, :2] - told.path[:, t + 1, :2]
     return errors
+
+
+def _begun(prior: Gaussian, m: int) -> imm.Bank:
+    """All modes with the same belief (R, n), the first for certain."""
+    first = np.tile(np.eye(m)[0], (len(prior.mean), 1))
+    return imm.Bank(first, *(np.repeat(part[:, None], m, axis=1) for part in prior))
+
+
+def _anew(reports: Reports, field: Field, m: int) -> imm.Bank:
+    """The start around the loudest sensors, of what is emitted as the kind says (``rao_blackwell.renewed``)."""
+    (emitted,) = field.model.unknowns
+    places = centroid(reports, field.model)
+    mean = np.column_stack((places, np.tile((0.0, 0.0, emitted.mean), (len(places), 1))))
+    sds = (AROUND_M, AROUND_M, SPEED_M_S, SPEED_M_S, emitted.sd)
+    return _begun(Gaussian(mean, np.tile(np.diag(np.square(sds)), (len(places), 1, 1))), m)
+
+
+def _where(which: npt.NDArray[np.bool_], one: Array, other: Array) -> Array:
+    """The one where ``which`` (R,) is true, else the other."""
+    return np.where(which.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
 
 
 def _update(kind: Energy, prior: Gaussian, readings: Array, places: Array) -> tuple[Gaussian, Array]:

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from launcher.reproduce.kernels.draws import generators, normals, stacked
 from launcher.reproduce.papers.yu.truth import STEPS, Field, T, Truth, drawn
@@ -92,16 +93,19 @@ def with_velocities(cloud: Cloud, normals: Array) -> Cloud:
 
 
 def selected(cloud: Cloud, told: Truth, t: int, count: int, silent: int) -> Indices:
-    """The sensors (R, count) nearest to where the target is expected in step ``t``, the nearest first.
+    """The sensors (R, count) of step ``t`` for these particles, which start anew after ``silent`` steps; 0: never."""
+    anew = cloud.silent >= silent if silent else np.zeros(cloud.silent.shape, bool)
+    return taking_part(cloud.points.mean(axis=-2), told, t, count, anew)
 
-    Where the track starts anew these are the loudest of the field instead.
+
+def taking_part(mean: Array, told: Truth, t: int, count: int, anew: npt.NDArray[np.bool_]) -> Indices:
+    """The sensors (R, count) nearest to where a target of state ``mean`` (R, n) is a step later, the nearest first.
+
+    Where a track starts ``anew`` (R,) these are the loudest of the field instead.
     """
-    mean = cloud.points.mean(axis=-2)
-    expected = mean[:, :2] + T * mean[:, 2:4]
+    expected, readings = mean[:, :2] + T * mean[:, 2:4], told.readings[:, t]
     away = np.square(told.places - expected[:, None]).sum(axis=-1)
-    if silent:
-        readings = told.readings[:, t]
-        away = np.where((cloud.silent >= silent)[:, None], -np.where(np.isnan(readings), -np.inf, readings), away)
+    away = np.where(anew[:, None], -np.where(np.isnan(readings), -np.inf, readings), away)
     return np.asarray(np.argsort(away, axis=-1, kind="stable")[:, :count])
 
 
