@@ -90,7 +90,7 @@ def error_m(take: Callable[..., Gaussian], outliers: float, *, robust: bool) -> 
 
 @pytest.mark.parametrize("name", UPDATES)
 def test_a_tenth_of_the_ranges_far_too_long_costs_a_fifth_not_four_times_as_much(name: str) -> None:
-    """The spec has .96 m for the UKF, against 3.98 without, and .81 where there are no outliers."""
+    """An independent prototype has .96 m for the UKF, against 3.98 without, and .81 where there are no outliers."""
     clean, robust, plain = (
         error_m(UPDATES[name], outliers, robust=is_robust)
         for outliers, is_robust in ((0.0, True), (0.1, True), (0.1, False))

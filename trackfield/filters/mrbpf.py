@@ -4,7 +4,7 @@ A step looks ahead first: particles get modes by the modes' common probability a
 likelihood at each mode's mean corrects that probability (2b), and then the same particles get modes by it and are moved
 again (2c), weighted and resampled. So a reading counts twice, and in 2b a mode is judged by one point.
 
-As printed but for what cannot be run or has no meaning there (spec, errata):
+As printed but for what cannot be run or has no meaning there:
 
 - The turns are those of ``turning``, and the update of velocities (2d, 6) that of ``rao_blackwell``: (6) and (7) are no
   rotations, the noise of w_t alone leaves out the velocity's own uncertainty, and a whole particle is resampled.

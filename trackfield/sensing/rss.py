@@ -123,7 +123,7 @@ class Rss:
         return np.full(len(z), -log(span))
 
     def drawn(self, values: Numbers) -> float:
-        """See ``Full``: the distance that the level stands for, in the mean over the shadowing (Zhou et al., spec).
+        """See ``Full``: the distance that the level stands for, in the mean over the shadowing.
 
         With the shadowing, 10^((level_dbm - level) / 10 n) is log-normal: e^(s^2 / 2) too far in the mean.
         """

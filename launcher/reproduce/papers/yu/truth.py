@@ -1,7 +1,7 @@
 """What the target of Yu et al. (2009) does, and what the field reads: drawn for each run by its number.
 
-The paper gives the start, the turns' rates and alpha; the rest is from the spec of its reproduction (``setup``). Every
-draw is keyed by run and purpose, so more runs extend fewer.
+The paper gives the start, the turns' rates and alpha; the rest is set here (docs/papers.md). Every draw is keyed by
+run and purpose, so more runs extend fewer.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Field:
 
     @property
     def kind(self) -> Energy:
-        """The kind of sensing, with the spec's parameters, which are the kind's defaults."""
+        """The kind of sensing, with the parameters of the study, which are the kind's defaults."""
         sound = SOUND_M_S if self.delay else 0.0
         allowed = {"compensate_window": self.compensate, "compensate_delay": self.compensate}
         return Energy(window_s=self.window_s, sound_m_s=sound, **allowed)
