@@ -20,6 +20,7 @@ from trackfield.filters.clouds import Cloud, Draws, begun
 from trackfield.filters.gaussian import symmetric
 from trackfield.filters.measurement import STATE, innovations, noise_sd
 from trackfield.filters.particles import picked
+from trackfield.filters.robust import BEYOND
 from trackfield.filters.search import searched
 from trackfield.filters.types import Array, Gaussian, Model, Readings, Reports
 
@@ -40,14 +41,21 @@ class Start(NamedTuple):
 
 
 def restarts(
-    before: Gaussian | None, nearest: Array, posterior: Gaussian, reports: Reports, model: Model, dt: float
+    before: Gaussian | None,
+    nearest: Array,
+    posterior: Gaussian,
+    reports: Reports,
+    model: Model,
+    dt: float,
+    *,
+    robust: bool = False,
 ) -> Start:
     """Which runs begin anew, and where.
 
     ``before`` has the fixes of the step before, ``nearest`` (..., 4 + u) the states that explain the readings best,
-    ``posterior`` is what the filters believe.
+    ``posterior`` is what the filters believe. ``robust`` filters are not lost for a few outliers (``unexplained``).
     """
-    far = unexplained(nearest, reports, model)
+    far = unexplained(nearest, reports, model, robust=robust)
     lost = np.zeros(far.shape, bool)
     if not far.any():
         return Start(lost, posterior, None)
@@ -74,6 +82,8 @@ def begun_anew(
     model: Model,
     dt: float,
     draws: Draws,
+    *,
+    robust: bool = False,
 ) -> Cloud:
     """The cloud after a step, with particles from the readings alone where a run has lost its target.
 
@@ -82,7 +92,7 @@ def begun_anew(
     use for the old ones any more.
     """
     nearest = picked(particles, likely.argmax(axis=-1)[..., None])[..., 0, :]
-    start = restarts(before, nearest, cloud.posterior, reports, model, dt)
+    start = restarts(before, nearest, cloud.posterior, reports, model, dt, robust=robust)
     if not start.lost.any():
         return cloud._replace(fixes=start.fixes)
     lost, (mean, covariance) = start.lost, start.belief
@@ -94,10 +104,15 @@ def begun_anew(
     return Cloud(start.belief, particles, log_weights, effective, start.fixes)
 
 
-def unexplained(states: Array, reports: Reports, model: Model) -> npt.NDArray[np.bool_]:
-    """Whether the readings are too far from what ``states`` (..., 4 + u) explain (...,)."""
+def unexplained(states: Array, reports: Reports, model: Model, *, robust: bool = False) -> npt.NDArray[np.bool_]:
+    """Whether the readings are too far from what ``states`` (..., 4 + u) explain (...,).
+
+    With ``robust`` only if most of them are outliers there: a filter that knows outliers explains the others.
+    """
     sd = np.broadcast_to(noise_sd(model, reports, states), (miss := innovations(model, states, reports)).shape)
-    return np.asarray(np.square(miss / sd).sum(axis=-1) > largest(np.isfinite(sd).sum(axis=-1)))
+    squares, count = np.square(miss / sd), np.isfinite(sd).sum(axis=-1)
+    far = squares.sum(axis=-1) > largest(count)
+    return np.asarray(far & (2 * (squares > BEYOND**2).sum(axis=-1) > count) if robust else far)
 
 
 def largest(count: Array | npt.NDArray[np.intp]) -> Array:
