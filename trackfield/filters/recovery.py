@@ -62,7 +62,7 @@ def restarts(
     fixes = Gaussian(np.full((*far.shape, 2), np.nan), np.full((*far.shape, 2, 2), np.nan))
     mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
     for run in map(tuple, np.argwhere(far)):
-        fix = _fix(alone(reports, run), model)
+        fix = _fix(alone(reports, run), model, robust)
         if fix is None:
             continue
         if before is not None and not np.isnan(before.mean[run]).any():
@@ -107,12 +107,16 @@ def begun_anew(
 def unexplained(states: Array, reports: Reports, model: Model, *, robust: bool = False) -> npt.NDArray[np.bool_]:
     """Whether the readings are too far from what ``states`` (..., 4 + u) explain (...,).
 
-    With ``robust`` only if most of them are outliers there: a filter that knows outliers explains the others.
+    With ``robust`` a reading says no more than one that is ``BEYOND`` sds off. As a few never say enough then, readings
+    are also too far if most of them are outliers.
     """
     sd = np.broadcast_to(noise_sd(model, reports, states), (miss := innovations(model, states, reports)).shape)
     squares, count = np.square(miss / sd), np.isfinite(sd).sum(axis=-1)
     far = squares.sum(axis=-1) > largest(count)
-    return np.asarray(far & (2 * (squares > BEYOND**2).sum(axis=-1) > count) if robust else far)
+    if robust:
+        limited = np.minimum(squares, BEYOND**2).sum(axis=-1)
+        far &= (limited > largest(count)) | (2 * (squares > BEYOND**2).sum(axis=-1) > count)
+    return np.asarray(far)
 
 
 def largest(count: Array | npt.NDArray[np.intp]) -> Array:
@@ -140,11 +144,11 @@ def alone(reports: Reports, run: tuple[int, ...]) -> Reports:
     return Reports(reports.step, names, positions, tuple(parts), reports.m, reports.directional)
 
 
-def _fix(reports: Reports, model: Model) -> Gaussian | None:
+def _fix(reports: Reports, model: Model, robust: bool) -> Gaussian | None:
     """The belief of one run from its readings alone; None if they do not determine a position that explains them."""
     range_m = max(kind.range_m for kind in model.kinds.values())
-    fix = searched(range_m**2 * np.eye(STATE), model, reports, range_m)
-    return None if fix is None or unexplained(fix.mean, reports, model) else fix
+    fix = searched(range_m**2 * np.eye(STATE), model, reports, range_m, robust=robust)
+    return None if fix is None or unexplained(fix.mean, reports, model, robust=robust) else fix
 
 
 def _moving(earlier: Gaussian, fix: Gaussian, sigma_v: float, dt: float) -> Gaussian:
