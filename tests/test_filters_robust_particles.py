@@ -204,10 +204,7 @@ def error_m(name: str, setup: Setup, *, robust: bool) -> float:
     "name", ["bootstrap", "gpf-ukf", "upf", "fa-upf", "rbpf", "mrbpf", "mrbpf-weightmass", "jm-rbpf", "spcpf"]
 )
 def test_outliers_cost_a_robust_filter_little_and_knowing_them_nothing(name: str) -> None:
-    """Of 60 steps, which docs/tracking.md has: 0.8 to 1.1 m without outliers, with them 1.0 to 1.5 instead of 3.4 to 7.
-
-    Filters with modes are those of 1.5 m, as an outlier may be taken for a turn.
-    """
+    """Without outliers 0.8 to 1.1 m; with them 1.0 to 1.8 instead of 3.5 to 5.6 (docs/tracking.md)."""
     walk, outliers = (replace(setup, steps=40) for setup in (WALK, OUTLIERS))
     clean, ready = (error_m(name, walk, robust=robust) for robust in (False, True))
     plain, robust = (error_m(name, outliers, robust=robust) for robust in (False, True))
