@@ -33,6 +33,7 @@ from trackfield.tracking.following import ANYWHERE, Following
 
 PLACES: Final = np.array([(60.0 * column, 60.0 * row) for row in range(5) for column in range(5)])
 STEPS: Final = 40
+FAR: Final = 20.0
 SETTLED: Final = 10
 """The first step that counts."""
 PRIOR: Final = np.diag([25.0, 25.0, 1.0, 1.0])
@@ -56,10 +57,14 @@ OPTIONS: Final[Mapping[str, Mapping[str, Any]]] = {
 
 @dataclass(frozen=True)
 class Field:
-    """Sensors of these kinds, with ``options`` by kind."""
+    """Sensors of these kinds, with ``options`` by kind.
+
+    A share ``outliers`` of their numbers is off by up to ``FAR`` sds of the noise, to either side.
+    """
 
     kinds: tuple[str, ...]
     options: Mapping[str, Mapping[str, Any]]
+    outliers: float = 0.0
 
     @cached_property
     def model(self) -> Model:
@@ -94,7 +99,10 @@ class Field:
         ids = tuple(f"n{k:03d}" for k in which)
         blank = Reports(step, ids, PLACES[which], tuple(readings), one and one.m, bool(one and one.bearings))
         z = expected(self.model, state, blank)
-        z = z + noise_sd(self.model, blank, state) * rng.standard_normal(len(z))
+        sd = noise_sd(self.model, blank, state)
+        z = z + sd * rng.standard_normal(len(z))
+        if self.outliers:
+            z += np.where(rng.random(len(z)) < self.outliers, sd * rng.uniform(-FAR, FAR, len(z)), 0.0)
         first = 0
         for each in readings:
             m = self.model.kinds[each.kind].m
@@ -155,9 +163,9 @@ def truth_of(of: Field, seed: int) -> Array:
     return of.truth(np.random.default_rng(seed))
 
 
-def field(name: str, **options: Mapping[str, Any]) -> Field:
+def field(name: str, outliers: float = 0.0, **options: Mapping[str, Any]) -> Field:
     """One of ``FIELDS``; options of its kinds are given by kind."""
-    return Field(FIELDS[name], {**OPTIONS, **options})
+    return Field(FIELDS[name], {**OPTIONS, **options}, outliers)
 
 
 def cell(name: str, of: Field, runs: range, *, alone: bool = True, options: Mapping[str, Any] | None = None) -> Cell:

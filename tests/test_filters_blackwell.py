@@ -36,6 +36,8 @@ TRACKERS = [
     MrbpfWeightmass(200, silent=3),
     JmRbpf(200, silent=3),
     JmRbpf(200, turn="known"),
+    Mrbpf(200, robust=True),
+    JmRbpf(200, robust=True),
 ]
 
 

@@ -201,7 +201,15 @@ def many(prior: Gaussian, runs: int) -> Gaussian:
 
 @pytest.mark.parametrize(
     ("tracker", "astray"),
-    [(Upf(), False), (Upf(), True), (FaUpf(), False), (FaUpf(), True), (UpfPaper(), False)],
+    [
+        (Upf(), False),
+        (Upf(), True),
+        (Upf(robust=True), True),
+        (FaUpf(), False),
+        (FaUpf(), True),
+        (FaUpf(robust=True), True),
+        (UpfPaper(), False),
+    ],
 )
 def test_many_runs_at_once_are_each_run_alone(tracker: CloudTracker, astray: bool) -> None:
     """Also where some of them begin anew. One that cannot, and is off, doubles rounding errors with every step."""
@@ -219,9 +227,9 @@ def test_many_runs_at_once_are_each_run_alone(tracker: CloudTracker, astray: boo
             assert cloud.posterior.covariance[run] == pytest.approx(singles[run][t].covariance, rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize("astray", [False, True])
-def test_many_runs_of_gpf_ukf_at_once_are_each_run_alone(astray: bool) -> None:
-    runs, steps, model, tracker = 4, 12, SHARP.model, GpfUkf()
+@pytest.mark.parametrize(("astray", "robust"), [(False, False), (True, False), (True, True)])
+def test_many_runs_of_gpf_ukf_at_once_are_each_run_alone(astray: bool, robust: bool) -> None:
+    runs, steps, model, tracker = 4, 12, SHARP.model, GpfUkf(robust=robust)
     _, reports = patchy(runs, steps)
     prior = SHARP.prior._replace(mean=SHARP.prior.mean + 12.0 * astray)
     rngs = [generator(run, "alone") for run in range(runs)]
@@ -259,15 +267,16 @@ def test_the_sound_filter_knows_its_errors_and_the_papers_does_not() -> None:
     assert final_nees(UpfPaper(300), 100).mean() > 5.2
 
 
+@pytest.mark.parametrize("robust", [False, True])
 @pytest.mark.parametrize("kind", ["upf", "fa-upf", "gpf-ukf"])
-def test_a_filter_that_is_off_begins_anew(kind: str) -> None:
+def test_a_filter_that_is_off_begins_anew(kind: str, robust: bool) -> None:
     """It starts 12 m beside the target, sure of it to 0.5 m, and expects accelerations of 0.1 m/s^2."""
     setup = replace(WALK, steps=8, noise=0.1)
     told = world(setup, [3])
     prior = setup.prior._replace(mean=setup.prior.mean + np.array([12.0, 0.0, 0.0, 0.0]))
     off = {}
     for reset in (True, False):
-        tracker = make_tracker(kind, {"reset": reset})
+        tracker = make_tracker(kind, {"reset": reset, "robust": robust})
         found = estimates_alone(tracker, list(told.reports), 0, setup.model, prior)
         off[reset] = [np.hypot(*(one.mean - truth)[:2]) for one, truth in zip(found, told.truth[0], strict=True)]
     assert off[True][0] == off[False][0]

@@ -185,7 +185,7 @@ def test_bad_options_end_the_command(trackfield: Call) -> None:
     assert (said.code, said.out) == (2, "")
     assert said.err == (
         "trackfield: fusion.options.spcpf.nominal: unknown option; did you mean nominals?; "
-        "expected one of particles, nominals, weights, single\n"
+        "expected one of particles, nominals, weights, single, robust\n"
     )
     assert not Path("a").exists()
 

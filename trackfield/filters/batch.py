@@ -37,7 +37,9 @@ def step(
         draws = Draws(*(np.stack(parts) for parts in zip(*(tracker.draws(rngs[int(r)]) for r in heard), strict=True)))
         weights = np.where(counts[heard] == 1, tracker.single, tracker.weights)
         these = stacked([reports[int(r)] for r in heard])
-        parts.append(fuse(_at(cloud, heard), these, model, dt, draws, weights == "gaussian-prior"))
+        parts.append(
+            fuse(_at(cloud, heard), these, model, dt, draws, weights == "gaussian-prior", robust=tracker.robust)
+        )
     if len(silent):
         normals = np.stack([rngs[int(r)].standard_normal((tracker.particles, 2)) for r in silent])
         parts.append(coast(_at(cloud, silent), model, dt, normals))

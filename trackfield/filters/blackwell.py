@@ -39,6 +39,7 @@ class Blackwell(ABC):
 
     ``q`` (m^2/s^3) is the density of the acceleration's noise; 0: that of ``sigma_v``, held over a step. After
     ``silent`` steps without reports the particles start anew around the loudest sensors; 0: never.
+    ``robust``: the weights know that readings may be outliers.
     """
 
     needs: ClassVar[tuple[str, ...]] = (POSITIONS,)
@@ -46,6 +47,7 @@ class Blackwell(ABC):
     particles: Particles = 500
     q: Annotated[float, Within(0, 1e6)] = 0.0
     silent: Annotated[int, Within(0, 10_000)] = 0
+    robust: bool = False
 
     @property
     def turns(self) -> Turns:

@@ -35,6 +35,7 @@ class Bootstrap:
     The ``n`` particles are resampled in every step that has reports. With an ``ess_share`` below 1, only when their
     effective number is at most that share of n; until then they carry weights, which are not part of the estimate's
     particles. ``keeps`` is what its next life gets: its ``particles``, or the ``gaussian`` of its estimate.
+    ``robust``: its weights know that readings may be outliers.
     """
 
     needs: ClassVar[tuple[str, ...]] = ()
@@ -43,6 +44,7 @@ class Bootstrap:
     resampling: Literal["systematic", "residual"] = "systematic"
     ess_share: Annotated[float, Within(0, 1)] = 1.0
     keeps: Literal["gaussian", "particles"] = "gaussian"
+    robust: bool = False
 
     def init(self, prior: Gaussian, model: Model) -> BootstrapState:
         """The state of belief ``prior``; particles are drawn in the first step."""
@@ -56,7 +58,7 @@ class Bootstrap:
         if particles is None:
             particles = draw(prior, self.n, rng)
         particles = _moved(particles, model, dt, rng)
-        log_weights = log_likelihood(model, particles, reports)
+        log_weights = log_likelihood(model, particles, reports, robust=self.robust)
         if before is not None:
             with np.errstate(divide="ignore"):  # a weight of 0 stays 0
                 log_weights = log_weights + np.log(before)

@@ -53,7 +53,8 @@ class GpfUkf:
     """Gaussian particle filter with the posterior of a UKF as its proposal (after Zhou et al. 2011).
 
     The ``particles`` are drawn from the proposal with ``wider`` times its covariance. With ``reset``, a filter whose
-    particles all miss the readings begins anew from the readings.
+    particles all miss the readings begins anew from the readings. ``robust``: readings that are far from what was
+    expected are taken for outliers, by the proposal and by the weights.
     """
 
     needs: ClassVar[tuple[str, ...]] = ()
@@ -61,6 +62,7 @@ class GpfUkf:
     particles: Particles = 100
     wider: Annotated[float, Within(1, 100)] = 1.5
     reset: bool = True
+    robust: bool = False
 
     def init(self, prior: Gaussian, model: Model) -> GpfUkfState:
         """The state of belief ``prior``."""
@@ -89,17 +91,17 @@ class GpfUkf:
         ``before`` has the fixes of the step before.
         """
         ahead = predict(belief, moving(model, dt))
-        mean, covariance = unscented(ahead, reports, model)
+        mean, covariance = unscented(ahead, reports, model, robust=self.robust)
         proposal = Gaussian(mean, self.wider * covariance)
         particles = placed(proposal, normals)
-        likely = log_likelihood(model, particles, reports)
+        likely = log_likelihood(model, particles, reports, robust=self.robust)
         weights = normalised(likely + log_density(particles, ahead) - log_density(particles, proposal))
         effective = effective_size(weights)
         after = _where(heard(reports), _summed_up(weights, particles, effective, proposal), ahead)
         if not self.reset:
             return Corrected(after, particles, effective)
         nearest = picked(particles, likely.argmax(axis=-1)[..., None])[..., 0, :]
-        start = restarts(before, nearest, after, reports, model, dt)
+        start = restarts(before, nearest, after, reports, model, dt, robust=self.robust)
         return Corrected(start.belief, particles, effective, start.fixes)
 
     def motion(self, before: GpfUkfState, after: GpfUkfState, dt: float) -> Motion:

@@ -27,7 +27,8 @@ class JmRbpf(Turning):
     ``enter`` is the chance in a step that a turn to either side begins, ``leave`` that it ends, ``swap`` that it
     changes sides. ``draw`` says how modes are drawn: evenly over the particles, or for each by itself. ``q`` (m^2/s^3)
     is the density of the acceleration's noise; 0: that of ``sigma_v``, held over a step. After ``silent`` steps without
-    reports the particles start anew around the loudest sensors; 0: never.
+    reports the particles start anew around the loudest sensors; 0: never. ``robust``: the weights know
+    that readings may be outliers.
     """
 
     turn: Literal["known", "unknown"] = "unknown"
@@ -47,7 +48,7 @@ class JmRbpf(Turning):
         turns = self.turns
         cloud = moved(switched(cloud, draws, turns), model, dt, draws.normals, self.density(model, dt))
         cloud = renewed(cloud, reports, model, draws.normals, self.silent)
-        weights = normalised(log_likelihood(model, cloud.points, reports))
+        weights = normalised(log_likelihood(model, cloud.points, reports, robust=self.robust))
         mass = shares(weights, cloud.mode, len(turns.rates))
         return resampled(cloud, weights, draws.u)._replace(probability=mass), posterior(weights, cloud)
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from trackfield.filters.bounds import information
 from trackfield.filters.gaussian import Motion, constant_velocity
 from trackfield.filters.parts import OWN, Part, flat, joined, parts_of, rows, spread
+from trackfield.filters.robust import tailed
 from trackfield.filters.types import Array, Gaussian, Model, Reports
 from trackfield.models.unknowns import Unknown
 
@@ -142,17 +143,24 @@ def linearised(model: Model, state: Array, reports: Reports) -> tuple[Array, Arr
     return flat(part.misses(state)), rows(part.jacobian(state)), sd
 
 
-def log_likelihood(model: Model, states: Array, reports: Reports) -> Array:
-    """log p(z | x) (...,) of all readings for ``states`` (..., 4 + u), up to a constant."""
+def log_likelihood(model: Model, states: Array, reports: Reports, *, robust: bool = False) -> Array:
+    """log p(z | x) (...,) of all readings for ``states`` (..., 4 + u), up to a constant.
+
+    With ``robust`` the noise of each number has the tails of outliers (``robust.tailed``).
+    """
     log_weights = np.zeros(states.shape[:-1])
     for part in parts_of(model, reports):
         kind, miss = part.kind, part.misses(states)
         if kind.variance is None:
             for j, sd in enumerate(kind.sd):
-                log_weights += np.vecdot(miss[..., j], miss[..., j]) * (-0.5 / sd**2)
+                if robust:
+                    log_weights -= 0.5 * tailed(np.square(miss[..., j] / sd)).sum(axis=-1)
+                else:
+                    log_weights += np.vecdot(miss[..., j], miss[..., j]) * (-0.5 / sd**2)
         else:
             variance = part.variance(states)
-            cost = np.square(miss) / variance + np.log(variance)
+            squares = np.square(miss) / variance
+            cost = (tailed(squares) if robust else squares) + np.log(variance)
             if (padded := part.padded) is not None:
                 cost = np.where(spread(padded, states) > 0.0, 0.0, cost)
             log_weights -= 0.5 * cost.sum(axis=(-2, -1))

@@ -39,7 +39,7 @@ class Mrbpf(Turning):
     evenly over the particles, or for each by itself. ``q`` (m^2/s^3) is the density of the acceleration's noise; 0:
     that of ``sigma_v``, held over a step. After ``silent`` steps without reports the particles start anew around the
     loudest sensors; 0: never. ``gamma`` says which weights count in step 2b: those that sum to 1 within each mode, or
-    over all particles.
+    over all particles. ``robust``: weights and step 2b know that readings may be outliers.
     """
 
     gamma: Literal["within", "share"] = "within"
@@ -52,10 +52,10 @@ class Mrbpf(Turning):
         """See ``Blackwell``; ``draws`` are those of 2a, ``again`` those of 2c."""
         turns, q = self.turns, self.density(model, dt)
         tried = moved(given(cloud, cloud.probability @ turns.switching, draws, turns), model, dt, draws.normals, q)
-        probability = judged(tried, reports, model, by_share=self.gamma == "share")
+        probability = judged(tried, reports, model, by_share=self.gamma == "share", robust=self.robust)
         cloud = moved(given(cloud, probability, again, turns), model, dt, again.normals, q)
         cloud = renewed(cloud._replace(probability=probability), reports, model, again.normals, self.silent)
-        weights = normalised(log_likelihood(model, cloud.points, reports))
+        weights = normalised(log_likelihood(model, cloud.points, reports, robust=self.robust))
         return resampled(cloud, weights, again.u), posterior(weights, cloud)
 
 
@@ -65,7 +65,7 @@ def given(cloud: Cloud, probability: Array, draws: Draws, turns: Turns) -> Cloud
     return cloud._replace(mode=mode, rate=turns.rates[mode])
 
 
-def judged(cloud: Cloud, reports: Reports, model: Model, *, by_share: bool) -> Array:
+def judged(cloud: Cloud, reports: Reports, model: Model, *, by_share: bool, robust: bool = False) -> Array:
     """The modes' probability (..., M) by the reports' likelihood at their mean, times their share if that counts."""
     m = cloud.probability.shape[-1]
     count = shares(np.ones(cloud.mode.shape), cloud.mode, m)
@@ -73,4 +73,4 @@ def judged(cloud: Cloud, reports: Reports, model: Model, *, by_share: bool) -> A
     means = own @ cloud.points / np.maximum(count, 1.0)[..., None]
     with np.errstate(divide="ignore"):  # a mode without particles
         weights = np.log(count if by_share else np.sign(count))
-    return normalised(weights + log_likelihood(model, means, reports))
+    return normalised(weights + log_likelihood(model, means, reports, robust=robust))

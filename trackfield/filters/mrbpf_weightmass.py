@@ -26,7 +26,7 @@ class MrbpfWeightmass(Turning):
     that either turn begins, ``leave`` that it ends, ``swap`` that it changes sides. ``draw`` says how modes are drawn:
     evenly over the particles, or for each by itself. ``q`` (m^2/s^3) is the density of the acceleration's noise; 0:
     that of ``sigma_v``, held over a step. After ``silent`` steps without reports the particles start anew around the
-    loudest sensors; 0: never.
+    loudest sensors; 0: never. ``robust``: the weights know that readings may be outliers.
     """
 
     def advance(
@@ -36,6 +36,6 @@ class MrbpfWeightmass(Turning):
         turns, q = self.turns, self.density(model, dt)
         cloud = moved(given(cloud, cloud.probability @ turns.switching, draws, turns), model, dt, draws.normals, q)
         cloud = renewed(cloud, reports, model, draws.normals, self.silent)
-        weights = normalised(log_likelihood(model, cloud.points, reports))
+        weights = normalised(log_likelihood(model, cloud.points, reports, robust=self.robust))
         mass = shares(weights, cloud.mode, len(turns.rates))
         return resampled(cloud, weights, draws.u)._replace(probability=mass), posterior(weights, cloud)

@@ -17,6 +17,7 @@ class Rbpf(Blackwell):
 
     ``q`` (m^2/s^3) is the density of the acceleration's noise; 0: that of ``sigma_v``, held over a step. After
     ``silent`` steps without reports the particles start anew around the loudest sensors; 0: never.
+    ``robust``: the weights know that readings may be outliers.
     """
 
     def advance(
@@ -25,5 +26,5 @@ class Rbpf(Blackwell):
         """See ``Blackwell``."""
         cloud = moved(cloud, model, dt, draws.normals, self.density(model, dt))
         cloud = renewed(cloud, reports, model, draws.normals, self.silent)
-        weights = normalised(log_likelihood(model, cloud.points, reports))
+        weights = normalised(log_likelihood(model, cloud.points, reports, robust=self.robust))
         return resampled(cloud, weights, draws.u), posterior(weights, cloud)

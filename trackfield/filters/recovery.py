@@ -20,6 +20,7 @@ from trackfield.filters.clouds import Cloud, Draws, begun
 from trackfield.filters.gaussian import symmetric
 from trackfield.filters.measurement import STATE, innovations, noise_sd
 from trackfield.filters.particles import picked
+from trackfield.filters.robust import BEYOND
 from trackfield.filters.search import searched
 from trackfield.filters.types import Array, Gaussian, Model, Readings, Reports
 
@@ -40,21 +41,28 @@ class Start(NamedTuple):
 
 
 def restarts(
-    before: Gaussian | None, nearest: Array, posterior: Gaussian, reports: Reports, model: Model, dt: float
+    before: Gaussian | None,
+    nearest: Array,
+    posterior: Gaussian,
+    reports: Reports,
+    model: Model,
+    dt: float,
+    *,
+    robust: bool = False,
 ) -> Start:
     """Which runs begin anew, and where.
 
     ``before`` has the fixes of the step before, ``nearest`` (..., 4 + u) the states that explain the readings best,
-    ``posterior`` is what the filters believe.
+    ``posterior`` is what the filters believe. ``robust`` filters are not lost for a few outliers (``unexplained``).
     """
-    far = unexplained(nearest, reports, model)
+    far = unexplained(nearest, reports, model, robust=robust)
     lost = np.zeros(far.shape, bool)
     if not far.any():
         return Start(lost, posterior, None)
     fixes = Gaussian(np.full((*far.shape, 2), np.nan), np.full((*far.shape, 2, 2), np.nan))
     mean, covariance = posterior.mean.copy(), posterior.covariance.copy()
     for run in map(tuple, np.argwhere(far)):
-        fix = _fix(alone(reports, run), model)
+        fix = _fix(alone(reports, run), model, robust)
         if fix is None:
             continue
         if before is not None and not np.isnan(before.mean[run]).any():
@@ -74,6 +82,8 @@ def begun_anew(
     model: Model,
     dt: float,
     draws: Draws,
+    *,
+    robust: bool = False,
 ) -> Cloud:
     """The cloud after a step, with particles from the readings alone where a run has lost its target.
 
@@ -82,7 +92,7 @@ def begun_anew(
     use for the old ones any more.
     """
     nearest = picked(particles, likely.argmax(axis=-1)[..., None])[..., 0, :]
-    start = restarts(before, nearest, cloud.posterior, reports, model, dt)
+    start = restarts(before, nearest, cloud.posterior, reports, model, dt, robust=robust)
     if not start.lost.any():
         return cloud._replace(fixes=start.fixes)
     lost, (mean, covariance) = start.lost, start.belief
@@ -94,10 +104,19 @@ def begun_anew(
     return Cloud(start.belief, particles, log_weights, effective, start.fixes)
 
 
-def unexplained(states: Array, reports: Reports, model: Model) -> npt.NDArray[np.bool_]:
-    """Whether the readings are too far from what ``states`` (..., 4 + u) explain (...,)."""
+def unexplained(states: Array, reports: Reports, model: Model, *, robust: bool = False) -> npt.NDArray[np.bool_]:
+    """Whether the readings are too far from what ``states`` (..., 4 + u) explain (...,).
+
+    With ``robust`` a reading says no more than one that is ``BEYOND`` sds off. As a few never say enough then, readings
+    are also too far if most of them are outliers.
+    """
     sd = np.broadcast_to(noise_sd(model, reports, states), (miss := innovations(model, states, reports)).shape)
-    return np.asarray(np.square(miss / sd).sum(axis=-1) > largest(np.isfinite(sd).sum(axis=-1)))
+    squares, count = np.square(miss / sd), np.isfinite(sd).sum(axis=-1)
+    far = squares.sum(axis=-1) > largest(count)
+    if robust:
+        limited = np.minimum(squares, BEYOND**2).sum(axis=-1)
+        far &= (limited > largest(count)) | (2 * (squares > BEYOND**2).sum(axis=-1) > count)
+    return np.asarray(far)
 
 
 def largest(count: Array | npt.NDArray[np.intp]) -> Array:
@@ -125,11 +144,11 @@ def alone(reports: Reports, run: tuple[int, ...]) -> Reports:
     return Reports(reports.step, names, positions, tuple(parts), reports.m, reports.directional)
 
 
-def _fix(reports: Reports, model: Model) -> Gaussian | None:
+def _fix(reports: Reports, model: Model, robust: bool) -> Gaussian | None:
     """The belief of one run from its readings alone; None if they do not determine a position that explains them."""
     range_m = max(kind.range_m for kind in model.kinds.values())
-    fix = searched(range_m**2 * np.eye(STATE), model, reports, range_m)
-    return None if fix is None or unexplained(fix.mean, reports, model) else fix
+    fix = searched(range_m**2 * np.eye(STATE), model, reports, range_m, robust=robust)
+    return None if fix is None or unexplained(fix.mean, reports, model, robust=robust) else fix
 
 
 def _moving(earlier: Gaussian, fix: Gaussian, sigma_v: float, dt: float) -> Gaussian:

@@ -10,6 +10,7 @@ import numpy as np
 
 from trackfield.filters.gaussian import extent, symmetric
 from trackfield.filters.measurement import extended, innovations, jacobians, noise_sd
+from trackfield.filters.robust import inflated, tailed
 from trackfield.filters.types import Array, Gaussian, Model, Reports
 
 _GRID = np.stack(np.meshgrid(*2 * (np.linspace(-0.8, 0.8, 5),)), axis=-1).reshape(-1, 2)
@@ -21,10 +22,13 @@ _AS_LIKELY = 13.8
 """A place whose cost exceeds the best by more than this (twice the log of 1000) is ruled out."""
 
 
-def searched(anywhere: Array, model: Model, reports: Reports, lost_m: float) -> Gaussian | None:
+def searched(
+    anywhere: Array, model: Model, reports: Reports, lost_m: float, *, robust: bool = False
+) -> Gaussian | None:
     """The belief over (4 + u,) from readings alone; ``anywhere`` (4, 4) is the covariance without information.
 
-    None if they fit several places, or leave the position's sd above ``lost_m``.
+    None if they fit several places, or leave the position's sd above ``lost_m``. With ``robust`` readings may be
+    outliers (``robust.tailed``); the steps then weigh each by its raised noise.
     """
     if len(reports) == 0:
         return None
@@ -35,15 +39,19 @@ def searched(anywhere: Array, model: Model, reports: Reports, lost_m: float) -> 
     def cost(x: Array) -> Array:
         sd = noise_sd(model, reports, x)
         misses = innovations(model, x, reports) / sd
-        total: Array = np.square((x - centre) / scale).sum(axis=-1) + np.square(misses).sum(axis=-1)
+        squares = np.square(misses)
+        total: Array = np.square((x - centre) / scale).sum(axis=-1)
+        total += (tailed(squares) if robust else squares).sum(axis=-1)
         total += 2.0 * np.broadcast_to(np.log(sd), misses.shape).sum(axis=-1)
         return total
 
     def normal(x: Array) -> tuple[Array, Array]:
         """J^T J and J^T misses less the pull of the prior, in units of its sd."""
-        sd = noise_sd(model, reports, x)
+        sd, misses = noise_sd(model, reports, x), innovations(model, x, reports)
+        if robust:
+            sd = inflated(sd, misses, np.zeros_like(misses))
         J = jacobians(model, x, reports) * scale / sd[..., None]
-        pull = np.einsum("...ki,...k->...i", J, innovations(model, x, reports) / sd) - (x - centre) / scale
+        pull = np.einsum("...ki,...k->...i", J, misses / sd) - (x - centre) / scale
         return np.eye(len(scale)) + np.swapaxes(J, -1, -2) @ J, pull
 
     range_m = max(kind.range_m for kind in model.kinds.values())

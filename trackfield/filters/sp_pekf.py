@@ -13,6 +13,7 @@ import numpy as np
 
 from trackfield.filters.gaussian import constant_velocity, moments, symmetric
 from trackfield.filters.measurement import innovations, jacobians, noise_sd, varies
+from trackfield.filters.robust import BEYOND
 from trackfield.filters.types import Array, Gaussian, Model, Reports
 
 
@@ -31,13 +32,16 @@ def advance(
     shares: Array,
     model: Model,
     dt: float,
+    *,
+    robust: bool = False,
 ) -> Fused:
     """One step of all filters, and their sum over sensors.
 
     ``expected`` (..., N, 4) are the nominals of the last step, whose residuals are 0, after the motion model without
     noise, ``noisy`` (..., N, 4) the same with noise (eq. 10); ``carried`` (..., 4, 4) the covariance of each filter;
     ``shares`` (..., K) the sensors' weights, summing to 1. The arrays of ``reports`` may have the leading axes of runs,
-    too. A noise that depends on the state is that of ``expected``.
+    too. A noise that depends on the state is that of ``expected``. With ``robust`` noise is taken for larger where a
+    filter's innovation asks for it (``robust.inflated``).
     """
     F, Q = constant_velocity(dt, model.sigma_v)
     R = F @ carried @ F.T + Q  # eq. 18
@@ -45,6 +49,8 @@ def advance(
     H = _rows(jacobians(model, noisy, reports))  # (..., N * K, 4), eq. 14
     RH = H @ R
     S = np.vecdot(RH, H).reshape(innovation.shape) + _variance(model, reports, expected)
+    if robust:
+        S = np.maximum(S, np.square(innovation / BEYOND))
     gain = RH / _flat(S)[..., None]  # eq. 17
     # eq. 16: what the nominal gained by noise, the residual loses
     estimates = gain * _flat(innovation)[..., None] + expected.repeat(innovation.shape[-1], axis=-2)

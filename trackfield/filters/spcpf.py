@@ -70,6 +70,7 @@ class SpCpf:
     """State-partition centralised particle filter of Zhai et al. (2009).
 
     ``particles`` is the paper's Ns, ``nominals`` its N, ``single`` the weights with one sensor.
+    ``robust``: readings that are far from what was expected are taken for outliers, by the EKFs and by the weights.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("one kind", "one number", "no unknowns")
@@ -78,6 +79,7 @@ class SpCpf:
     nominals: Annotated[int, Within(1, 1000)] = 15
     weights: Weights = "paper"
     single: Weights = "gaussian-prior"
+    robust: bool = False
 
     def init(self, prior: Gaussian, model: Model) -> SpCpfState:
         """The state of belief ``prior``; particles are drawn in the first step."""
@@ -94,7 +96,7 @@ class SpCpf:
             cloud = coast(cloud, model, dt, rng.standard_normal((self.particles, 2)))
         else:
             weights = self.single if len(reports) == 1 else self.weights
-            cloud = fuse(cloud, reports, model, dt, self.draws(rng), weights == "gaussian-prior")
+            cloud = fuse(cloud, reports, model, dt, self.draws(rng), weights == "gaussian-prior", robust=self.robust)
         return SpCpfState(model, prior, cloud), Estimate(*cloud.posterior, cloud.particles[:, :2])
 
     def draws(self, rng: np.random.Generator) -> Draws:
@@ -114,7 +116,14 @@ def coast(cloud: Cloud, model: Model, dt: float, normals: Array) -> Cloud:
 
 
 def fuse(
-    cloud: Cloud, reports: Reports, model: Model, dt: float, draws: Draws, by_prior: npt.NDArray[np.bool_] | bool
+    cloud: Cloud,
+    reports: Reports,
+    model: Model,
+    dt: float,
+    draws: Draws,
+    by_prior: npt.NDArray[np.bool_] | bool,
+    *,
+    robust: bool = False,
 ) -> Cloud:
     """A step with reports, at least one: algorithm 1 as a pure function of its random numbers.
 
@@ -122,10 +131,11 @@ def fuse(
     """
     expected = advanced(picked(cloud.particles, draws.chosen), dt)
     noisy = expected + draws.noise @ noise_gain(dt, model.sigma_v)
-    proposal, carried = sp_pekf.advance(expected, noisy, cloud.carried, reports, shares(model, reports), model, dt)
+    loud = shares(model, reports)
+    proposal, carried = sp_pekf.advance(expected, noisy, cloud.carried, reports, loud, model, dt, robust=robust)
     around = draws.places @ root(proposal.covariance).mT
     particles = around + proposal.mean[..., None, :]
-    log_weights = log_likelihood(model, particles, reports)
+    log_weights = log_likelihood(model, particles, reports, robust=robust)
     if by_prior is not False:
         prior = predict(cloud.posterior, constant_velocity(dt, model.sigma_v))
         ratio = log_density(particles, prior) - log_density(particles, proposal)

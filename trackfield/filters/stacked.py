@@ -16,6 +16,7 @@ import numpy as np
 from trackfield.filters.jm_rbpf import JmRbpf, switched
 from trackfield.filters.rao_blackwell import Cloud, Draws, moved, posterior, resampled
 from trackfield.filters.resampling import normalised
+from trackfield.filters.robust import tailed
 from trackfield.filters.turning import shares
 from trackfield.filters.types import Array, Gaussian, Model
 
@@ -50,16 +51,17 @@ def advance(
     cloud; of ``u`` (..., K) all targets of a run have the same.
     """
     cloud = moved(switched(cloud, draws, tracker.turns), model, dt, draws.normals, tracker.density(model, dt))
-    weights = normalised(log_likelihood(kind, cloud.points, readings, places))
+    weights = normalised(log_likelihood(kind, cloud.points, readings, places, robust=tracker.robust))
     each = np.broadcast_to(weights[..., None, :], cloud.mode.shape)
     mass = shares(each, cloud.mode, cloud.probability.shape[-1])
     return resampled(cloud, each, draws.u)._replace(probability=mass), posterior(each, cloud)
 
 
-def log_likelihood(kind: Additive, points: Array, readings: Array, places: Array) -> Array:
+def log_likelihood(kind: Additive, points: Array, readings: Array, places: Array, *, robust: bool = False) -> Array:
     """log p(z | x) (..., N) of the sums over targets, of ``points`` (..., K, N, n), up to a constant."""
     received = kind.h(points, places[..., None, None, :, :])[..., 0].sum(axis=-3)
     variance = kind.variance_of(received)
-    cost = np.square(readings[..., None, :] - received) / variance + np.log(variance)
+    squares = np.square(readings[..., None, :] - received) / variance
+    cost = (tailed(squares) if robust else squares) + np.log(variance)
     found: Array = -0.5 * np.where(np.isnan(readings)[..., None, :], 0.0, cost).sum(axis=-1)
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from trackfield.errors import ScenarioError
 from trackfield.filters.bootstrap import Bootstrap
 from trackfield.filters.checked import checked
 from trackfield.filters.fa_upf import FaUpf
@@ -26,6 +27,12 @@ from trackfield.plugins import Maker, Plugins
 
 FORMER: Final = {"fix-imm-ukf": "imm-ukf"}
 """Former names, by which old scenarios have them, and the present ones."""
+NOT_ROBUST: Final = {
+    "fix-doa": "it draws from the likeliest place for all bearings together, outliers included",
+    "upf-paper": "it is the filter as Zhou et al. (2011) print it, to compare others with",
+    "predict-only": "it takes no readings",
+}
+"""Trackers without the option ``robust`` of the others, and why."""
 TRACKERS: Final = Plugins(
     "tracker",
     "trackfield.trackers",
@@ -65,12 +72,15 @@ def make_tracker(name: str, options: Mapping[str, Any] | None = None, n: int = S
     """The tracker of this name with these ``options``; an option ``tracker`` makes it a variant of that tracker.
 
     Users' own trackers are returned as ``Checked``, for states of ``n`` numbers. Raises ``ScenarioError`` with the
-    nearest name for an unknown tracker, and for unknown or unsuitable options.
+    nearest name for an unknown tracker, and for unknown or unsuitable options, and says why one cannot be ``robust``.
     """
     fields = dict(options or {})
     kind = fields.pop("tracker", name)
     key = f"fusion.options.{name}"
     if kind not in TRACKERS:
         raise TRACKERS.unknown(kind, f"{key}.tracker" if kind != name else "fusion.trackers")
+    if "robust" in fields and kind in NOT_ROBUST:
+        what = f"{kind} cannot be robust to outliers: {NOT_ROBUST[kind]}"
+        raise ScenarioError(what, key=f"{key}.robust", expected="gpf-ukf, or another tracker with this option")
     tracker: Tracker[Any] = made(TRACKERS[kind], fields, key)
     return tracker if kind in TRACKERS.own else checked(name, tracker, n)

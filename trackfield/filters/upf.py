@@ -25,6 +25,7 @@ from trackfield.filters.clouds import Cloud, CloudTracker, Draws, weighted
 from trackfield.filters.measurement import expected, log_likelihood, measured, noise_sd, residual
 from trackfield.filters.particles import Particles, advanced, noise_gain
 from trackfield.filters.recovery import begun_anew
+from trackfield.filters.robust import inflated
 from trackfield.filters.types import Array, Model, Reports
 from trackfield.options import Within
 
@@ -39,23 +40,27 @@ class Upf(CloudTracker):
     """Unscented particle filter: each particle's unscented transform proposes where it goes (after Zhou et al. 2011).
 
     The ``particles`` are resampled when their effective number is at most the share ``ess`` of them. With ``reset``, a
-    filter whose particles all miss the readings begins anew from the readings.
+    filter whose particles all miss the readings begins anew from the readings. ``robust``: readings that are far from
+    what a particle expects are taken for outliers, by its proposal and by its weight.
     """
 
     particles: Particles = 200
     ess: Share = 0.5
     reset: bool = True
+    robust: bool = False
 
     def fuse(self, cloud: Cloud, reports: Reports, model: Model, dt: float, draws: Draws) -> Cloud:
         """Draw each particle's noise from its own proposal, weight, resample where due."""
         onward = advanced(cloud.particles, dt)
-        noise, log_ratio = drawn(proposed(transformed(onward, reports, model, dt)), draws.normals[..., :2])
+        noise, log_ratio = drawn(
+            proposed(transformed(onward, reports, model, dt, robust=self.robust)), draws.normals[..., :2]
+        )
         particles = onward + noise @ noise_gain(dt, model.sigma_v)
-        likely = log_likelihood(model, particles, reports)
+        likely = log_likelihood(model, particles, reports, robust=self.robust)
         after = weighted(particles, cloud.log_weights + likely + log_ratio, draws.u, self.ess)
         if not self.reset:
             return after
-        return begun_anew(after, cloud.fixes, particles, likely, reports, model, dt, draws)
+        return begun_anew(after, cloud.fixes, particles, likely, reports, model, dt, draws, robust=self.robust)
 
 
 class Transform(NamedTuple):
@@ -69,12 +74,13 @@ class Transform(NamedTuple):
     variances: Array
 
 
-def transformed(onward: Array, reports: Reports, model: Model, dt: float) -> Transform:
+def transformed(onward: Array, reports: Reports, model: Model, dt: float, *, robust: bool = False) -> Transform:
     """The unscented transform of each particle's noise, which is N(0, I) in units of its sd.
 
     ``onward`` (..., N, 4) is where particles get without noise. Where readings are not linear in the noise, the
     transform's error is added to theirs; errors of several readings are taken as independent, so that a proposal is of
-    two dimensions however many readings there are. An infinite variance stands for padding.
+    two dimensions however many readings there are. An infinite variance stands for padding. With ``robust`` variances
+    are raised for outliers, particle by particle.
     """
     if reports.positions.shape[-2] == 0:
         none = np.zeros((*onward.shape[:-1], 0))
@@ -88,7 +94,11 @@ def transformed(onward: Array, reports: Reports, model: Model, dt: float) -> Tra
     shift = bends[..., 0, :] + bends[..., 1, :]
     errors = 3.0 * (np.square(bends[..., 0, :]) + np.square(bends[..., 1, :])) - np.square(shift)
     misses = residual(model, reports, np.nan_to_num(measured(model, reports))[..., None, :] - centre - shift)
-    return Transform((ahead - behind) / (2.0 * _FAR), misses, errors + np.square(noise_sd(model, reports, onward)))
+    slopes = (ahead - behind) / (2.0 * _FAR)
+    variances = errors + np.square(noise_sd(model, reports, onward))
+    if robust:
+        variances = np.square(inflated(np.sqrt(variances), misses, np.square(slopes).sum(axis=-2)))
+    return Transform(slopes, misses, variances)
 
 
 class Proposal(NamedTuple):
