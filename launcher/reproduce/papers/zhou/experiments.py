@@ -57,6 +57,8 @@ ROBUST: Final[Mapping[str, Filter]] = {
     "ukf, robust": ukf(robust=True),
     "gpf-ukf": FILTERS["gpf-ukf"],
     "gpf-ukf, no restart": UNGUARDED["gpf-ukf, no restart"],
+    "gpf-ukf, robust": gpf_ukf(GpfUkf(N, robust=True)),
+    "upf, robust": particles(Upf(N, robust=True)),
 }
 SWEEPS: Final[Mapping[str, tuple[Callable[[int], Filter], Sequence[int]]]] = {
     "bootstrap": (bootstrap, (50, 100, 200, 500, 1000, 2000, 5000)),

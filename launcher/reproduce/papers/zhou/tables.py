@@ -13,7 +13,7 @@ import numpy as np
 from launcher.reproduce.intervals import Interval, median, positive
 from launcher.reproduce.kernels.scores import mean, mean_rmse, percentile, ratio, share_lost
 from launcher.reproduce.kernels.study import Figures, Found
-from launcher.reproduce.papers.zhou.experiments import FILTERS, SWEEPS, UNGUARDED
+from launcher.reproduce.papers.zhou.experiments import FILTERS, ROBUST, SWEEPS, UNGUARDED
 from launcher.reproduce.papers.zhou.setups import LINEAR, ORIGIN, OUTLIERS, RSS, SETUPS, WITHIN, Setup
 from launcher.reproduce.tables import FACTOR, Band, Row, inside
 from trackfield.filters.bounds import pcrlb, position_sd
@@ -64,7 +64,7 @@ def tables(found: Found) -> dict[str, list[Row]]:
         "tails": [row for name in SETUPS for row in _tails(found, name)],
         "linear": list(_rows(found, "linear", LINEAR, FILTERS)),
         "origin": list(_origin(found)),
-        "outliers": list(_rows(found, "outliers", OUTLIERS, ("ukf", "ukf, robust", "gpf-ukf", "gpf-ukf, no restart"))),
+        "outliers": list(_rows(found, "outliers", OUTLIERS, ROBUST)),
         "rss": [row for name, setup in RSS.items() for row in _rows(found, name, setup, _rss())],
         "particles": [row for name in SETUPS for row in _sweep(found, name)],
     }
