@@ -21,12 +21,31 @@ SPEEDS = (5.0, 1.0, 0.3)
 """Of runs as processes, emulated seconds in a second: if the machine cannot keep up with one, the next."""
 
 
-class Run:
-    """``trackfield run`` as a subprocess with its output folder; what it says on stderr goes to the file ``said``."""
+UNREPORTED = """
+from contextlib import nullcontext
+from launcher import drawing
 
-    def __init__(self, folder: Path, *arguments: str, said: Path | None = None) -> None:
+def write_here(folder):
+    (folder / "report.html").write_text("not drawn")
+
+drawing.write_here = write_here
+drawing.written_beside = lambda: nullcontext(write_here)
+from launcher.cli import main
+main()
+"""
+"""The command line without the drawing of reports, which takes longer than all else of a short run."""
+
+
+class Run:
+    """``trackfield run`` as a subprocess with its output folder; what it says on stderr goes to the file ``said``.
+
+    Its report is drawn only if it is ``reported``.
+    """
+
+    def __init__(self, folder: Path, *arguments: str, said: Path | None = None, reported: bool = False) -> None:
         self.folder = folder
-        command = [sys.executable, "-m", "launcher.cli", "run", *arguments, "--out", str(folder)]
+        program = ("-m", "launcher.cli") if reported else ("-c", UNREPORTED)
+        command = [sys.executable, *program, "run", *arguments, "--out", str(folder)]
         self._said = said or folder.with_suffix(".stderr")
         with self._said.open("w") as stderr:
             self.process = subprocess.Popen(command, stderr=stderr, env={**os.environ, "COLUMNS": "200"})

@@ -41,9 +41,9 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def mid_run(folder: Path, *more: str) -> Run:
+def mid_run(folder: Path, *more: str, reported: bool = False) -> Run:
     """A run with some of it on disk."""
-    run = Run(folder, *FIELD, "--speed", "4", *more)
+    run = Run(folder, *FIELD, "--speed", "4", *more, reported=reported)
     until(lambda: recorded_s(run) > 14, timeout=90)
     return run
 
@@ -75,7 +75,7 @@ def check_same_until_then(run: Path, undisturbed: Path) -> dict[str, Any]:
 
 
 def test_a_recorder_that_is_killed_costs_nothing_that_came_before(tmp_path: Path, undisturbed: Path) -> None:
-    run = mid_run(tmp_path / "run")
+    run = mid_run(tmp_path / "run", reported=True)
     kill("recorder", run=run)
     code, said = run.finish()
     assert code == 1
