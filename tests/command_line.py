@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import launcher.report.page  # loaded here once, not by each process that draws a report  # noqa: F401
 from launcher import cli
 
 
