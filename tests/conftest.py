@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Generator
+import sys
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import hypothesis
 import pytest
@@ -30,6 +31,43 @@ DATA: Final = Path(__file__).parents[2] / "shared" / "data"
 
 hypothesis.settings.register_profile("trackfield", deadline=None)  # a busy machine is no defect
 hypothesis.settings.load_profile("trackfield")
+
+sys.dont_write_bytecode = False  # hundreds of processes start in the tests: none compiles what another has compiled
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+SKETCH: Final = bytes.fromhex(
+    "89504e470d0a1a0a0000000d49484452000000010000000108000000003a7e9b55"
+    "0000000a49444154789c63f80f0001010100b138f6140000000049454e44ae426082"
+)
+"""A picture of one pixel."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _sketched(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """Figures are made, but not rendered, which takes longer than a short run; but in modules marked ``rendered``."""
+    from matplotlib.figure import Figure
+
+    savefig = Figure.savefig
+    with pytest.MonkeyPatch.context() as patch:
+        if request.node.get_closest_marker("rendered") is None:
+            patch.setattr(Figure, "savefig", _sketch)
+        yield savefig
+
+
+@pytest.fixture(autouse=True)
+def _rendered(request: pytest.FixtureRequest, _sketched: Any) -> Iterator[None]:
+    """In a test marked ``rendered``, what it draws itself is rendered, too."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.node.get_closest_marker("rendered") is not None:
+            patch.setattr("matplotlib.figure.Figure.savefig", _sketched)
+        yield
+
+
+def _sketch(figure: object, where: Any, **_: object) -> None:
+    if hasattr(where, "write"):
+        where.write(SKETCH)
+    else:
+        Path(where).write_bytes(SKETCH)
 
 
 @pytest.fixture

@@ -109,6 +109,7 @@ def test_who_is_not_installed_is_left_out(data: Track, capsys: pytest.CaptureFix
     assert capsys.readouterr().err == "left out: peer is not installed (No module named 'peer')\n"
 
 
+@pytest.mark.rendered
 def test_growth_is_drawn(tmp_path: Path) -> None:
     nodes = [{"nodes": n, "all": n / 100, "run": 1.0} for n in (100, 1000)]
     particles = [{"particles": n, "bootstrap": n / 10, "spcpf": n / 5} for n in (100, 1000)]

@@ -82,6 +82,7 @@ def test_the_page_says_what_differs_and_what_came_of_it(trackfield: Call, tmp_pa
     assert at == sorted(at)
 
 
+@pytest.mark.rendered
 def test_the_page_needs_nothing_else(trackfield: Call, tmp_path: Path, home: Path) -> None:
     read, _ = page(trackfield, tmp_path, home / "a", home / "out")
     pictures = [attributes["src"] or "" for tag, attributes in read.tags if tag == "img"]
@@ -365,6 +366,7 @@ def test_a_comparison_shows_itself(home: Path) -> None:
 
 @with_browser
 @pytest.mark.parametrize("width", [1280, 500])
+@pytest.mark.rendered
 def test_the_page_opens_offline_on_a_screen_of_any_width(
     trackfield: Call, tmp_path: Path, home: Path, width: int
 ) -> None:

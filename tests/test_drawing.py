@@ -19,6 +19,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in (folder / "report.html", *(folder / "plots").iterdir())}
 
 
+@pytest.mark.rendered
 def test_a_report_drawn_beside_the_run_is_the_one_drawn_afterwards(trackfield: Call, tmp_path: Path) -> None:
     said = trackfield(*SHORT)
     assert said.code == 0, said.err

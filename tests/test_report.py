@@ -23,6 +23,8 @@ from launcher.run import run_virtual
 from launcher.show import conclude
 from tests.reporting import changed, copied, read, run, troubled, with_tracks
 
+pytestmark = pytest.mark.rendered
+
 __all__ = ["copied", "troubled"]
 
 MOST_BYTES = 1_500_000

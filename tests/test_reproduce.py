@@ -89,6 +89,7 @@ def test_other_code_is_another_study(tmp_path: Path, monkeypatch: pytest.MonkeyP
 # --- the command ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.rendered
 def test_a_study_is_interrupted_and_goes_on(trackfield: Call, tmp_path: Path) -> None:
     folder = tmp_path / "runs" / "reproduce-zhai"
     done = interrupted(tmp_path, folder)
