@@ -47,7 +47,7 @@ def command(*arguments: str) -> list[str]:
 def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str, str]:
     """The folder of a study, and what was said on stdout and stderr."""
     home = tmp_path_factory.mktemp("study")
-    asked = command("study", *FIELD, "--seeds", "3", *VARIED, "--out", "s")
+    asked = command("study", *FIELD, "--seeds", "3", *VARIED, "--jobs", "1", "--out", "s")
     wide = {**os.environ, "COLUMNS": "180"}
     done = subprocess.run(asked, cwd=home, capture_output=True, text=True, timeout=200, check=False, env=wide)
     assert done.returncode == 0, done.stderr
@@ -172,19 +172,15 @@ def test_the_page_has_everything_and_opens_offline(study: tuple[Path, str, str])
     assert f"{mean:.2f}" in page.text
 
 
-def test_the_page_names_a_run_of_each_combination_to_look_at(study: tuple[Path, str, str]) -> None:
+def test_the_page_names_a_run_of_each_combination_to_look_at(
+    study: tuple[Path, str, str], trackfield: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder, *_ = study
     page = Reader((folder / "study.html").read_text())
     said = re.findall(r"field.spacing_m=(\d+), link.model=(\w+) trackfield (run \S+ --virtual --seed \d)", page.text)
     assert [found[:2] for found in said] == [(str(m), model) for m in SPACINGS for model in MODELS]
-    done = subprocess.run(
-        command(*said[3][2].split(), "--out", "look", "--json"),
-        cwd=folder.parent,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    metrics = json.loads(done.stdout)
+    monkeypatch.chdir(folder.parent)
+    metrics = json.loads(trackfield(*said[3][2].split(), "--out", "look", "--json").out)
     runs = pq.read_table(folder / "study.parquet").to_pylist()
     own = [r for r in runs if (r["field.spacing_m"], r["link.model"], r["tracker"]) == (75, "fixed", "imm-ukf")]
     assert metrics["trackers"]["imm-ukf"]["rmse"]["position"] == np.median([r["rmse.position"] for r in own])
