@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import os
 import pty
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.running import until
+from tests.running import UNREPORTED, until
 
 TRACKFIELD = f"{sys.executable} -m launcher"
-RUN = f"{TRACKFIELD} run spcpf --nodes 9 --set target.steps=2 --out mine"
+QUICKER = f"{sys.executable} -c {shlex.quote(UNREPORTED)}"
+"""The same without drawing reports; of each driver one run without streams draws its own."""
+RUN = "run spcpf --nodes 9 --set target.steps=2 --out mine"
 TABLES = {"metrics.json", "messages.parquet", "tracks.parquet", "run.rrd", "report.html"}
 
 
@@ -23,15 +26,18 @@ def shell(command: str, where: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(full, cwd=where, capture_output=True, text=True, timeout=100, check=False)
 
 
-@pytest.mark.parametrize("streams", [">&- 2>&- <&-", "2>/dev/full"])
-def test_a_run_over_processes_needs_no_streams(streams: str, tmp_path: Path) -> None:
-    assert shell(f"{RUN} {streams}", tmp_path).returncode == 0
+@pytest.mark.parametrize(("program", "streams"), [(TRACKFIELD, ">&- 2>&- <&-"), (QUICKER, "2>/dev/full")])
+def test_a_run_over_processes_needs_no_streams(program: str, streams: str, tmp_path: Path) -> None:
+    assert shell(f"{program} {RUN} {streams}", tmp_path).returncode == 0
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
 
 
-@pytest.mark.parametrize("streams", [">&-", "2>&-", "2>&1 | true", "2>/dev/full"])
-def test_a_run_in_virtual_time_needs_none_either(streams: str, tmp_path: Path) -> None:
-    assert shell(f"{RUN} --virtual {streams}", tmp_path).returncode == 0
+@pytest.mark.parametrize(
+    ("program", "streams"),
+    [(QUICKER, ">&-"), (TRACKFIELD, "2>&-"), (QUICKER, "2>&1 | true"), (QUICKER, "2>/dev/full")],
+)
+def test_a_run_in_virtual_time_needs_none_either(program: str, streams: str, tmp_path: Path) -> None:
+    assert shell(f"{program} {RUN} --virtual {streams}", tmp_path).returncode == 0
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
 
 
@@ -39,7 +45,7 @@ def test_a_run_in_virtual_time_needs_none_either(streams: str, tmp_path: Path) -
 def test_a_terminal_that_goes_away_does_not_end_a_run_that_ignores_it(driver: str, tmp_path: Path) -> None:
     """From then on whatever is written to it fails (EIO)."""
     ours, theirs = pty.openpty()
-    command = f"trap '' HUP; exec {TRACKFIELD} run spcpf --nodes 9 --out mine {driver}"
+    command = f"trap '' HUP; exec {QUICKER} run spcpf --nodes 9 --out mine {driver}"
     run = subprocess.Popen(["bash", "-c", command], cwd=tmp_path, stdout=theirs, stderr=theirs, start_new_session=True)
     os.close(theirs)
     until((tmp_path / "mine" / "manifest.json").exists)
@@ -60,13 +66,14 @@ def test_a_terminal_that_goes_away_does_not_end_a_run_that_ignores_it(driver: st
     ],
 )
 def test_what_nobody_reads(command: str, code: int, err: str, tmp_path: Path) -> None:
-    said = shell(f"{TRACKFIELD} {command}", tmp_path)
+    program = QUICKER if command.startswith("run ") else TRACKFIELD
+    said = shell(f"{program} {command}", tmp_path)
     assert (said.returncode, said.stderr) == (code, err)
 
 
 def test_any_encoding_will_do(tmp_path: Path) -> None:
     ascii_only = "LC_ALL=C PYTHONCOERCECLOCALE=0 PYTHONUTF8=0"
-    said = shell(f"{ascii_only} {TRACKFIELD} list scenarios; {ascii_only} {RUN} --virtual", tmp_path)
+    said = shell(f"{ascii_only} {TRACKFIELD} list scenarios; {ascii_only} {TRACKFIELD} {RUN} --virtual", tmp_path)
     assert said.returncode == 0, said.stderr
     assert "Traceback" not in said.stderr
 
