@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
@@ -21,9 +22,12 @@ from trackfield.role import NS
 
 SEEDS = range(1, 31)
 SOUND = 3
+judged = cache(campaign.judged)
+"""Each seed is run once for all tests that look at the same verdicts."""
 
 
-def test_small_runs_under_everything_at_once() -> None:
+def test_small_runs_under_everything_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaign, "judged", judged)
     said: list[str] = []
     assert campaign.campaign(SEEDS, processes=0, say=said.append) == 0, "\n".join(said)
 
@@ -167,7 +171,7 @@ def test_what_a_campaign_of_its_length_should_provoke() -> None:
 
 
 def test_most_of_what_can_happen_does_in_few_runs() -> None:
-    seen = set[str]().union(*(campaign.judged(seed, processes=False).happened for seed in SEEDS))
+    seen = set[str]().union(*(judged(seed, processes=False).happened for seed in SEEDS))
     assert len(PROVOKED - seen) <= 4, PROVOKED - seen
     assert seen >= {"a restart with what was stored", "an empty battery", "a frame lost: frozen", "a lost token"}
 

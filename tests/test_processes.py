@@ -125,9 +125,11 @@ def test_a_killed_node_is_named_and_the_run_goes_on_without_it(tmp_path: Path) -
     until(lambda: leftovers(family) == [], timeout=5)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long), signal.SIGHUP])
 def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) -> None:
+    """A signal reaches the launcher alone: the terminal signals a whole process group, and the nodes are not in it."""
     run, family = mid_run(tmp_path / "run")
+    assert os.getpgid(run.process.pid) not in {os.getpgid(process.pid) for process in family}
     time.sleep(4)
     run.process.send_signal(number)
     exit_code, said = run.finish(20)
@@ -139,15 +141,6 @@ def test_a_run_ended_early_leaves_a_whole_folder(number: int, tmp_path: Path) ->
     assert frames["host_lost"] == 0
     assert 0 < len(pq.read_table(tmp_path / "run" / "tracks.parquet")) < 2 * 40
     until(lambda: leftovers(family) == [], timeout=5)
-
-
-def test_ctrl_c_at_the_terminal_reaches_the_launcher_alone(tmp_path: Path) -> None:
-    """The terminal signals the whole process group; the nodes are not in it."""
-    run, _ = mid_run(tmp_path / "run")
-    groups = {os.getpgid(process.pid) for process in run.family().values()}
-    assert os.getpgid(run.process.pid) not in groups
-    run.process.send_signal(signal.SIGINT)
-    run.finish(20)
 
 
 def test_a_killed_launcher_leaves_no_process_behind(tmp_path: Path) -> None:
