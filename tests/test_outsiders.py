@@ -70,12 +70,14 @@ def test_neither_a_flood_of_claims_nor_forged_tokens_keep_the_processes_out(
     run = Run(tmp_path / "run", *OPTIONS, "--connect", router)
     until(lambda: "1 of 6 ready" in run.said(), timeout=60)
     name = run.manifest()["run"]
-    with open_client(router, name) as session, flooding(router, name) as floods:
+    with open_client(router, name) as session:
         held = [session.liveliness().declare_token(keys.live(one)) for one in NAMES]
-        until(lambda: floods() > 20)
-        assert "\nt = " not in run.said()  # it did not start with nobody there
-        for role in ("fusion", *4 * ["node"]):
-            start(role)
+        with flooding(router, name) as floods:
+            until(lambda: floods() > 20)
+            assert "\nt = " not in run.said()  # it did not start with nobody there
+            for role in ("fusion", *4 * ["node"]):
+                start(role)
+            run.started()
         code, said = run.finish(60)
         assert len(held) == len(NAMES)
     assert code == 1
