@@ -81,6 +81,15 @@ def test_root_takes_a_variance_below_zero_as_zero():
     assert pytest.approx(np.diag([1.0, 0.0]), abs=1e-15) == L @ L.T
 
 
+def test_a_singular_covariance_changes_nothing_for_the_others_of_its_batch():
+    rng = np.random.default_rng(6)
+    P = np.array([[covariance(rng) for _ in range(3)] for _ in range(4)])
+    P[1, 2], P[3, 0] = np.diag([1.0, 2.0, 0.0, 3.0]), np.zeros((4, 4))
+    together = root(P)
+    alone = np.array([[root(one) for one in some] for some in P])
+    assert together.tobytes() == alone.tobytes()
+
+
 def test_symmetric():
     assert symmetric(np.array([[1.0, 2.0], [4.0, 1.0]])).tolist() == [[1.0, 3.0], [3.0, 1.0]]
 

@@ -99,11 +99,13 @@ def root(covariance: Array) -> Array:
     """L (..., n, n) with L L^T = ``covariance``: Cholesky's if there is one.
 
     A singular covariance, or one that rounding pushed below zero, gets its principal axes with negative
-    variances taken as zero.
+    variances taken as zero. It changes nothing for the others of its batch.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariance))
     except np.linalg.LinAlgError:
+        if covariance.ndim > 2:  # numpy does not say which of them it was
+            return np.array([root(one) for one in covariance])
         variances, axes = np.linalg.eigh(covariance)
         return np.asarray(axes * np.sqrt(np.maximum(variances, 0.0))[..., None, :])
 
