@@ -23,7 +23,7 @@ from trackfield.filters.gaussian import Motion
 from trackfield.filters.measurement import STATE, expected, extended, moving, noise_sd, sensing_information
 from trackfield.filters.metrics import effective_count, nees, nees_band
 from trackfield.filters.needs import NEEDS, needs_of, unmet
-from trackfield.filters.trackers import FORMER, TRACKERS, make_tracker
+from trackfield.filters.trackers import TRACKERS, make_tracker
 from trackfield.filters.types import Array, Gaussian, Model, Readings, Reports
 from trackfield.models import motion
 from trackfield.models.sound import level_db
@@ -213,7 +213,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=30)
     parser.add_argument("--alone", action="store_true")
-    parser.add_argument("--trackers", nargs="*", default=[one for one in TRACKERS.own if one not in FORMER])
+    parser.add_argument("--trackers", nargs="*", default=list(TRACKERS.own))
     parser.add_argument("--fields", nargs="*", default=list(FIELDS), choices=list(FIELDS))
     given = parser.parse_args()
     rows = {

@@ -47,7 +47,7 @@ def assert_refused(said: Said, *parts: str) -> None:
         ([*NOWHERE, "--set", "link.file=no.csv"], ["link.file: ", "no.csv: cannot be read (No such file"]),
         ([*NOWHERE, "--link", "gilbert"], ["link.model: unknown model 'gilbert'", "did you mean gilbert_elliott?"]),
         ([*NOWHERE, "--link", "ideal "], ["did you mean ideal?", "one of ideal, fixed, gilbert_elliott"]),
-        ([*NOWHERE, "--tracker", "fix-ukf"], ["fusion.trackers: unknown tracker", "did you mean fix-imm-ukf?"]),
+        ([*NOWHERE, "--tracker", "fix-imm-ukff"], ["fusion.trackers: unknown tracker", "did you mean imm-ukf?"]),
         ([*NOWHERE, "--tracker", "spcpf", "--tracker", "spcpf"], ["'spcpf' is given twice"]),
         ([*NOWHERE, "--set", "sensor.treshold=0.7"], ["sensor.treshold: unknown", "did you mean threshold?"]),
         (["run", "spcpf", "--connect", "nonsense"], ["--connect: is 'nonsense'", "tcp/127.0.0.1:7447"]),

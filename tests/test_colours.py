@@ -7,7 +7,7 @@ from trackfield.filters.trackers import TRACKERS
 
 
 def test_a_packaged_tracker_always_has_its_own_colour() -> None:
-    alone = {name: tracker_colours([name])[name] for name in TRACKERS.own if name != "fix-imm-ukf"}
+    alone = {name: tracker_colours([name])[name] for name in TRACKERS.own}
     assert len(set(alone.values())) == len(alone)
     assert tracker_colours(list(reversed(alone))) == alone
 

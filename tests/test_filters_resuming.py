@@ -58,7 +58,7 @@ def lived(following: Following[Any], reports: list[Reports], steps: int = START)
 # --- what they hand on ---
 
 
-MODES = ("imm-ukf", "fix-imm-ukf", "mrbpf", "mrbpf-weightmass", "jm-rbpf")
+MODES = ("imm-ukf", "mrbpf", "mrbpf-weightmass", "jm-rbpf")
 """Who hands on a Gaussian for each mode."""
 
 

@@ -10,14 +10,17 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from launcher.plan.extensions import own_places
 from tests.matrix import FIELDS, START, STEPS, Cell, cell, field
 from tests.rangers import Ranger
 from tests.sensing import model_of, reports_of
+from trackfield.errors import ScenarioError
 from trackfield.filters import imm
 from trackfield.filters.belief import Modes, dimension
 from trackfield.filters.imm_ukf import ImmUkf, ImmUkfState
-from trackfield.filters.trackers import TRACKERS
+from trackfield.filters.trackers import TRACKERS, make_tracker
 from trackfield.filters.types import Array, Estimate, Gaussian, Readings, Reports
+from trackfield.scenario import Scenario
 from trackfield.tracking.following import Following
 
 WORST: Final = {
@@ -33,6 +36,15 @@ WORST: Final = {
 
 def test_the_former_name_means_the_same() -> None:
     assert TRACKERS["fix-imm-ukf"] is TRACKERS["imm-ukf"] is ImmUkf
+    assert isinstance(make_tracker("fix-imm-ukf"), ImmUkf)  # not one of a user's, which are checked at each step
+    assert own_places(Scenario.load("bus").set("fusion.trackers", ["fix-imm-ukf"])) == {}
+
+
+def test_the_former_name_is_neither_listed_nor_free() -> None:
+    assert "fix-imm-ukf" in TRACKERS
+    assert "fix-imm-ukf" not in list(TRACKERS)
+    with pytest.raises(ScenarioError, match="of Trackfield's own"):
+        TRACKERS.register("fix-imm-ukf", ImmUkf)
 
 
 @cache

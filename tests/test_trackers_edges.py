@@ -79,7 +79,7 @@ def test_an_unknown_name_gets_the_nearest(wrong, right):
 def test_without_reports_a_tracker_predicts(name):
     first, *_, last = run(name, [NONE] * 8)
     where = START.mean[:2] + 8.0 * START.mean[2:]
-    if name not in ("imm-ukf", "fix-imm-ukf", *TURNING):  # silence rules out neither that it stands nor that it turns
+    if name not in ("imm-ukf", *TURNING):  # silence rules out neither that it stands nor that it turns
         wanders = 2.0 if name == "upf-paper" else 1.0  # it draws all of its particles anew in each step
         assert last.mean[:2] == pytest.approx(where, abs=2.5 * wanders)
     assert np.trace(last.covariance[:2, :2]) > np.trace(first.covariance[:2, :2])

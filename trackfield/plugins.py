@@ -72,11 +72,20 @@ def importable(place: str) -> bool:
 class Plugins(Mapping[str, Maker]):
     """The makers of one ``kind`` ("tracker") by name, with the entry points of ``group``; ``own`` cannot be replaced.
 
-    ``registered`` are those of this process only. An entry point is loaded when it is used, not when it is listed.
+    ``former`` names, by which old scenarios have some of ``own``, are accepted and not listed. ``registered`` are
+    those of this process only. An entry point is loaded when it is used, not when it is listed.
     """
 
-    def __init__(self, kind: str, group: str, own: Mapping[str, Maker], methods: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        kind: str,
+        group: str,
+        own: Mapping[str, Maker],
+        methods: tuple[str, ...],
+        former: Mapping[str, str] | None = None,
+    ) -> None:
         self.kind, self.group, self.own, self.methods = kind, group, dict(own), methods
+        self.former = dict(former or {})
         self.registered: dict[str, Maker] = {}
 
     def register(self, name: str, maker: Maker) -> None:
@@ -88,11 +97,15 @@ class Plugins(Mapping[str, Maker]):
         if not _NAME.fullmatch(name):
             expected = "1 to 32 letters, digits, _ . - (the first a letter or a digit)"
             raise ScenarioError(f"{name!r} is not a valid name for {self._one}", key=key, expected=expected)
-        if name in self.own:
+        if self.owns(name):
             what = f"{name!r} is {self._one} of Trackfield's own"
             raise ScenarioError(what, key=key, expected="another name")
         self._check(name, maker, key)
         self.registered[name] = maker
+
+    def owns(self, name: str) -> bool:
+        """Whether this names one of Trackfield's own, now or formerly."""
+        return name in self.own or name in self.former
 
     def place(self, name: str) -> str:
         """Where other processes find the maker of this name, as ``module:attribute``. Raises as ``[]`` does."""
@@ -103,8 +116,8 @@ class Plugins(Mapping[str, Maker]):
     def __getitem__(self, name: str) -> Maker:
         """The maker; raises ``KeyError`` if there is none, ``ScenarioError`` if its package cannot be loaded."""
         for known in (self.own, self.registered):
-            if name in known:
-                return known[name]
+            if (now := self.former.get(name, name)) in known:
+                return known[now]
         place = self._given(name) or self._entries[name].value
         try:
             maker: Maker = load(place)
@@ -115,7 +128,7 @@ class Plugins(Mapping[str, Maker]):
         return maker
 
     def __contains__(self, name: object) -> bool:
-        known = name in self.own or name in self.registered
+        known = name in self.own or name in self.former or name in self.registered
         return known or bool(self._given(name)) or name in self._entries
 
     def __iter__(self) -> Iterator[str]:

@@ -12,7 +12,7 @@ from launcher.records import Plan
 from trackfield.drivers.spec import role_places
 from trackfield.errors import ScenarioError, together
 from trackfield.filters.needs import unmet
-from trackfield.filters.trackers import FORMER, TRACKERS, make_tracker
+from trackfield.filters.trackers import TRACKERS, make_tracker
 from trackfield.plugins import importable
 from trackfield.scenario import Scenario
 from trackfield.scenario.faults import Bias
@@ -29,7 +29,7 @@ def own_places(scenario: Scenario) -> dict[str, str]:
     By ``kind:name``, as ``trackfield.plugins.give`` takes them. Raises ``ScenarioError`` as ``check_trackers`` does.
     """
     check_trackers(scenario.fusion)
-    kinds = sorted({kind for _, kind in _kinds(scenario.fusion)} - TRACKERS.own.keys())
+    kinds = sorted({kind for _, kind in _kinds(scenario.fusion) if not TRACKERS.owns(kind)})
     places = {f"tracker:{kind}": TRACKERS.place(kind) for kind in kinds}
     for _, section in scenario.keyed_sensors:
         if section.kind in SENSORS and section.kind not in SENSORS.own:
@@ -75,7 +75,7 @@ def check_sensing(scenario: Scenario, sections: Mapping[str, SensorSection]) -> 
     adaptive(sections)
     for name, tracker in _kinds(scenario.fusion):
         if tracker in TRACKERS and (why := unmet(TRACKERS[tracker], kinds)):
-            able = [own for own in TRACKERS.own if own not in FORMER and not unmet(TRACKERS.own[own], kinds)]
+            able = [own for own in TRACKERS.own if not unmet(TRACKERS.own[own], kinds)]
             expected = f"{', '.join(sorted(able))}, or one of your own"
             raise ScenarioError(f"'{name}' {why}", key="fusion.trackers", expected=expected)
     if len(kinds) == 1:  # of several, whose reading is off shows only in the field

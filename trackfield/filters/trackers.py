@@ -25,8 +25,6 @@ from trackfield.filters.upf_paper import UpfPaper
 from trackfield.options import made
 from trackfield.plugins import Maker, Plugins
 
-FORMER: Final = {"fix-imm-ukf": "imm-ukf"}
-"""Former names, by which old scenarios have them, and the present ones."""
 NOT_ROBUST: Final = {
     "fix-doa": "it draws from the likeliest place for all bearings together, outliers included",
     "upf-paper": "it is the filter as Zhou et al. (2011) print it, to compare others with",
@@ -52,9 +50,9 @@ TRACKERS: Final = Plugins(
         "fa-upf": FaUpf,
         "upf-paper": UpfPaper,
         "predict-only": PredictOnly,
-        "fix-imm-ukf": ImmUkf,  # its former name
     },
     methods=("init", "step"),
+    former={"fix-imm-ukf": "imm-ukf"},
 )
 
 
@@ -83,4 +81,4 @@ def make_tracker(name: str, options: Mapping[str, Any] | None = None, n: int = S
         what = f"{kind} cannot be robust to outliers: {NOT_ROBUST[kind]}"
         raise ScenarioError(what, key=f"{key}.robust", expected="gpf-ukf, or another tracker with this option")
     tracker: Tracker[Any] = made(TRACKERS[kind], fields, key)
-    return tracker if kind in TRACKERS.own else checked(name, tracker, n)
+    return tracker if TRACKERS.owns(kind) else checked(name, tracker, n)
