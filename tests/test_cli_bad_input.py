@@ -74,6 +74,8 @@ def test_an_unknown_name_gets_the_nearest(
         ("link.loss=high", ['link.loss: is "high"', "a number from 0 to 1"]),
         ("sensor.doa_sd_deg=-1", ["sensor.doa_sd_deg: is -1", "a number from 0.001 to 180"]),
         ("sensor.doa_sd_deg=nan", ["sensor.doa_sd_deg: is NaN", "a number from 0.001 to 180"]),
+        ("fusion.options={upf={ess=nan}}", ["fusion.options.upf.ess: is NaN", "or a number from -1e15 to 1e15"]),
+        ("fusion.options={upf={ess=[1]}}", ["fusion.options.upf.ess: is [1]", "true or false"]),
         ("field.spacing_m=0", ["field.spacing_m: is 0", "a number from 0.001 to 10000000"]),
         ("field.jitter=1.5", ["field.jitter: is 1.5", "a number from 0 to 1"]),
         ("field.radius_m=0", ["field.radius_m: is 0", "a number from 0.001 to 10000000"]),

@@ -1,5 +1,6 @@
 """What every tracker must bear: silence, one sensor, angles across their cut, crowds; and being replayed."""
 
+import inspect
 import os
 import subprocess
 import sys
@@ -73,6 +74,16 @@ def test_an_unknown_name_gets_the_nearest(wrong, right):
 
 
 # --- reports of all kinds ---
+
+
+OPTIONS = [(name, option) for name in NAMES for option in inspect.signature(TRACKERS[name]).parameters]
+
+
+@pytest.mark.parametrize(("name", "option"), OPTIONS)
+def test_each_option_is_checked_also_those_that_a_tracker_inherits(name, option):
+    for wrong in ("nonsense", -1, float("nan"), 1e300):
+        with pytest.raises(ScenarioError, match=rf"^(?s:.*){option}: is .*; expected "):
+            make_tracker(name, {option: wrong})
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, is_dataclass
 from difflib import get_close_matches
 from functools import partial
 from types import NoneType, UnionType
@@ -53,12 +54,23 @@ def _check(key: str, name: str, value: object, known: Mapping[str, Any]) -> None
 
 
 def _parameters(maker: Callable[..., Any]) -> dict[str, Any]:
-    """The options of a maker and their annotations."""
+    """The options of a maker and their annotations: of a dataclass, as the class has them that declares each."""
+    declared = _declared(maker) if is_dataclass(maker) else {}
     try:
         parameters = inspect.signature(maker, eval_str=True).parameters
     except NameError:  # an annotation that cannot be resolved, as in a class within a function
         parameters = inspect.signature(maker).parameters
-    return {name: p.annotation for name, p in parameters.items() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+    taken = [p for p in parameters.values() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    return {p.name: declared.get(p.name, p.annotation) for p in taken}
+
+
+def _declared(maker: Any) -> dict[str, Any]:
+    """The annotations of a class and of those that it inherits from, whose names are looked up where each stands."""
+    found: dict[str, Any] = {}
+    for one in reversed(maker.__mro__):
+        with suppress(NameError):
+            found |= inspect.get_annotations(one, eval_str=True)
+    return found
 
 
 def _fits(value: object, hint: Any) -> bool:
