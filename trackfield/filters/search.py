@@ -63,7 +63,7 @@ def searched(
     costs = cost(x)
     mean = x[costs.argmin()]
     covariance = symmetric(scale[:, None] * np.linalg.inv(normal(mean)[0]) * scale)
-    apart = np.hypot(*(x[costs < costs.min() + _AS_LIKELY] - mean)[:, :2].T)
+    apart = np.hypot(*(x[costs <= costs.min() + _AS_LIKELY] - mean)[:, :2].T)
     if extent(covariance) > lost_m or apart.max() > 3.0 * extent(covariance):
         return None
     return Gaussian(mean, covariance)

@@ -28,6 +28,8 @@ SILENCE_SD: Final = 3.0
 """How far below 0 a reading may be, in sds of the noise."""
 LOUDEST: Final = 4
 """How many of the loudest sensors say where a track starts."""
+BEYOND_ALL: Final = 300.0
+"""The logarithm of an energy whose square, as variances have it, is still a number."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,8 @@ class Energy:
         """What is received (..., K) of states x over these distances (..., K)."""
         import numpy as np
 
-        found: Array = np.exp(log(self.gain) + x[..., None, 4] - self.alpha * np.log(np.maximum(away, self.floor_m)))
+        level = log(self.gain) + x[..., None, 4] - self.alpha * np.log(np.maximum(away, self.floor_m))
+        found: Array = np.exp(np.minimum(level, BEYOND_ALL))
         return found
 
     def _distances(self, x: Array, at: Array) -> Array:
