@@ -1,4 +1,4 @@
-"""What every tracker must bear of any sensor, or of whoever sends as one: the largest and smallest numbers of a report."""
+"""What trackers bear of any sensor, or of whoever sends as one: the largest and smallest numbers of a report."""
 
 from __future__ import annotations
 
