@@ -32,15 +32,15 @@ def figure(name: str, runs: range) -> Figure:
         above.plot(*PLACES.T, ".", color=SOFT, ms=3)
         above.plot(*truth.T, color=TRUTH, lw=2.5, alpha=0.75, label="target")
         above.plot(*(truth + found.errors[0, :, :2]).T, color=colour, lw=1.2, label=name)
-        above.set(title=one, aspect="equal", xlim=(-15.0, 255.0), ylim=(-15.0, 255.0))
+        above.set(title=one, xlabel="m", aspect="equal", xlim=(-15.0, 255.0), ylim=(-15.0, 255.0))
         steps = np.arange(SETTLED, STEPS + 1)
         error = np.sqrt(np.square(found.errors[..., :2]).sum(axis=-1).mean(axis=0))
         below.semilogy(steps, error, color=colour)
         below.semilogy(steps, np.sqrt(np.square(found.bounds).mean(axis=0)), "--", color=TRUTH, lw=1.0, label="bound")
-        below.set(xlabel="step", ylim=(0.2, 60.0))
+        below.set(xlabel="step", ylim=(0.2, 200.0))
     axes[0, 0].set(ylabel="m")
     axes[1, 0].set(ylabel="error, m")
-    axes[0, 0].legend(loc="upper left", frameon=False)
+    axes[0, 0].legend(loc="upper left", framealpha=1.0, edgecolor="none")  # over sensors
     axes[1, 0].legend(loc="upper right", frameon=False)
     return drawn
 

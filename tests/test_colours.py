@@ -26,3 +26,9 @@ def test_others_take_what_is_left() -> None:
     assert len(set(found.values())) == 3
     many = tracker_colours([f"t{index}" for index in range(2 * len(PALETTE))])
     assert set(many.values()) == set(PALETTE)
+
+
+def test_no_tracker_is_grey_as_the_target_is() -> None:
+    for colour in PALETTE:
+        channels = [int(colour[first : first + 2], 16) for first in (1, 3, 5)]
+        assert max(channels) - min(channels) > 40  # of the greys of target and sensors 27
