@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from launcher.reproduce.kernels.command import reproduce_kernels
 from launcher.reproduce.kernels.draws import generators
@@ -17,6 +18,7 @@ from launcher.reproduce.papers.zhou.claims import JUDGES, TO_BOUND, claims
 from launcher.reproduce.papers.zhou.converted import converted
 from launcher.reproduce.papers.zhou.costs import needed, particles_over
 from launcher.reproduce.papers.zhou.experiments import EXPERIMENTS, FILTERS, SWEEPS, informations, nees, swept
+from launcher.reproduce.papers.zhou.figures import logarithmic
 from launcher.reproduce.papers.zhou.filters import bootstrap
 from launcher.reproduce.papers.zhou.setups import (
     ORIGIN,
@@ -206,3 +208,14 @@ def test_the_particles_that_a_bootstrap_needs(found: Found) -> None:
     assert needed(some, "walk", "upf", 100) == 1000
     assert needed(some, "walk", "gpf-ukf", 100) is None
     assert [particles_over(n, 500) for n in (None, 200, 500)] == [True, False, True]
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.38, 1.35), (0.65, 2.6), (0.1, 3.0), (2.0, 50.0)])
+def test_an_axis_says_where_it_begins_and_ends(low: float, high: float) -> None:
+    axes = Figure().subplots()
+    axes.plot([0.0, 1.0], [low, high])
+    logarithmic(axes)
+    told = [value for value in axes.yaxis.get_major_locator()() if low <= value <= high]
+    assert 3 <= len(told) <= 9
+    assert min(told) < 2.0 * low
+    assert max(told) > high / 2.0

@@ -26,6 +26,8 @@ PUBLISHED: Final = {"upf-paper": (2.0, 3.0, 4.0, 5.0), "bootstrap-100": (7.0, 18
 """The mean errors of x, y, vx and vy in the text of sec. III-B, of its UPF and PF."""
 _COLOURS: Final = dict(zip(FILTERS, (*PALETTE[2:5], PALETTE[0], PALETTE[1], PALETTE[6], PALETTE[5]), strict=True))
 _DASHES: Final = dict(zip(FILTERS, ("--", "-.", "-", "-", "-", (0, (1, 1)), "--"), strict=True))
+FEW_TICKS: Final = 5.0
+"""Axes that reach less far than this ratio may have only one or two of 1, 2 and 5."""
 LOOKS: Final[dict[Any, Any]] = {**STYLE, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8}
 
 
@@ -49,10 +51,11 @@ def _figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _logarithmic(axes: Axes) -> None:
-    """A logarithmic scale with plain numbers at 1, 2 and 5 of each decade."""
+def logarithmic(axes: Axes) -> None:
+    """A logarithmic scale with plain numbers at 1, 2 and 5 of each decade, or at each digit if these are too few."""
     axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high > FEW_TICKS * low else range(1, 10)))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("")
 
@@ -72,7 +75,7 @@ def over_time(found: Found, column: int, name: str) -> Figure:
             axes.text(1.2 * steps[-1], value, f"published {value:g}", **style)
     axes.set(xlabel="time, s", ylabel=f"RMSE {name}", title=f"paperlike, {found.runs} runs")
     axes.set_xlim(right=1.2 * steps[-1])
-    _logarithmic(axes)
+    logarithmic(axes)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
@@ -88,7 +91,7 @@ def setups(found: Found) -> Figure:
         least = bound_over_time(found.figures[case], setup)
         axes.plot(np.arange(1, len(least) + 1), least, color=INK, lw=1.6, label="bound")
         axes.set(xlabel="time, s", title=case)
-        _logarithmic(axes)
+        logarithmic(axes)
     panels[0].set_ylabel("RMSE of the position, m")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return figure
@@ -110,7 +113,7 @@ def particles(found: Found) -> Figure:
         axes.axhline(bound(found, case, setup), color=INK, lw=1.6, label="bound")
         axes.set(xlabel="particles", title=case, xscale="log")
         axes.xaxis.set_major_formatter("{x:g}")
-        _logarithmic(axes)
+        logarithmic(axes)
     panels[0].set_ylabel("RMSE of the position, m")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
