@@ -40,8 +40,8 @@ def figure(name: str, runs: range) -> Figure:
         below.set(xlabel="step", ylim=(0.2, 200.0))
     axes[0, 0].set(ylabel="m")
     axes[1, 0].set(ylabel="error, m")
-    axes[0, 0].legend(loc="upper left", framealpha=1.0, edgecolor="none")  # over sensors
-    axes[1, 0].legend(loc="upper right", frameon=False)
+    axes[0, 0].legend(loc="upper left", frameon=True, framealpha=1.0, edgecolor="none")  # over sensors
+    axes[1, 0].legend(loc="upper right", frameon=True, framealpha=1.0, edgecolor="none")
     return drawn
 
 
