@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 
 from tests.matrix import FIELDS, Cell, cell, field, refused
-from trackfield.filters.trackers import FORMER, NOT_ROBUST, TRACKERS
+from trackfield.filters.trackers import NOT_ROBUST, TRACKERS
 
-ROBUST: Final = [name for name in TRACKERS.own if name not in FORMER and name not in NOT_ROBUST]
+ROBUST: Final = [name for name in TRACKERS.own if name not in NOT_ROBUST]
 """The trackers with the option."""
 
 

@@ -27,7 +27,7 @@ from trackfield.filters.metrics import LOST_M
 from trackfield.filters.robust import BEYOND, inflated, tailed
 from trackfield.filters.search import searched
 from trackfield.filters.spcpf import SpCpf
-from trackfield.filters.trackers import FORMER, NOT_ROBUST, TRACKERS, make_tracker
+from trackfield.filters.trackers import NOT_ROBUST, TRACKERS, make_tracker
 from trackfield.filters.types import Array, Gaussian, Readings, Reports
 from trackfield.sensing.energy import Energy
 from trackfield.sensing.range import Range
@@ -253,7 +253,7 @@ def test_a_place_is_found_among_outliers() -> None:
 
 
 def test_every_tracker_has_the_option_or_says_why_not() -> None:
-    for name in TRACKERS.own.keys() - FORMER.keys() - NOT_ROBUST.keys():
+    for name in TRACKERS.own.keys() - NOT_ROBUST.keys():
         assert make_tracker(name, {"robust": True}).robust is True  # type: ignore[attr-defined]
     for name, why in NOT_ROBUST.items():
         with pytest.raises(ScenarioError) as refused:
