@@ -189,8 +189,12 @@ def particle_filters(data: Track, n: int) -> dict[str, Contender]:
 
 
 def unscented_particle_filters(data: Track) -> dict[str, Contender]:
-    """Those of Zhou et al. (2011), beside a bootstrap filter of as many particles as they compare with."""
+    """Those of Zhou et al. (2011), beside a bootstrap filter of as many particles as they compare with.
+
+    First the bare loop of that, which the others' ratios are to.
+    """
     return {
+        f"{BARE}, bootstrap 1,000": looped(data, lambda: bare.Bootstrap(data, 1_000, np.random.default_rng(1))),
         "bootstrap, 1,000": tracked(data, Bootstrap(1_000)),
         "UPF, 200": tracked(data, Upf(200)),
         "FA-UPF, 200": tracked(data, FaUpf(200)),
