@@ -110,7 +110,7 @@ def unexplained(states: Array, reports: Reports, model: Model, *, robust: bool =
     With ``robust`` a reading says no more than one that is ``BEYOND`` sds off. As a few never say enough then, readings
     are also too far if most of them are outliers.
     """
-    sd = np.broadcast_to(noise_sd(model, reports, states), (miss := innovations(model, states, reports)).shape)
+    miss, sd = innovations(model, states, reports), noise_sd(model, reports, states)
     squares, count = np.square(miss / sd), np.isfinite(sd).sum(axis=-1)
     far = squares.sum(axis=-1) > largest(count)
     if robust:

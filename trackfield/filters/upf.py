@@ -93,7 +93,9 @@ def transformed(onward: Array, reports: Reports, model: Model, dt: float, *, rob
     bends = (ahead + behind) / 6.0  # the weights are 1/3 of the first point, and 1/6 of each other
     shift = bends[..., 0, :] + bends[..., 1, :]
     errors = 3.0 * (np.square(bends[..., 0, :]) + np.square(bends[..., 1, :])) - np.square(shift)
-    misses = residual(model, reports, np.nan_to_num(measured(model, reports))[..., None, :] - centre - shift)
+    z = measured(model, reports)
+    z = z if z.ndim == 1 else np.nan_to_num(z)[..., None, :]  # padding
+    misses = residual(model, reports, z - centre - shift)
     slopes = (ahead - behind) / (2.0 * _FAR)
     variances = errors + np.square(noise_sd(model, reports, onward))
     if robust:
@@ -123,7 +125,9 @@ def proposed(transform: Transform) -> Proposal:
     pull = misses * precisions
     g, h = np.vecdot(one, pull), np.vecdot(two, pull)
     determinant = np.maximum(a * c - b * b, a + c - 1.0)  # which it is at least, but for rounding
-    mean = np.stack((c * g - b * h, a * h - b * g), axis=-1) / determinant[..., None]
+    mean = np.empty((*b.shape, 2))
+    np.divide(c * g - b * h, determinant, out=mean[..., 0])
+    np.divide(a * h - b * g, determinant, out=mean[..., 1])
     first = np.sqrt(c / determinant)
     return Proposal(mean, first, -b / (determinant * first), 1.0 / np.sqrt(c))
 
