@@ -78,8 +78,9 @@ def moments(weights: Array, points: Array) -> Gaussian:
 def near_moments(weights: Array, points: Array) -> Gaussian:
     """The same of points that lie around the origin, in fewer operations: far from it rounding would show."""
     mean = weights @ points if weights.ndim == 1 else (weights[..., None, :] @ points)[..., 0, :]
-    apart = points * np.sqrt(weights)[..., None]
-    return Gaussian(mean, apart.mT @ apart - mean[..., None] * mean[..., None, :])
+    square = (points * weights[..., None]).mT @ points
+    square -= mean[..., None] * mean[..., None, :]
+    return Gaussian(mean, square)
 
 
 def symmetric(covariance: Array) -> Array:

@@ -75,13 +75,14 @@ def due(weights: Array, share: float) -> bool:
 
 def normalised(log_weights: Array) -> Array:
     """Weights (..., n) that sum to 1, from logarithms of any size."""
-    weights = np.exp(log_weights - log_weights.max(axis=-1, keepdims=True))
-    share: Array = weights / weights.sum(axis=-1, keepdims=True)
-    return share
+    weights: Array = log_weights - np.maximum.reduce(log_weights, axis=-1, keepdims=True)
+    np.exp(weights, out=weights)
+    weights /= np.add.reduce(weights, axis=-1, keepdims=True)
+    return weights
 
 
 def _cumulative(weights: Array) -> Array:
-    cumulative = weights.cumsum(axis=-1, dtype=np.float64)
+    cumulative = np.add.accumulate(weights, axis=-1, dtype=np.float64)
     total = cumulative[..., -1]
     if not (total > 0.0 if total.ndim == 0 else total.min() > 0.0):
         raise ValueError("cannot resample: no weight is positive")

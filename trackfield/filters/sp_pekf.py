@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trackfield.filters.gaussian import constant_velocity, moments, symmetric
+from trackfield.filters.gaussian import constant_velocity, symmetric, times
 from trackfield.filters.measurement import innovations, jacobians, noise_sd, varies
 from trackfield.filters.robust import BEYOND
 from trackfield.filters.types import Array, Gaussian, Model, Reports
@@ -45,46 +45,56 @@ def advance(
     """
     F, Q = constant_velocity(dt, model.sigma_v)
     R = F @ carried @ F.T + Q  # eq. 18
-    innovation = innovations(model, expected, reports)  # (..., N, K), eq. 20
-    H = _rows(jacobians(model, noisy, reports))  # (..., N * K, 4), eq. 14
-    RH = H @ R
-    S = np.vecdot(RH, H).reshape(innovation.shape) + _variance(model, reports, expected)
+    innovation = innovations(model, expected, reports).mT  # (..., K, N), eq. 20
+    slopes = jacobians(model, noisy, reports).swapaxes(-3, -1)  # (..., 4, K, N), eq. 14
+    H = _flat(slopes)
+    RH = R @ H  # (..., 4, K * N)
+    S = np.add.reduce(RH * H, axis=-2).reshape(innovation.shape)
+    S += _variance(model, reports, expected)
     if robust:
         S = np.maximum(S, np.square(innovation / BEYOND))
-    gain = RH / _flat(S)[..., None]  # eq. 17
-    # eq. 16: what the nominal gained by noise, the residual loses
-    estimates = gain * _flat(innovation)[..., None] + expected.repeat(innovation.shape[-1], axis=-2)
+    scaled = innovation / S
+    # eq. 16 with the gain RH / S of eq. 17: what the nominal gained by noise, the residual loses
+    estimates = RH.reshape(slopes.shape) * scaled[..., None, :, :]
+    estimates += expected.mT[..., None, :]
     # eqs. 21 and 23 per sensor and then the weighted sum over sensors have the moments of one mixture
-    weights = _flat(_likelihoods(S, innovation, shares))
-    gained = (gain.mT * weights[..., None, :]) @ RH  # of eq. 19, R - gain RH^T
+    scaled *= innovation
+    weights = _likelihoods(S, scaled, shares)
+    gained = (RH * _flat(weights / S)[..., None, :]) @ RH.mT  # of eq. 19, R - gain RH^T
     updated = symmetric(R - gained)
-    mean, spread = moments(weights, estimates)
+    mean, spread = _moments(_flat(weights), _flat(estimates))
     return Fused(Gaussian(mean, updated + spread), updated)
 
 
 def _variance(model: Model, reports: Reports, states: Array) -> Array | float:
-    """R (..., N, K), or one for all; of padding, whose shares are 0, any number."""
+    """R (..., K, N), or one for all; of padding, whose shares are 0, any number."""
     if not varies(model):
         return model.sensor.sd[0] ** 2
     variance = np.square(noise_sd(model, reports, states))
-    return np.where(np.isinf(variance), 1.0, variance) if variance.ndim > 1 else variance
+    return np.where(np.isinf(variance), 1.0, variance).mT if variance.ndim > 1 else variance[:, None]
 
 
-def _likelihoods(S: Array, innovation: Array, shares: Array) -> Array:
-    """Weights (..., N, K) of each sensor's filters among themselves (eq. 22), summing to its share."""
-    log_evidence = np.log(S) + np.square(innovation) / S
-    log_evidence -= log_evidence.min(axis=-2, keepdims=True)
-    log_evidence *= -0.5
-    weights: Array = np.exp(log_evidence, out=log_evidence)
-    weights *= (shares / weights.sum(axis=-2))[..., None, :]
+def _likelihoods(S: Array, nis: Array, shares: Array) -> Array:
+    """Weights (..., K, N) of each sensor's filters among themselves (eq. 22), summing to its share.
+
+    ``nis`` (..., K, N) are the squares of the innovations over their variances ``S``.
+    """
+    weights = np.log(S)
+    weights += nis
+    weights -= np.minimum.reduce(weights, axis=-1, keepdims=True)
+    weights *= -0.5
+    np.exp(weights, out=weights)
+    weights *= (shares / np.add.reduce(weights, axis=-1))[..., None]
     return weights
 
 
+def _moments(weights: Array, points: Array) -> Gaussian:
+    """Mean and covariance of ``points`` (..., 4, M), which are changed, by ``weights`` (..., M) that sum to 1."""
+    mean = times(points, weights)
+    points -= mean[..., None]
+    return Gaussian(mean, (points * weights[..., None, :]) @ points.mT)
+
+
 def _flat(values: Array) -> Array:
-    """(..., N, K) as (..., N * K)."""
+    """(..., K, N) as (..., K * N)."""
     return values.reshape(*values.shape[:-2], -1)
-
-
-def _rows(values: Array) -> Array:
-    """(..., N, K, 4) as (..., N * K, 4)."""
-    return values.reshape(*values.shape[:-3], -1, 4)

@@ -133,7 +133,7 @@ def fuse(
     noisy = expected + draws.noise @ noise_gain(dt, model.sigma_v)
     loud = shares(model, reports)
     proposal, carried = sp_pekf.advance(expected, noisy, cloud.carried, reports, loud, model, dt, robust=robust)
-    around = draws.places @ root(proposal.covariance).mT
+    around = (root(proposal.covariance) @ draws.places.mT).mT
     particles = around + proposal.mean[..., None, :]
     log_weights = log_likelihood(model, particles, reports, robust=robust)
     if by_prior is not False:
@@ -148,5 +148,7 @@ def fuse(
 def _posterior(weights: Array, around: Array, proposal: Gaussian) -> Gaussian:
     """Of particles that lie ``around`` (..., Ns, 4) the mean of the proposal."""
     mean, covariance = near_moments(weights, around)
-    effective = 1.0 / np.vecdot(weights, weights)[..., None, None]
-    return Gaussian(proposal.mean + mean, (effective * covariance + proposal.covariance) / (effective + 1.0))
+    share = np.vecdot(weights, weights)[..., None, None]  # of one sample: 1 / the effective number
+    covariance += proposal.covariance * share
+    covariance /= 1.0 + share
+    return Gaussian(proposal.mean + mean, covariance)
