@@ -75,7 +75,7 @@ def test_fewer_reports_than_a_position_takes_are_no_fix() -> None:
 
 @pytest.mark.parametrize(("name", "most"), [("doa", 2.2), ("range", 1.9), ("rss", 2.6)])
 def test_spcpf_follows_by_any_kind_of_one_number(name: str, most: float) -> None:
-    """docs/trackers.md has 1.6, 1.4 and 1.9 times the bound."""
+    """docs/trackers.md has 1.6, 1.4 and 1.8 times the bound."""
     found = cell("spcpf", field(name), range(8), alone=False)
     assert found.tracked == 1.0
     assert 0.9 < found.ratio < most
