@@ -16,7 +16,8 @@ from tests.running import UNREPORTED, until
 TRACKFIELD = f"{sys.executable} -m launcher"
 QUICKER = f"{sys.executable} -c {shlex.quote(UNREPORTED)}"
 """The same without drawing reports; of each driver one run without streams draws its own."""
-RUN = "run spcpf --nodes 9 --set target.steps=2 --out mine"
+SHORT = "run spcpf --nodes 9 --set target.steps=2 --out mine"
+RUN = f"{TRACKFIELD} {SHORT}"
 TABLES = {"metrics.json", "messages.parquet", "tracks.parquet", "run.rrd", "report.html"}
 
 
@@ -28,7 +29,7 @@ def shell(command: str, where: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize(("program", "streams"), [(TRACKFIELD, ">&- 2>&- <&-"), (QUICKER, "2>/dev/full")])
 def test_a_run_over_processes_needs_no_streams(program: str, streams: str, tmp_path: Path) -> None:
-    assert shell(f"{program} {RUN} {streams}", tmp_path).returncode == 0
+    assert shell(f"{program} {SHORT} {streams}", tmp_path).returncode == 0
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
 
 
@@ -37,7 +38,7 @@ def test_a_run_over_processes_needs_no_streams(program: str, streams: str, tmp_p
     [(QUICKER, ">&-"), (TRACKFIELD, "2>&-"), (QUICKER, "2>&1 | true"), (QUICKER, "2>/dev/full")],
 )
 def test_a_run_in_virtual_time_needs_none_either(program: str, streams: str, tmp_path: Path) -> None:
-    assert shell(f"{program} {RUN} --virtual {streams}", tmp_path).returncode == 0
+    assert shell(f"{program} {SHORT} --virtual {streams}", tmp_path).returncode == 0
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
 
 
@@ -73,7 +74,7 @@ def test_what_nobody_reads(command: str, code: int, err: str, tmp_path: Path) ->
 
 def test_any_encoding_will_do(tmp_path: Path) -> None:
     ascii_only = "LC_ALL=C PYTHONCOERCECLOCALE=0 PYTHONUTF8=0"
-    said = shell(f"{ascii_only} {TRACKFIELD} list scenarios; {ascii_only} {TRACKFIELD} {RUN} --virtual", tmp_path)
+    said = shell(f"{ascii_only} {TRACKFIELD} list scenarios; {ascii_only} {RUN} --virtual", tmp_path)
     assert said.returncode == 0, said.stderr
     assert "Traceback" not in said.stderr
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.test_filters_resuming import Knowing, broken, sent
+from tests.test_filters_resuming import sent
+from tests.test_own_trackers_resuming import Knowing, broken
 from trackfield.errors import RunFailed
 from trackfield.filters.belief import Belief, Modes, Particles, dimension
 from trackfield.filters.bootstrap import Bootstrap
