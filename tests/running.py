@@ -97,9 +97,9 @@ def on_time(folder: Path, *arguments: str) -> tuple[int, str]:
     return 1, f"the machine is too slow for speed {SPEEDS[-1]:g}: {run.metrics()['timing']}"
 
 
-def both_ways(home: Path, *arguments: str) -> Path:
-    """A folder with the same run twice: as ``processes`` and ``virtual``."""
-    virtual = Run(home / "virtual", *arguments, "--virtual").finish()
+def both_ways(home: Path, *arguments: str, reported: bool = False) -> Path:
+    """A folder with the same run twice: as ``processes`` and ``virtual``, the latter with its report if asked for."""
+    virtual = Run(home / "virtual", *arguments, "--virtual", reported=reported).finish()
     for code, said in (virtual, on_time(home / "processes", *arguments)):
         assert code == 0, said
     return home

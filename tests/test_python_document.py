@@ -11,6 +11,7 @@ from tests.python_document import updated
 DOCUMENT = Path(__file__).parents[1] / "docs" / "python.md"
 
 
+@pytest.mark.rendered
 def test_the_blocks_print_what_the_document_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("launcher.run._report", lambda *_: "")  # reports have tests of their own

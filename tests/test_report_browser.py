@@ -15,7 +15,10 @@ __all__ = ["troubled"]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
-pytestmark = pytest.mark.skipif(not CHROMIUM, reason="no Chromium (apt install chromium)")
+pytestmark = [
+    pytest.mark.skipif(not CHROMIUM, reason="no Chromium (apt install chromium)"),
+    pytest.mark.rendered,
+]
 
 
 @pytest.mark.parametrize("width", [1280, 500, 390])

@@ -62,7 +62,7 @@ def test_each_report_is_of_the_target_that_is_louder_at_the_sensor() -> None:
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings = [part for one in (*SETTINGS, "clock.offset_ms=20") for part in ("--set", one)]
-    return both_ways(tmp_path_factory.mktemp("crossing"), "zhai-spcpf", *settings, "--quiet")
+    return both_ways(tmp_path_factory.mktemp("crossing"), "zhai-spcpf", *settings, "--quiet", reported=True)
 
 
 @pytest.fixture(autouse=True)
