@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -86,15 +86,15 @@ def kept_up(metrics: Mapping[str, Any]) -> bool:
     return not (metrics["timing"]["host_late"] or metrics["frames"]["host_lost"] or metrics["recorder"]["dropped"])
 
 
-def on_time(folder: Path, *arguments: str) -> tuple[int, str]:
-    """How a run as processes ended, at the first of the ``SPEEDS`` at which the machine keeps up with it."""
-    for speed in SPEEDS:
+def on_time(folder: Path, *arguments: str, speeds: Sequence[float] = SPEEDS) -> tuple[int, str]:
+    """How a run as processes ended, at the first of the ``speeds`` at which the machine keeps up with it."""
+    for speed in speeds:
         shutil.rmtree(folder, ignore_errors=True)
         run = Run(folder, *arguments, "--speed", str(speed))
         ended = run.finish()
         if not (folder / METRICS).exists() or kept_up(run.metrics()):
             return ended
-    return 1, f"the machine is too slow for speed {SPEEDS[-1]:g}: {run.metrics()['timing']}"
+    return 1, f"the machine is too slow for speed {speeds[-1]:g}: {run.metrics()['timing']}"
 
 
 def both_ways(home: Path, *arguments: str, reported: bool = False) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
@@ -15,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from launcher.processes import patience
-from tests.running import Run, counting, leftovers, until
+from tests.running import METRICS, Run, counting, leftovers, on_time, until
 from tests.test_timeline import verify
 from trackfield.drivers.session import open_client
 from trackfield.wire import Doa, Envelope, encode
@@ -169,15 +170,15 @@ def test_the_death_of_one_does_not_hold_up_the_rest(title: str, tmp_path: Path) 
 def test_a_thousand_nodes_that_report_at_once_lose_nothing(tmp_path: Path) -> None:
     """Threshold 0: everybody hears the target in every step and reports in the same instant."""
     all_of_them = ("--link", "ideal", "--set", "sensor.threshold=0", "--set", "target.steps=6")
-    run = Run(tmp_path / "run", "spcpf", "--nodes", "1000", *all_of_them)
-    exit_code, said = run.finish()
-    frames = run.metrics()["frames"]
+    exit_code, said = on_time(tmp_path / "run", "spcpf", "--nodes", "1000", *all_of_them, speeds=(1.0, 0.3))
     assert exit_code == 0, said
-    assert run.metrics()["processes"]["started"] > 900
-    assert frames["sent"] == 6 * (run.metrics()["processes"]["started"] - 1)
+    metrics = json.loads((tmp_path / "run" / METRICS).read_text())
+    frames, processes = metrics["frames"], metrics["processes"]
+    assert processes["started"] > 900
+    assert frames["sent"] == 6 * (processes["started"] - 1)
     assert frames["expected"] == frames["delivered"] == frames["sent"]
-    assert (frames["host_lost"], run.metrics()["recorder"]["dropped"]) == (0, 0)
-    assert run.metrics()["processes"]["pss_mb_per_node"] < 4.5
+    assert (frames["host_lost"], metrics["recorder"]["dropped"]) == (0, 0)
+    assert processes["pss_mb_per_node"] < 4.5
 
 
 def test_no_peer_can_bring_a_run_down(tmp_path: Path) -> None:
