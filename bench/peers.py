@@ -132,6 +132,7 @@ def stonesoup_proposal(track: Track, n: int) -> Contender:
 
     def run() -> Array:
         rng, means = np.random.default_rng(1), []
+        np.random.seed(1)  # Stone Soup draws from the global generator
         points = track.prior.mean + rng.standard_normal((n, 4)) * np.sqrt(np.diag(track.prior.covariance))
         state = ParticleState(StateVectors(points[:, _INTERLEAVED].T), weight=np.full(n, 1.0 / n), timestamp=_ZERO)
         for step, (sensors, bearings) in enumerate(zip(track.sensors, track.bearings, strict=True), start=1):
