@@ -16,7 +16,7 @@ import pytest
 from launcher.record.ledger import Ledger
 from launcher.records import Plan
 from tests.protocols import study
-from tests.protocols.agreement import Compared, Stalls, compared
+from tests.protocols.agreement import Compared, Stalls, in_time
 from tests.protocols.hardships import DEEDS, hard
 from tests.protocols.parties import PARTIES
 from tests.protocols.study import Tally
@@ -149,15 +149,15 @@ def check(one: Compared) -> None:
 @pytest.mark.parametrize("protocol", PARTIES)
 def test_peers_that_answer_each_other_are_the_same_under_both_drivers(protocol: str, seed: int) -> None:
     """Faster than the host's own latency, and as fast as the clock: equal to the last bit."""
-    for one in compared(toy_plan(*PARTIES[protocol](seed, seconds=SHORT_S)), 5.0, 1.0):
-        check(one)
+    plan = toy_plan(*PARTIES[protocol](seed, seconds=SHORT_S))
+    check(in_time(plan, 5.0, 2.0))
+    check(in_time(plan, 1.0, 0.5))
 
 
 @pytest.mark.alone
 @pytest.mark.parametrize("protocol", PARTIES)
 def test_hard_times_among_peers_are_the_same_under_both_drivers(protocol: str) -> None:
-    (one,) = compared(toy_plan(*hard(protocol, 1)), 5.0)
-    check(one)
+    check(in_time(toy_plan(*hard(protocol, 1)), 5.0, 2.0, 0.5))
 
 
 # --- what the study says ----------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from launcher.records import Plan
 from launcher.run import run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import differences
+from tests.running import kept_up
 from tests.test_drivers_agree import SHARED
 
 STALL_S: Final = 0.05
@@ -67,6 +68,15 @@ def compared(plan: Plan, *speeds: float) -> list[Compared]:
             ]
             results.append(Compared(real.metrics, tuple(found)))
         return results
+
+
+def in_time(plan: Plan, *speeds: float) -> Compared:
+    """The plan as processes at the first of these speeds at which the machine keeps up, or else at the last."""
+    for speed in speeds:
+        (one,) = compared(plan, speed)
+        if kept_up(one.metrics):
+            break
+    return one
 
 
 def _folder(path: Path) -> Path:
