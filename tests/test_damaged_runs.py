@@ -17,6 +17,7 @@ import pytest
 import trackfield as tf
 from launcher.record.measures import RunFigures
 from launcher.record.reading.columns import COLUMNS
+from launcher.study.results import StudyRun
 from tests.command_line import Call, trackfield
 from tests.damaged_runs import STUDY, Ended, attempt, make_runs, wrong
 from trackfield.errors import ScenarioError
@@ -322,11 +323,30 @@ def test_a_record_that_broke_off_at_the_very_end_says_so_in_the_report(trackfiel
 # --- studies ----------------------------------------------------------------------------------------------------------
 
 
+def test_a_damaged_run_of_a_study_is_never_taken_for_another(home: Path, tmp_path: Path) -> None:
+    file = next(home.glob("study/results/*/*.parquet"))
+    whole, run = file.read_bytes(), StudyRun.load(file)
+    refused = 0
+    for at in range(0, len(whole), 101):
+        other = tmp_path / "run.parquet"
+        other.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        try:
+            read = StudyRun.load(other)
+        except ScenarioError:
+            refused += 1
+        else:  # the byte says nothing, such as one of the file's two copies of its metadata
+            assert read.metrics == run.metrics
+            assert read.tracks.equals(run.tracks)
+    assert refused > len(whole) / 101 / 3
+
+
 def test_a_damaged_run_of_a_study_is_named_with_what_to_do(trackfield: Call, home: Path, tmp_path: Path) -> None:
     shutil.copytree(home / "study", tmp_path / "study")
     first, second = sorted(tmp_path.glob("study/results/*/*.parquet"))
     whole = first.read_bytes()
-    for content in (b"", whole[:-1], whole[: len(whole) // 2] + b"xxxx" + whole[len(whole) // 2 + 4 :]):
+    column = pq.read_metadata(first).row_group(0).column(0)
+    page_ends = (column.dictionary_page_offset or column.data_page_offset) + column.total_compressed_size
+    for content in (b"", whole[:-1], whole[: page_ends - 4] + b"xxxx" + whole[page_ends:]):
         first.write_bytes(content)
         said = trackfield(*STUDY)
         assert said.code == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -28,6 +29,8 @@ from trackfield.scenario import Scenario
 
 _METRICS: Final = b"trackfield.metrics"
 """The metadata key under which a stored run has its figures, beside its tracks."""
+_CHECK: Final = b"trackfield.check"
+"""That of the figures' CRC-32: Parquet has checksums of its pages, but none of its metadata."""
 _DELETED: Final = "the file to be deleted, so that the same command makes its run again"
 _TYPES: Final = {
     "seed": pa.int64(),
@@ -64,10 +67,10 @@ class StudyRun:
 
     def save(self, file: Path) -> StudyRun:
         """Write it, whole or not at all; the same run, with its tracks in the file."""
-        said = json.dumps(self.metrics.model_dump(mode="json"))
+        said = json.dumps(self.metrics.model_dump(mode="json")).encode()
         file.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(file) as part:
-            table = self.tracks.replace_schema_metadata({_METRICS: said.encode()})
+            table = self.tracks.replace_schema_metadata({_METRICS: said, _CHECK: _check(said)})
             pq.write_table(table, part, write_page_checksum=True)
         return replace(self, held=file)
 
@@ -75,12 +78,18 @@ class StudyRun:
     def load(cls, file: Path) -> StudyRun:
         """What ``save`` wrote. Raises ``ScenarioError`` if the file is damaged."""
         with _stored(file) as stored:
-            metrics = RunFigures.of(json.loads((stored.schema_arrow.metadata or {})[_METRICS]), str(file))
-        if not metrics.trackers:
+            metadata = stored.schema_arrow.metadata or {}
+            said = metadata[_METRICS]
+            metrics = RunFigures.of(json.loads(said), str(file))
+        if not metrics.trackers or metadata.get(_CHECK) != _check(said):
             raise damaged(file)
         run = cls(metrics.seed, metrics, file)
         _ = run.tracks  # read before anything is made of the runs
         return run
+
+
+def _check(said: bytes) -> bytes:
+    return str(zlib.crc32(said)).encode()
 
 
 @contextmanager
