@@ -8,6 +8,7 @@ import pytest
 
 from tests.links import PLACES, TRACE, S
 from trackfield.link import Fate, make_link
+from trackfield.link.fate import Transmission
 
 
 @pytest.mark.parametrize(
@@ -22,14 +23,14 @@ from trackfield.link import Fate, make_link
     ],
 )
 def test_the_last_line_at_or_before_holds(t_s: float, fate: Fate) -> None:
-    assert make_link(TRACE, 1, PLACES).fate("n1", "fusion", "doa", round(t_s * S), 0, 12) == fate
+    assert make_link(TRACE, 1, PLACES).fate(Transmission("n1", "fusion", "doa", round(t_s * S), 0, 12)) == fate
 
 
 def test_a_link_receives_nothing_before_its_first_line_or_without_one() -> None:
     link = make_link(TRACE, 1, PLACES)
-    assert link.fate("n2", "fusion", "doa", 5 * S - 1, 0, 12) == Fate("radio")
-    assert link.fate("n2", "fusion", "doa", 5 * S, 0, 12) == Fate(None, 40_000_000)
-    assert link.fate("fusion", "n2", "doa", 5 * S, 0, 12) == Fate("radio")
+    assert link.fate(Transmission("n2", "fusion", "doa", 5 * S - 1, 0, 12)) == Fate("radio")
+    assert link.fate(Transmission("n2", "fusion", "doa", 5 * S, 0, 12)) == Fate(None, 40_000_000)
+    assert link.fate(Transmission("fusion", "n2", "doa", 5 * S, 0, 12)) == Fate("radio")
 
 
 def test_its_reception_is_that_of_the_instant() -> None:
@@ -42,7 +43,7 @@ def test_its_reception_is_that_of_the_instant() -> None:
 
 def test_a_process_keeps_its_own_links_of_a_trace() -> None:
     mine = make_link(TRACE, 1, {"n2": (0.0, 0.0), "fusion": (0.0, 0.0)})
-    assert mine.fate("n2", "fusion", "doa", 5 * S, 0, 12).cause is None
+    assert mine.fate(Transmission("n2", "fusion", "doa", 5 * S, 0, 12)).cause is None
     assert mine.reception("n10", "n1", 12) == 0
     assert make_link(TRACE, seed=1).reception("n10", "n1", 12) == 1
 
@@ -70,4 +71,4 @@ def test_a_trace_that_cannot_be_used(tmp_path: Path, text: str, message: str) ->
 def test_only_the_cells_of_its_own_columns_are_needed(cells: str, tmp_path: Path) -> None:
     (tmp_path / "trace.csv").write_text(f"src,dst,t_s,received,delay_ms,rssi,note\na,b,0,1,2{cells}\n")
     link = make_link({"model": "trace", "file": str(tmp_path / "trace.csv")}, seed=1)
-    assert link.fate("a", "b", "doa", 0, 0, 12) == Fate(None, 2_000_000)
+    assert link.fate(Transmission("a", "b", "doa", 0, 0, 12)) == Fate(None, 2_000_000)
