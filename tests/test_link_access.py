@@ -12,12 +12,13 @@ from trackfield.link import make_link
 from trackfield.link.access import Aloha
 from trackfield.link.csma import Csma
 from trackfield.link.dcf import Dcf
+from trackfield.link.fate import Transmission
 from trackfield.link.radios import RADIOS
 
 
 def delays_ms(busy: float, ack: int, n: int = 40_000) -> list[float]:
     link = make_link({"model": "csma154", "busy": busy, "ack": ack}, seed=1)
-    fates = (link.fate("a", "b", "doa", i, 0, 20) for i in range(n))
+    fates = (link.fate(Transmission("a", "b", "doa", i, 0, 20)) for i in range(n))
     return sorted(fate.delay_ns / 1e6 for fate in fates if fate.cause is None)
 
 
@@ -77,10 +78,10 @@ def test_the_window_of_dcf_doubles(attempt: int, window: int) -> None:
 
 def test_wifi_repeats_until_it_is_acknowledged_unless_told_otherwise() -> None:
     assert RADIOS["wifi11b"](9).ack == 7
-    fate = radio_link(radio="wifi11b").fate("n1", "fusion", "doa", 0, 0, 12)
+    fate = radio_link(radio="wifi11b").fate(Transmission("n1", "fusion", "doa", 0, 0, 12))
     assert (fate.attempts, fate.bytes_on_air, fate.ack_bytes) == (1, 48, 14)
     assert (fate.delay_ns - (50 + 192 + 8 * 48 + 10 + 192 + 8 * 14) * US) % (20 * US) == 0
-    assert radio_link(radio="wifi11b", ack=0).fate("n1", "fusion", "doa", 0, 0, 12).ack_bytes == 0
+    assert radio_link(radio="wifi11b", ack=0).fate(Transmission("n1", "fusion", "doa", 0, 0, 12)).ack_bytes == 0
 
 
 def test_aloha_does_not_look() -> None:

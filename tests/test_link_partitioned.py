@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tests.links import PLACES, S
 from trackfield.drivers.spec import RunSpec, link_of
 from trackfield.link import make_link
-from trackfield.link.fate import Fate, Link
+from trackfield.link.fate import Fate, Link, Transmission
 from trackfield.link.partitioned import Cut, Partitioned
 
 IDEAL = make_link({"model": "ideal"}, seed=1)
@@ -21,7 +21,7 @@ NAMES = ["a", "b", "c", "d"]
 
 
 def causes(link: Link, src: str, dst: str, *times: int, medium: str = "field") -> list[str | None]:
-    return [link.fate(src, dst, "doa", t, 0, 12, medium=medium).cause for t in times]
+    return [link.fate(Transmission(src, dst, "doa", t, 0, 12, medium=medium)).cause for t in times]
 
 
 def test_a_partition_holds_from_its_begin_to_before_its_end() -> None:
@@ -90,9 +90,9 @@ def test_a_cut_link_costs_its_sender_as_much(spec: dict[str, Any], dst: str) -> 
     for i in range(200):
         for broadcast in (False, True):
             frame = ("n1", dst, "doa", i, 0, 12, broadcast)
-            fate = free.fate(*frame)
+            fate = free.fate(Transmission(*frame))
             expected = Fate("partition", 0, fate.attempts, fate.bytes_on_air, 0, fate.busy_ns, fate.air_ns, 0)
-            assert cut.fate(*frame) == expected
+            assert cut.fate(Transmission(*frame)) == expected
             later = (*frame[:3], i + S, *frame[4:])
-            assert cut.fate(*later) == free.fate(*later)
+            assert cut.fate(Transmission(*later)) == free.fate(Transmission(*later))
     assert cut.reception("n1", dst, 12) == free.reception("n1", dst, 12)

@@ -12,6 +12,7 @@ from scipy.stats import binom
 
 from tests.links import PLACES, S, likely, radio_link
 from trackfield.link import make_link
+from trackfield.link.fate import Transmission
 from trackfield.link.places import Path, Places, moves, position
 from trackfield.link.shadowing import CHANNELS
 
@@ -77,10 +78,10 @@ def test_a_frame_meets_the_places_of_its_sending(spec: dict[str, Any]) -> None:
     for t in times:
         still = make_link(spec, 1, at(NEAR_THEN_FAR, t))
         for src, dst in (("n1", "fusion"), ("fusion", "n1"), ("n1", "n2")):
-            fates[src, dst, t] = still.fate(src, dst, "doa", t, 0, size)
-            assert moving.fate(src, dst, "doa", t, 0, size) == fates[src, dst, t]
+            fates[src, dst, t] = still.fate(Transmission(src, dst, "doa", t, 0, size))
+            assert moving.fate(Transmission(src, dst, "doa", t, 0, size)) == fates[src, dst, t]
             assert moving.reception(src, dst, size, at_ns=t) == still.reception(src, dst, size)
-    assert {key: moving.fate(*key[:2], "doa", key[2], 0, size) for key in reversed(fates)} == fates
+    assert {key: moving.fate(Transmission(*key[:2], "doa", key[2], 0, size)) for key in reversed(fates)} == fates
     late = [fates["n1", "fusion", t].cause for t in times if t > 50 * S]
     early = [fates["n1", "fusion", t].cause for t in times if t < S]
     assert set(late) == {"radio"}
@@ -107,5 +108,5 @@ def test_a_centre_that_drives_away_loses_its_nodes_one_by_one() -> None:
         shares = [moving.reception(id, "fusion", 20, at_ns=t_s * S) for id in places]
         standing = radio_link({**places, "fusion": (metres, 0.0)}, radio="802154-0dbm")
         assert shares == pytest.approx([standing.reception(id, "fusion", 20) for id in places])
-        got = sum(moving.fate(id, "fusion", "doa", t_s * S, 0, 20).cause is None for id in places)
+        got = sum(moving.fate(Transmission(id, "fusion", "doa", t_s * S, 0, 20)).cause is None for id in places)
         assert likely(got, binom(len(places), sum(shares) / len(places)))

@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from scipy.stats import binom, kstest, norm
 
 from tests.links import SURE, likely, radio_link, ring, within
+from trackfield.link.fate import Transmission
 from trackfield.link.lora868 import NOISE_DBM, SENSITIVITY_DBM, Lora
 from trackfield.link.reception import cc2420, dsss_dbpsk, mica2
 from trackfield.link.shadowing import CHANNELS
@@ -124,7 +125,7 @@ def test_who_stands_nowhere_is_out_of_range() -> None:
     link = radio_link()
     for src, dst in (("stranger", "fusion"), ("fusion", "stranger")):
         assert link.reception(src, dst, 12) == 0
-        assert link.fate(src, dst, "doa", 0, 0, 12).cause == "radio"
+        assert link.fate(Transmission(src, dst, "doa", 0, 0, 12)).cause == "radio"
 
 
 # --- LoRa ---

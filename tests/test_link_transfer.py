@@ -10,6 +10,7 @@ from scipy.stats import binom
 
 from tests.links import MS, PLACES, TRACE, US, S, likely, radio_link, ring
 from trackfield.link import Fate, make_link
+from trackfield.link.fate import Transmission
 from trackfield.link.lora868 import Lora
 from trackfield.link.radios import RADIOS, Radio
 from trackfield.link.shadowing import CHANNELS
@@ -25,7 +26,7 @@ FRAME: Final = ("a", "b", "doa", 0, 0)
 def fates(there: float, back: float = 1.0, *, n: int = 5000, size: int = 12, **keys: Any) -> list[Fate]:
     """Fates of n frames over a radio that gets this share through, either way."""
     transfer = Transfer(1, CC2420, **keys)
-    return [transfer.fate(("a", "b", "doa", i, 0), size, False, lambda _: there, lambda _: back) for i in range(n)]
+    return [transfer.fate(Transmission("a", "b", "doa", i, 0, size), lambda _: there, lambda _: back) for i in range(n)]
 
 
 @pytest.mark.parametrize("ack", [1, 2, 4])
@@ -93,8 +94,10 @@ def test_kinds_are_acknowledged_each_in_its_own_way(model: dict[str, Any]) -> No
         for dst in ("n2", "fusion"):
             for i in range(200):
                 frame = ("n1", dst, kind, i, 0, 12)
-                assert link.fate(*frame) == alike.fate(*frame)
-                assert link.fate(*frame, broadcast=True) == alike.fate(*frame, broadcast=True)
+                assert link.fate(Transmission(*frame)) == alike.fate(Transmission(*frame))
+                assert link.fate(Transmission(*frame, broadcast=True)) == alike.fate(
+                    Transmission(*frame, broadcast=True)
+                )
             assert link.reception("n1", dst, 12, kind) == alike.reception("n1", dst, 12)
     assert link.reception("n1", "n2", 12) == link.reception("n1", "n2", 12, "sync-request")
 
@@ -102,7 +105,7 @@ def test_kinds_are_acknowledged_each_in_its_own_way(model: dict[str, Any]) -> No
 def test_acknowledging_one_kind_helps_that_kind() -> None:
     transfer = Transfer(1, CC2420, acks={"track": 3})
     found = {
-        kind: [transfer.fate(("a", "b", kind, i, 0), 12, False, lambda _: 0.4, lambda _: 1.0) for i in range(5000)]
+        kind: [transfer.fate(Transmission("a", "b", kind, i, 0, 12), lambda _: 0.4, lambda _: 1.0) for i in range(5000)]
         for kind in ("doa", "track")
     }
     for kind, share, attempts in (("doa", 0.4, {1}), ("track", 1 - 0.6**3, {1, 2, 3})):
@@ -114,17 +117,17 @@ def test_acknowledging_one_kind_helps_that_kind() -> None:
 def test_a_broadcast_is_sent_once_for_all_and_never_acknowledged() -> None:
     link = make_link({"model": "csma154", "ack": 3}, seed=1)
     for i in range(50):
-        heard = {link.fate("a", f"n{k}", "doa", i, 0, 12, broadcast=True) for k in range(5)}
+        heard = {link.fate(Transmission("a", f"n{k}", "doa", i, 0, 12, broadcast=True)) for k in range(5)}
         assert len(heard) == 1
         assert (fate := heard.pop()).attempts == 1
         assert fate.ack_bytes == 0
-    assert len({link.fate("a", f"n{k}", "doa", 0, 0, 12).delay_ns for k in range(50)}) > 1
+    assert len({link.fate(Transmission("a", f"n{k}", "doa", 0, 0, 12)).delay_ns for k in range(50)}) > 1
 
 
 def test_hearers_of_a_broadcast_lose_it_independently() -> None:
     transfer, n = Transfer(1, CC2420), 4000
-    lost = [[transfer.fate(("a", dst, "doa", i, 0), 12, True, lambda _: 0.5, lambda _: 0.5).cause for i in range(n)]
-            for dst in "bc"]  # fmt: skip
+    frames = [[Transmission("a", dst, "doa", i, 0, 12, broadcast=True) for i in range(n)] for dst in "bc"]
+    lost = [[transfer.fate(one, lambda _: 0.5, lambda _: 0.5).cause for one in some] for some in frames]
     assert likely(sum(x != y for x, y in zip(*lost, strict=True)), binom(n, 0.5))
 
 
@@ -153,7 +156,7 @@ def test_a_radio_waits_for_acknowledgements(back: float) -> None:
 
 def test_lora_takes_its_radio_for_seconds() -> None:
     link = radio_link(ring(1000, 1), radio="lora868", sf=12, ack=1)
-    fate = link.fate("n0", "fusion", "doa", 0, 0, 10)
+    fate = link.fate(Transmission("n0", "fusion", "doa", 0, 0, 10))
     frame_ns, ack_ns = 1_482_752_000, Lora(12).airtime_ns(13)
     assert (fate.cause, fate.air_ns, fate.ack_air_ns) == (None, frame_ns, ack_ns)
     assert fate.busy_ns == fate.delay_ns == frame_ns + MS + ack_ns
@@ -185,8 +188,10 @@ def test_a_broadcast_costs_its_sender_the_same_whoever_hears_it(
     link, alone = make_link(spec, 1, PLACES), make_link(spec, 1, {"n1": PLACES["n1"]})
     for i in range(200):
         frame = ("track", i * MS, 0, 300, True, medium)
-        asked = alone.fate("n1", "*", *frame)
-        assert {costs(link.fate("n1", dst, *frame)) for dst in ("n2", "n10", "fusion", "*")} == {costs(asked)}
+        asked = alone.fate(Transmission("n1", "*", *frame))
+        assert {costs(link.fate(Transmission("n1", dst, *frame))) for dst in ("n2", "n10", "fusion", "*")} == {
+            costs(asked)
+        }
 
 
 def test_a_model_without_a_radio_takes_none() -> None:
@@ -196,9 +201,9 @@ def test_a_model_without_a_radio_takes_none() -> None:
         {"model": "gilbert_elliott", "good_s": 1, "bad_s": 1},
         TRACE,
     ):
-        assert {costs(make_link(spec, 1, PLACES).fate("n1", "fusion", "doa", i * S, 0, 12)) for i in range(50)} == {
-            (1, 0, 0, 0)
-        }
+        assert {
+            costs(make_link(spec, 1, PLACES).fate(Transmission("n1", "fusion", "doa", i * S, 0, 12))) for i in range(50)
+        } == {(1, 0, 0, 0)}
 
 
 # --- fragments ---
@@ -214,7 +219,7 @@ def test_a_long_payload_is_split(size: int, frames: list[int]) -> None:
         asked.append(frame_bytes)
         return 1.0
 
-    fate = Transfer(1, CC2420).fate(FRAME, size, False, prr, prr)
+    fate = Transfer(1, CC2420).fate(Transmission(*FRAME, size), prr, prr)
     assert asked == frames
     assert (fate.attempts, fate.bytes_on_air) == (len(frames), sum(frames))
     steps = (fate.delay_ns / US - len(frames) * (128 + 192) - sum(frames) * 32) / 320
@@ -235,6 +240,8 @@ def test_every_radio_is_complete(name: str) -> None:
     radio: Radio = RADIOS[name](9)
     assert radio.channel in CHANNELS
     assert radio.patience_ns >= radio.ack_ns > 0
-    fate = radio_link(ring(1, 1), radio=name, ack=2).fate("n0", "fusion", "doa", 0, 0, radio.payload_bytes)
+    fate = radio_link(ring(1, 1), radio=name, ack=2).fate(
+        Transmission("n0", "fusion", "doa", 0, 0, radio.payload_bytes)
+    )
     assert (fate.cause, fate.attempts) == (None, 1)
     assert fate.bytes_on_air == radio.payload_bytes + radio.overhead_bytes

@@ -14,6 +14,7 @@ from tests.toys import party
 from trackfield.drivers.spec import ProcessSpec, places_of
 from trackfield.drivers.virtual import Virtual
 from trackfield.link import make_link
+from trackfield.link.fate import Transmission
 
 RADIO: dict[str, Any] = {
     "model": "lognormal_prr", "radio": "802154-0dbm", "noise_dbm": -98.0, "busy": 0.3, "ack": 2,
@@ -51,8 +52,8 @@ def test_every_process_knows_the_fates_of_its_own_frames() -> None:
     for node in nodes:
         theirs = make_link(plan.run.link, plan.run.seed, node.places)
         there, back = (node.id, centre.id, "doa", 10**9, 0, 12), (centre.id, node.id, "doa", 10**9, 0, 12)
-        assert mine.fate(*there) == whole.fate(*there)
-        assert theirs.fate(*back) == whole.fate(*back)
+        assert mine.fate(Transmission(*there)) == whole.fate(Transmission(*there))
+        assert theirs.fate(Transmission(*back)) == whole.fate(Transmission(*back))
 
 
 @pytest.mark.parametrize("radio", ["802154-0dbm", "802154-20dbm", "lora868", "wifi11b", "mica2"])

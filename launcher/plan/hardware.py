@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any, Final
 
 from trackfield.draw import normal
 from trackfield.errors import ScenarioError
-from trackfield.link.energy import DEVICES
+from trackfield.link.energy import DEVICES, NODE_UW, SENDING_UW, sending_at
+from trackfield.link.fate import FIELD
 from trackfield.link.radios import RADIOS
+from trackfield.link.trace import has_ratios
+from trackfield.protocols.collection.piece import LEAST_NS, MOST_NS
 from trackfield.protocols.timesync import SPREAD_NS
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
-from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LognormalPrr, Trace
+from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, LinkSection, LognormalPrr, Trace
+from trackfield.scenario.radios import OwnRadio
 from trackfield.scenario.sensors import SensorSection
 from trackfield.sensing.complete import Kind
 
@@ -21,8 +25,11 @@ FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12
 DEVICE_OF: Final = {"802154-0dbm": "cc2420", "802154-20dbm": "cc2420-20dbm", "lora868": "sx1276", "wifi11b": "wifi11b"}
 """The device that has this radio; for any other, the figures of a CC2420."""
+DRAWS: Final = ("send_uw", "receive_uw", "listen_uw", "sleep_uw")
 PATIENCE_NS: Final = NS // 10
 """Time allowed for an exchange, or for a command, besides the link's own delays."""
+HOP_PATIENCE_NS: Final = NS // 50
+"""Time allowed for a message over a hop and its acknowledgement, besides the link's own delays."""
 COMMANDS: Final = 32
 """Sensors that may have to be told a threshold one after another, by the centre's one radio."""
 JITTERS: Final = 5
@@ -48,11 +55,30 @@ def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
     }
 
 
-def sync_of(scenario: Scenario, id: str, reference: str) -> dict[str, Any] | None:
+def tree_of(scenario: Scenario, base: str, *, queue: int, announces: bool) -> dict[str, Any]:
+    """How a process is in the tree to a ``base``: the arguments of its ``Collected`` (``trackfield/protocols``).
+
+    It waits for an acknowledgement as long as that and the message may take on a link that is sending other messages
+    already; on slow radios beacons come at longer intervals, too.
+    """
+    patience_ns = HOP_PATIENCE_NS + 4 * slowest_ns(scenario, repeats=1)
+    least_ns = max(LEAST_NS, 4 * patience_ns)
+    return {
+        "base": base,
+        "seed": scenario.seed,
+        "patience_ns": patience_ns,
+        "least_ns": least_ns,
+        "most_ns": max(MOST_NS, least_ns),
+        "queue": queue,
+        "announces": announces,
+    }
+
+
+def sync_of(scenario: Scenario, id: str, reference: str, hops: int = 1) -> dict[str, Any] | None:
     """How process ``id`` sets its clock by asking ``reference``, the ``sync`` of its role; None if it never does.
 
     These are the fields of ``Rounds`` (``trackfield/protocols/timesync.py``). The reference is any process that tells
-    the time: the one whose clock is right, or one that asks another in turn.
+    the time: the one whose clock is right, or one that asks another in turn, over so many ``hops`` at most.
     """
     clock = scenario.clock
     if not (clock.sync and clock.off):
@@ -61,7 +87,7 @@ def sync_of(scenario: Scenario, id: str, reference: str) -> dict[str, Any] | Non
         "reference": reference,
         "exchanges": clock.exchanges,
         "resync_ns": round(clock.resync_s * NS),
-        "timeout_ns": PATIENCE_NS + 2 * slowest_ns(scenario),
+        "timeout_ns": PATIENCE_NS + 2 * hops * slowest_ns(scenario),
         "seed": scenario.seed,
         "id": id,
     }
@@ -113,23 +139,63 @@ def _guard_ns(scenario: Scenario, end_ns: int) -> int:
     return 0 if clock.sync else round(GUARD_SDS * (clock.offset_ms * 1e6 + clock.drift_ppm * 1e-6 * end_ns))
 
 
-def slowest_ns(scenario: Scenario) -> int:
-    """How long a message that sets clocks may take on an idle channel; 0 if unknown."""
+def slowest_ns(scenario: Scenario, repeats: int | None = None) -> int:
+    """How long a message that sets clocks may take on an idle channel; 0 if unknown.
+
+    It is sent so many times (None: as often as the link says).
+    """
     match scenario.link:
         case Fixed() | Ethernet() as link:
             return round(link.delay_ms * 1e6)
         case GilbertElliott() as link:
             return round((link.delay_ms + JITTERS * link.jitter_ms) * 1e6)
-        case LognormalPrr() | Csma154() as link:
+        case Trace() as link if not has_ratios(link.file):
+            return 0
+        case LognormalPrr() | Csma154() | Trace() as link:
             radio = RADIOS[link.radio](link.sf or 9) if isinstance(link, LognormalPrr) else RADIOS["802154-0dbm"](0)
             one = radio.airtime_ns(radio.overhead_bytes + SYNC_BYTES) + radio.patience_ns
-            return one * max(radio.ack if link.ack is None else link.ack, 1)
+            return one * max(repeats or (radio.ack if link.ack is None else link.ack), 1)
     return 0
 
 
-def power_of(scenario: Scenario, battery_j: float | None, sample_fj: int = 0) -> dict[str, Any]:
-    """What a process draws, and what its battery holds (None: it runs on mains)."""
-    radio = scenario.link.radio if isinstance(scenario.link, LognormalPrr) else ""
-    device = scenario.energy.device or DEVICE_OF.get(radio, "cc2420")
+def power_of(scenario: Scenario, battery_j: float | None, sample_fj: int, own: OwnRadio, key: str) -> dict[str, Any]:
+    """What a process draws whose radio has this of its ``own``, and what its battery holds (None: it runs on mains).
+
+    Raises ``ScenarioError``, under the ``key`` of that power, if its device cannot send with it.
+    """
+    link = scenario.link
+    device = own.device or scenario.energy.device or _device_of(link)
+    if own.tx_dbm is not None and own.tx_dbm > (most_dbm := SENDING_UW[device][-1][0]):
+        what = f"is {own.tx_dbm:g}, and the device {device} has at most {most_dbm:g}"
+        raise ScenarioError(what, key=key, expected=f"at most {most_dbm:g}, or another device")
+    tx_dbm = own.tx_dbm if own.tx_dbm is not None else link.tx_dbm if isinstance(link, LognormalPrr) else None
+    power = DEVICES[device] if tx_dbm is None else sending_at(device, tx_dbm)
     battery_fj = None if battery_j is None else round(battery_j * 1e6) * FJ_PER_UJ
-    return asdict(replace(DEVICES[device], sample_fj=sample_fj, battery_fj=battery_fj))
+    return asdict(replace(power, sample_fj=sample_fj, battery_fj=battery_fj))
+
+
+def without_radio(power: Mapping[str, Any]) -> dict[str, Any]:
+    """What a process draws that has no radio of the field: its processor, whatever it does."""
+    return {**power, **dict.fromkeys(DRAWS, NODE_UW)}
+
+
+def devices_of(sections: Mapping[str, LinkSection], media: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """What the radios of other ``media`` than the field draw, besides the processor, which is with that of the field.
+
+    A wire is taken to draw nothing.
+    """
+    radios = {medium: sections[medium] for medium in media if medium != FIELD}
+    return {
+        medium: _radio_alone(_device_of(one))
+        for medium, one in radios.items()
+        if isinstance(one, LognormalPrr | Csma154)
+    }
+
+
+def _device_of(link: LinkSection) -> str:
+    return DEVICE_OF.get(link.radio if isinstance(link, LognormalPrr) else "", "cc2420")
+
+
+def _radio_alone(device: str) -> dict[str, Any]:
+    power, less_uw = DEVICES[device], 0 if device == "wifi11b" else NODE_UW
+    return asdict(replace(power, **{name: getattr(power, name) - less_uw for name in DRAWS}))

@@ -8,14 +8,16 @@ from typing import Any, Final
 from launcher.plan.architectures import Process
 from trackfield.errors import ScenarioError
 from trackfield.filters.measurement import STATE
+from trackfield.protocols.collection.piece import KINDS
 from trackfield.scenario.nearest import suggestion
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.forwarding import sent_dimension
 from trackfield.wire.codec import encode
-from trackfield.wire.messages import SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.messages import Hop, HopAck, Route, SyncReply, SyncRequest, Threshold, Track
 from trackfield.wire.registry import kind_of_class, kinds
 from trackfield.words import quoted
 
+_ID: Final = b"n000"
 SENSORS: Final = 4
 """How many sensors report in a step, as a rule."""
 
@@ -40,7 +42,15 @@ def longest(kind: str, tracking: Mapping[str, Any], end_ns: int) -> Any:
         case "track":  # of a Gaussian, and the sensors of an ordinary step
             n = sent_dimension(STATE + sum(len(one.unknowns) for one in sensing))
             return Track(now_us, 1000, 255, 1, n, bytes(4 * (n + n * (n + 1) // 2)), bytes(2 * SENSORS))
-    return {one.name: one for one in kinds()}[kind].longest()
+    largest = max((encode(one.longest()) for one in sensing), key=len)
+    return _of_tree(kind, largest) if kind in KINDS else {one.name: one for one in kinds()}[kind].longest()
+
+
+def _of_tree(kind: str, report: bytes) -> Route | Hop | HopAck:
+    """A message of a tree that carries this report, if any."""
+    if kind == "route":
+        return Route(65535, 99.99, 0, _ID)
+    return Hop(_ID, 65535, 9, 99.99, b"", report) if kind == "hop" else HopAck(_ID, 65535)
 
 
 def check_sent(processes: Iterable[Process], key: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Final, Protocol
 
 Draw = Callable[[str, int], float]
 """A draw from (0, 1), by its purpose and number."""
@@ -11,6 +11,11 @@ Draw = Callable[[str, int], float]
 
 class Access(Protocol):
     """An access method. ``busy`` is the share of the time in which the channel is found busy, below 1."""
+
+    @property
+    def blind_ns(self) -> int | None:
+        """It notices signals that began at least so long before it sends; None: it notices none."""
+        ...
 
     def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """For transmission number ``attempt`` (from 0): the time until its first bit, and True.
@@ -26,6 +31,8 @@ class Access(Protocol):
 
 class Aloha:
     """Sends at once, without regard to other senders."""
+
+    blind_ns: Final = None
 
     def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""

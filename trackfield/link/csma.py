@@ -22,6 +22,11 @@ class Csma:
     cca_ns: int = 128_000
     turnaround_ns: int = 192_000
 
+    @property
+    def blind_ns(self) -> int:
+        """See ``Access.blind_ns``: it listens until it turns round."""
+        return self.turnaround_ns
+
     def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""
         waited = 0

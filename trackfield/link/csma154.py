@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from trackfield.link.fate import FIELD, Fate, frame_key
-from trackfield.link.radios import RADIOS
-from trackfield.link.transfer import Transfer
+from trackfield.link.fate import FIELD, Fate, Transmission
+from trackfield.link.radios import RADIOS, Radio
+from trackfield.link.transfer import OnAir, Transfer
 
 
 @dataclass(frozen=True)
@@ -24,22 +24,26 @@ class Csma154:
         radio = RADIOS["802154-0dbm"](0)
         object.__setattr__(self, "_transfer", Transfer(self.seed, radio, self.busy, self.ack, self.acks))
 
-    def fate(
-        self,
-        src: str,
-        dst: str,
-        kind: str,
-        sent_ns: int,
-        copy: int,
-        size: int,
-        broadcast: bool = False,
-        medium: str = FIELD,
-    ) -> Fate:
+    def fate(self, frame: Transmission) -> Fate:
         """See ``Link.fate``."""
-        frame = frame_key(src, dst, kind, sent_ns, copy, medium)
-        return self._transfer.fate(frame, size, broadcast, _always, _always)
+        return self._transfer.fate(frame, _always, _always)
 
-    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+    @property
+    def radio(self) -> Radio:
+        """Its radio."""
+        return self._transfer.radio
+
+    def tries(self, frame: Transmission) -> int:
+        """How often each fragment of a frame is sent at most."""
+        return self._transfer.tries(frame)
+
+    def on_air(self, frame: Transmission) -> tuple[OnAir, ...]:
+        """The transmissions of which the fate of a frame is made."""
+        return self._transfer.on_air(frame, _always, _always)
+
+    def reception(
+        self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0, medium: str = FIELD
+    ) -> float:
         """See ``Link.reception``."""
         return self._transfer.reception(size, kind, _always)
 

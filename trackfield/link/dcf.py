@@ -20,6 +20,11 @@ class Dcf:
     window_min: int = 32
     window_max: int = 1024
 
+    @property
+    def blind_ns(self) -> int:
+        """See ``Access.blind_ns``: a slot is as long as that takes."""
+        return self.slot_ns
+
     def wait_ns(self, attempt: int, busy: float, draw: Draw) -> tuple[int, bool]:
         """See ``Access.wait_ns``."""
         slots = int(draw("backoff", 0) * min(self.window_min << attempt, self.window_max))

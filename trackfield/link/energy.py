@@ -6,8 +6,9 @@ so that the instant at which a battery is empty does not depend on the order in 
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 CAUSES: Final = ("send", "receive", "listen", "sleep", "sense")
@@ -61,3 +62,30 @@ DEVICES: Final[Mapping[str, Power]] = {
     "wifi11b": Power(478_500, 198_000, 198_000, 2_970, byte_ns=8_000, overhead_bytes=60),
 }
 """Devices by name, on mains, with sensors that use no energy: the defaults of a scenario."""
+
+SENDING_UW: Final[Mapping[str, tuple[tuple[float, int], ...]]] = {
+    # CC2420 data sheet, table 9, at 3 V
+    "cc2420": (
+        (-25.0, 25_500), (-15.0, 29_700), (-10.0, 33_600), (-7.0, 37_500), (-5.0, 41_700), (-3.0, 45_600),
+        (-1.0, 49_500), (0.0, 52_200),
+    ),
+    # the amplifier is taken to draw at lower powers what it draws at 20 dBm
+    "cc2420-20dbm": ((20.0, 352_200),),
+    # SX1276 data sheet, table 10, at 3.3 V: 20 mA at 7 dBm, 29 at 13 (RFO), 87 at 17, 120 at 20 (PA_BOOST)
+    "sx1276": ((7.0, 66_000), (13.0, 95_700), (14.0, 145_200), (17.0, 287_100), (20.0, 396_000)),
+    "wifi11b": ((16.0, 478_500),),
+}  # fmt: skip
+"""What the radios alone draw when they send, by transmit power (dBm) in increasing order, up to the most they have."""
+
+
+def sending_at(device: str, tx_dbm: float) -> Power:
+    """The figures of a device that sends with this power, or with the nearest one that is known of it.
+
+    Between the powers of its data sheet, by linear interpolation in dB.
+    """
+    table, power = SENDING_UW[device], DEVICES[device]
+    at_dbm = min(max(tx_dbm, table[0][0]), table[-1][0])
+    i = max(bisect_left(table, at_dbm, key=lambda point: point[0]), 1) if len(table) > 1 else 0
+    (x0, y0), (x1, y1) = table[max(i - 1, 0)], table[i]
+    draws_uw = y0 + (round((y1 - y0) * (at_dbm - x0) / (x1 - x0)) if i else 0)
+    return replace(power, send_uw=draws_uw + (0 if device == "wifi11b" else NODE_UW))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import log
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from trackfield.draw import uniform
 
@@ -17,6 +17,31 @@ FrameKey = tuple[str, str, str, *tuple[str | int, ...]]
 """The key of a frame's draws: src, dst, kind, sent_ns, copy, and its medium unless that is ``FIELD``."""
 
 
+class Transmission(NamedTuple):
+    """A frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time) on a ``medium``.
+
+    ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A ``broadcast`` is for all
+    in reach, ``dst`` is one of them, or ``*`` where only its cost is asked for. The preamble is ``preamble_ns`` longer
+    than usual.
+    """
+
+    src: str
+    dst: str
+    kind: str
+    sent_ns: int
+    copy: int
+    size: int
+    broadcast: bool = False
+    medium: str = FIELD
+    preamble_ns: int = 0
+
+    @property
+    def key(self) -> FrameKey:
+        """The key of its draws."""
+        key = (self.src, self.dst, self.kind, self.sent_ns, self.copy)
+        return key if self.medium == FIELD else (*key, self.medium)
+
+
 @dataclass(frozen=True, slots=True)
 class Fate:
     """``cause`` says why the frame is lost (``radio``), None if it arrives ``delay_ns`` after it was sent.
@@ -25,6 +50,8 @@ class Fate:
     ``air_ns``, and ``ack_bytes`` sent back by the receiver in ``ack_air_ns``. The sender's radio is occupied for
     ``busy_ns`` from ``sent_ns`` on: by channel access, sending, and waiting for acknowledgements. Bytes and times are 0
     in models without a radio.
+
+    What its receiver must hear of it began ``span_ns`` before it arrived.
     """
 
     cause: str | None
@@ -35,6 +62,7 @@ class Fate:
     busy_ns: int = 0
     air_ns: int = 0
     ack_air_ns: int = 0
+    span_ns: int = 0
 
 
 LOST: Final = Fate("radio")
@@ -42,37 +70,28 @@ LOST: Final = Fate("radio")
 
 def lost(fate: Fate, cause: str) -> Fate:
     """The fate of a frame that does not reach its receiver: its sender spends the same energy as otherwise."""
-    return replace(fate, cause=cause, delay_ns=0, ack_bytes=0, ack_air_ns=0)
+    return replace(fate, cause=cause, delay_ns=0, ack_bytes=0, ack_air_ns=0, span_ns=0)
 
 
 class Link(Protocol):
     """A link model. Equal arguments have equal fates, in any process and in any order of calls."""
 
-    def fate(
-        self,
-        src: str,
-        dst: str,
-        kind: str,
-        sent_ns: int,
-        copy: int,
-        size: int,
-        broadcast: bool = False,
-        medium: str = FIELD,
-    ) -> Fate:
-        """The fate of a frame from ``src`` to ``dst``, sent at ``sent_ns`` (true time).
+    def fate(self, frame: Transmission) -> Fate:
+        """The fate of a frame.
 
-        ``copy`` tells frames of one kind and instant apart; ``size`` is the payload's, in bytes. A ``broadcast``
-        has a fate per receiver, and is never acknowledged; its cost for the sender is the same for every receiver,
-        and for one whose place is not known: its sender asks about ``*``. All draws, for a frame or for a pair of
-        processes, are independent for each ``medium``.
+        A broadcast has a fate per receiver, and is never acknowledged; its cost for the sender is the same for every
+        receiver, and for one whose place is not known. All draws, for a frame or for a pair of processes, are
+        independent for each medium.
         """
         ...
 
-    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+    def reception(
+        self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0, medium: str = FIELD
+    ) -> float:
         """The expected share of addressed frames with payloads of ``size`` bytes that arrive, in a long run.
 
         ``kind`` matters if kinds are acknowledged differently; None is a kind without its own setting. Places,
-        and lines of a trace, are those at ``at_ns``. The medium is ``FIELD``.
+        and lines of a trace, are those at ``at_ns``.
         """
         ...
 
@@ -80,12 +99,6 @@ class Link(Protocol):
 def of_medium(medium: str) -> tuple[str, ...]:
     """The end of the key of a link's draw, so that each medium has its own draws."""
     return () if medium == FIELD else (medium,)
-
-
-def frame_key(src: str, dst: str, kind: str, sent_ns: int, copy: int, medium: str) -> FrameKey:
-    """The key of the draws of this frame."""
-    key = (src, dst, kind, sent_ns, copy)
-    return key if medium == FIELD else (*key, medium)
 
 
 def delay(milliseconds: float) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from trackfield.draw import uniform
-from trackfield.link.fate import FIELD, LOST, Fate, check_positive, check_share, delay, frame_key
+from trackfield.link.fate import FIELD, LOST, Fate, Transmission, check_positive, check_share, delay
 
 
 @dataclass(frozen=True)
@@ -20,23 +20,14 @@ class Fixed:
         check_share("loss", self.loss)
         check_positive("delay_ms", self.delay_ms, zero=True)
 
-    def fate(
-        self,
-        src: str,
-        dst: str,
-        kind: str,
-        sent_ns: int,
-        copy: int,
-        size: int,
-        broadcast: bool = False,
-        medium: str = FIELD,
-    ) -> Fate:
+    def fate(self, frame: Transmission) -> Fate:
         """See ``Link.fate``."""
-        frame = frame_key(src, dst, kind, sent_ns, copy, medium)
-        if self.loss and uniform(self.seed, "loss", *frame) < self.loss:
+        if self.loss and uniform(self.seed, "loss", *frame.key) < self.loss:
             return LOST
         return Fate(None, delay(self.delay_ms))
 
-    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+    def reception(
+        self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0, medium: str = FIELD
+    ) -> float:
         """See ``Link.reception``."""
         return 1 - self.loss

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import inf
 from types import MappingProxyType
 from typing import Any, Final
 
+from trackfield.link.bursty import Bursty
 from trackfield.link.csma154 import Csma154
 from trackfield.link.fate import Link
 from trackfield.link.fixed import Fixed
@@ -13,9 +15,10 @@ from trackfield.link.gilbert_elliott import GilbertElliott
 from trackfield.link.lognormal_prr import LognormalPrr
 from trackfield.link.places import Places
 from trackfield.link.ranged import Ranged
-from trackfield.link.trace import Trace
+from trackfield.link.serial import Serial
+from trackfield.link.trace import trace
 
-__all__ = ["MODELS", "Link", "make_link"]
+__all__ = ["MODELS", "Link", "make_link", "reach_m"]
 
 
 def _ideal(seed: int, places: Places) -> Link:
@@ -33,6 +36,11 @@ def _anywhere(model: Callable[..., Link]) -> Callable[..., Link]:
     return lambda seed, places, **parameters: model(seed, **parameters)
 
 
+WRAPPERS: Final = ("range_m", "burst_loss", "burst_s")
+"""Parameters of any model."""
+BURST_S: Final = 4.0
+"""The mean length of bursts where only their share is given."""
+
 MODELS: Final[Mapping[str, Callable[..., Link]]] = {
     "ideal": _ideal,
     "fixed": _anywhere(Fixed),
@@ -40,23 +48,47 @@ MODELS: Final[Mapping[str, Callable[..., Link]]] = {
     "lognormal_prr": LognormalPrr,
     "csma154": _anywhere(Csma154),
     "ethernet": _ethernet,
-    "trace": Trace,
+    "serial": _anywhere(Serial),
+    "trace": trace,
 }
 """Each makes a link from the seed, the places, and the section's keys."""
 
 
-def make_link(spec: Mapping[str, Any], seed: int, places: Places = MappingProxyType({})) -> Link:
-    """The link of a ``[link]`` section: its ``model``, that model's parameters, and ``range_m`` if it has an end.
+def reach_m(link: Link) -> float:
+    """Beyond this distance (m) the link does not reach; infinite if it does not depend on distance."""
+    match link:
+        case Ranged():
+            return min(link.range_m, reach_m(link.link))
+        case Bursty():
+            return reach_m(link.link)
+        case LognormalPrr():
+            return link.reach_m
+    return inf
 
-    ``places`` holds the places of all processes between which frames may be sent. Raises ``ValueError`` for an unknown
+
+def make_link(
+    spec: Mapping[str, Any],
+    seed: int,
+    places: Places = MappingProxyType({}),
+    tx_dbms: Mapping[str, float] = MappingProxyType({}),
+) -> Link:
+    """The link of a ``[link]`` section: its ``model``, that model's parameters, ``range_m`` if it has an end, and
+    ``burst_loss`` and ``burst_s`` if it is bad at times.
+
+    ``places`` holds the places of all processes between which frames may be sent, ``tx_dbms`` the transmit powers of
+    those that have their own; only a radio has one. Raises ``ValueError`` for an unknown
     model or parameter, a missing one, or a value out of range.
     """
-    parameters = {name: value for name, value in spec.items() if name not in ("model", "range_m")}
-    name, range_m = str(spec.get("model")), spec.get("range_m")
+    parameters = {name: value for name, value in spec.items() if name not in ("model", *WRAPPERS)}
+    name, (range_m, burst_loss, burst_s) = str(spec.get("model")), map(spec.get, WRAPPERS)
     if name not in MODELS:
         raise ValueError(f"link model {name!r} is not one of {', '.join(MODELS)}")
+    if tx_dbms and MODELS[name] is LognormalPrr:
+        parameters["tx_dbms"] = tx_dbms
     try:
         link = MODELS[name](seed, places, **parameters)
     except TypeError as error:
         raise ValueError(f"link {name}: {error}") from None
-    return link if range_m is None else Ranged(link, places, range_m)
+    if range_m is not None:
+        link = Ranged(link, places, range_m)
+    return Bursty(seed, link, burst_loss, BURST_S if burst_s is None else burst_s) if burst_loss else link

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from trackfield.link.fate import FIELD, Fate, Link, lost
+from trackfield.link.fate import FIELD, Fate, Link, Transmission, lost
 
 Cut = tuple[int, int, Sequence[str], str | None]
 """From when until when (ns) these ids are on a side of their own, and on which medium (None: on every one)."""
@@ -27,24 +27,16 @@ class Partitioned:
         cuts = tuple((begin, end, frozenset(ids), medium) for begin, end, ids, medium in self.partitions)
         object.__setattr__(self, "_cuts", cuts)
 
-    def fate(
-        self,
-        src: str,
-        dst: str,
-        kind: str,
-        sent_ns: int,
-        copy: int,
-        size: int,
-        broadcast: bool = False,
-        medium: str = FIELD,
-    ) -> Fate:
+    def fate(self, frame: Transmission) -> Fate:
         """See ``Link.fate``; the sender spends the same energy for a lost frame."""
-        fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast, medium)
-        return lost(fate, "partition") if self._cut(src, dst, sent_ns, medium) else fate
+        fate = self.link.fate(frame)
+        return lost(fate, "partition") if self._cut(frame.src, frame.dst, frame.sent_ns, frame.medium) else fate
 
-    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+    def reception(
+        self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0, medium: str = FIELD
+    ) -> float:
         """See ``Link.reception``: that of the link while it is not cut."""
-        return self.link.reception(src, dst, size, kind, at_ns)
+        return self.link.reception(src, dst, size, kind, at_ns, medium)
 
     def _cut(self, src: str, dst: str, at_ns: int, medium: str) -> bool:
         return any(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from dataclasses import dataclass, field
 
-from trackfield.link.fate import FIELD, Fate, Link, lost
-from trackfield.link.places import Places, distance_m
+from trackfield.link.fate import FIELD, Fate, Link, Transmission, lost
+from trackfield.link.places import Places, distance_m, moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,26 +16,31 @@ class Ranged:
     link: Link
     places: Places
     range_m: float
+    # Of links whose ends do not move, by sender.
+    _known: defaultdict[str, dict[str, bool]] = field(
+        default_factory=lambda: defaultdict(dict), init=False, repr=False, compare=False
+    )
 
-    def fate(
-        self,
-        src: str,
-        dst: str,
-        kind: str,
-        sent_ns: int,
-        copy: int,
-        size: int,
-        broadcast: bool = False,
-        medium: str = FIELD,
-    ) -> Fate:
+    def fate(self, frame: Transmission) -> Fate:
         """See ``Link.fate``; the sender spends the same energy for a lost frame."""
-        fate = self.link.fate(src, dst, kind, sent_ns, copy, size, broadcast, medium)
-        return fate if self._reaches(src, dst, sent_ns) else lost(fate, "radio")
+        fate = self.link.fate(frame)
+        return fate if self.reaches(frame.src, frame.dst, frame.sent_ns) else lost(fate, "radio")
 
-    def reception(self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0) -> float:
+    def reception(
+        self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0, medium: str = FIELD
+    ) -> float:
         """See ``Link.reception``."""
-        return self.link.reception(src, dst, size, kind, at_ns) if self._reaches(src, dst, at_ns) else 0.0
+        return self.link.reception(src, dst, size, kind, at_ns, medium) if self.reaches(src, dst, at_ns) else 0.0
 
-    def _reaches(self, src: str, dst: str, at_ns: int) -> bool:
+    def reaches(self, src: str, dst: str, at_ns: int) -> bool:
+        """Whether they are near enough at an instant."""
+        known = self._known[src]
+        if dst in known:
+            return known[dst]
         places = self.places
-        return src in places and dst in places and distance_m(places, src, dst, at_ns) <= self.range_m
+        if src not in places or dst not in places:
+            return False
+        near = distance_m(places, src, dst, at_ns) <= self.range_m
+        if not (moves(places[src]) or moves(places[dst])):
+            known[dst] = near
+        return near

@@ -8,7 +8,7 @@ Links", eq. 1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import log10
+from math import hypot, log10
 from typing import Final
 
 from trackfield.draw import normal
@@ -28,6 +28,11 @@ class Channel:
     sigma_db: float
     asymmetry_db: float = 0.0
     d0_m: float = 1.0
+
+    @property
+    def sd_db(self) -> float:
+        """The standard deviation of a directed link's loss at a known distance."""
+        return hypot(self.sigma_db, self.asymmetry_db)
 
     def mean_db(self, distance_m: float) -> float:
         """The path loss in dB without shadowing."""

@@ -5,13 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 from trackfield.draw import uniform
-from trackfield.link.fate import MIN_DELAY_NS, Fate, FrameKey, check_share
+from trackfield.link.fate import MIN_DELAY_NS, Fate, Transmission, check_share
 from trackfield.link.radios import Radio
 
 Prr = Callable[[int], float]
 """The share of frames received, by their bytes on the air."""
+
+
+class OnAir(NamedTuple):
+    """One transmission, [``begin_ns``, ``end_ns``) after its payload was sent: fragment number ``part``, or an
+    ``answer``, an acknowledgement of it by the receiver. ``heard`` says whether the other end received it.
+    """
+
+    begin_ns: int
+    end_ns: int
+    part: int
+    heard: bool
+    answer: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,18 +51,32 @@ class Transfer:
             if ack < 0:
                 raise ValueError(f"{name}: {ack} is negative")
 
-    def fate(self, frame: FrameKey, size: int, broadcast: bool, there: Prr, back: Prr) -> Fate:
-        """The fate of a payload.
+    def tries(self, frame: Transmission) -> int:
+        """How often each fragment of a frame is sent at most."""
+        return max(self._acks(frame), 1)
+
+    def _acks(self, frame: Transmission) -> int:
+        """The ``ack`` of a frame."""
+        return 0 if frame.broadcast else self.acks.get(frame.kind, self.ack)
+
+    def on_air(self, frame: Transmission, there: Prr, back: Prr) -> tuple[OnAir, ...]:
+        """The transmissions that make the fate of a payload, in order; see ``fate``."""
+        seen: list[OnAir] = []
+        self.fate(frame, there, back, seen)
+        return tuple(seen)
+
+    def fate(self, frame: Transmission, there: Prr, back: Prr, seen: list[OnAir] | None = None) -> Fate:
+        """The fate of a payload; its transmissions are added to ``seen``.
 
         ``there`` is the share of frames received in the payload's direction, ``back`` in that of acknowledgements.
         """
-        src, dst, kind, *which = frame
+        src, dst, kind, *which = key = frame.key
         # A broadcast is sent once for all its receivers, so they share its channel access.
-        sender = (src, "*" if broadcast else dst, kind, *which)
-        ack = 0 if broadcast else self.acks.get(kind, self.ack)
-        now, attempts, on_air, air, acks, arrived = 0, 0, 0, 0, 0, True
-        for number, part in enumerate(self._frames(size)):
-            got, airtime = False, self.radio.airtime_ns(part)
+        sender = (src, "*" if frame.broadcast else dst, kind, *which)
+        ack = self._acks(frame)
+        now, attempts, on_air, air, acks, arrived, begun = 0, 0, 0, 0, 0, True, 0
+        for number, part in enumerate(self._frames(frame.size)):
+            got, airtime = False, self.radio.airtime_ns(part) + frame.preamble_ns
             for attempt in range(max(ack, 1)):
                 draw = partial(_draw, self.seed, sender, number, attempt)
                 waited, granted = self.radio.access.wait_ns(attempt, self.busy, draw)
@@ -58,20 +85,29 @@ class Transfer:
                     break
                 now += airtime
                 attempts, on_air, air = attempts + 1, on_air + part, air + airtime
-                heard = uniform(self.seed, "received", *frame, number, attempt) < there(part)
+                heard = uniform(self.seed, "received", *key, number, attempt) < there(part)
+                if seen is not None:
+                    seen.append(OnAir(now - airtime, now, number, heard))
                 if heard and not got:
                     got, at = True, now + (self.radio.ack_ns if ack else 0)
+                    begun = begun if number else now - airtime
                 if not ack:
                     break
                 acks += heard
-                if heard and uniform(self.seed, "ack", *frame, number, attempt) < back(self.radio.ack_bytes):
+                known = heard and uniform(self.seed, "ack", *key, number, attempt) < back(self.radio.ack_bytes)
+                if heard and seen is not None:
+                    seen.append(OnAir(now + self.radio.turnaround_ns, now + self.radio.ack_ns, number, known, True))
+                if known:
                     now += self.radio.ack_ns
                     break
                 now += self.radio.patience_ns
             arrived = arrived and got
         ack_bytes, ack_air = self.radio.ack_bytes, self.radio.airtime_ns(self.radio.ack_bytes)
         cost = (attempts, on_air, acks * ack_bytes, now, air, acks * ack_air)
-        return Fate(None, max(at, MIN_DELAY_NS), *cost) if arrived else Fate("radio", 0, *cost)
+        if not arrived:
+            return Fate("radio", 0, *cost)
+        arrives = max(at, MIN_DELAY_NS)
+        return Fate(None, arrives, *cost, span_ns=arrives - begun)
 
     def reception(self, size: int, kind: str | None, there: Prr) -> float:
         """The probability that an addressed payload arrives; ``kind`` None is one without an entry in ``acks``."""

@@ -15,9 +15,10 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from trackfield.scenario.architectures import Architecture, Centralised
 from trackfield.scenario.faults import Fault
 from trackfield.scenario.layouts import Grid, Layout
-from trackfield.scenario.links import Ideal, Link
+from trackfield.scenario.links import Ideal, Link, Serial
 from trackfield.scenario.paths import PathSection, Target
 from trackfield.scenario.quantities import Seed
+from trackfield.scenario.radios import EXPECTED, Radios
 from trackfield.scenario.section import ID_WORDS, Section, wrong
 from trackfield.scenario.sections.clocks import Clocks
 from trackfield.scenario.sections.energy import Energy
@@ -44,12 +45,20 @@ class Contents(Section):
     restart: Literal["never", "on-death"] = Field(
         default="never", description="whether a process that dies unplanned is started again"
     )
+    radio: Radios = Field(
+        default=(),
+        json_schema_extra={"expected": EXPECTED},
+        description="transmission power (tx_dbm) and power figures (device) of the radios of a role or of one process, "
+        "where they differ from the others'",
+    )
     field: Layout = Grid()
     sensor: Sensor = DoaSensor()
     sensors: tuple[Sensor, ...] = Field(default=(), max_length=MOST_KINDS, validate_default=True)
     target: Target | None = None
     targets: tuple[Target, ...] = Field(default=(), max_length=MOST_TARGETS, validate_default=True)
     link: Link = Ideal()
+    backbone: Link | None = None
+    serial: Serial | None = None
     architecture: Architecture = Centralised()
     fusion: Fusion = Fusion()
     clock: Clocks = Clocks()

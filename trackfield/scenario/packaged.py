@@ -8,6 +8,7 @@ from typing import Final
 ALIASES: Final = {"spcpf": "zhai-spcpf"}
 """Former names, under which packaged scenarios still load."""
 
+_DATA: Final = (".gpx", ".gz")
 _FOLDER: Final = Path(__file__).parent
 
 
@@ -19,6 +20,11 @@ def names() -> tuple[str, ...]:
 def packaged_file(name: str) -> Path:
     """The file of the packaged scenario ``name``, which may be a former name of it."""
     return _FOLDER / f"{ALIASES.get(name, name)}.toml"
+
+
+def packaged_data(name: str) -> Path | None:
+    """The file of this name that comes with the packaged scenarios, such as a recording; None if there is none."""
+    return next((file for file in _FOLDER.iterdir() if file.name == name and file.suffix in _DATA), None)
 
 
 def summary(name: str) -> str:

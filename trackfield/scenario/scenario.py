@@ -15,12 +15,12 @@ from trackfield.scenario.contents import Contents
 from trackfield.scenario.keys import Key, Kinds, own_option, sections_of_file, top_level
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.override import apply
-from trackfield.scenario.packaged import ALIASES, names, packaged_file
+from trackfield.scenario.packaged import ALIASES, names, packaged_data, packaged_file
 from trackfield.scenario.problems import problems, section_of, without
 from trackfield.scenario.toml import check_values, read_toml
 from trackfield.words import quoted
 
-_WITH_FILES: Final = ("field", "target", "targets", "link")
+_WITH_FILES: Final = ("field", "target", "targets", "link", "backbone")
 """Sections that may name a file."""
 
 
@@ -154,11 +154,16 @@ def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
 
 
 def _with_file(part: Any, base: Path) -> Any:
-    """A section, or a list of them, with its file as an absolute path; anything else unchanged."""
+    """A section, or a list of them, with its file as an absolute path; anything else unchanged.
+
+    A file that is not there, but comes with Trackfield, is that one.
+    """
     if isinstance(part, list | tuple):
         return [_with_file(one, base) for one in part]
     if isinstance(part, Mapping) and isinstance(part.get("file"), str) and part["file"]:
-        return {**part, "file": str((base / part["file"]).absolute())}
+        file = (base / part["file"]).absolute()
+        packaged = packaged_data(part["file"])
+        return {**part, "file": str(file if packaged is None or file.exists() else packaged)}
     return part
 
 

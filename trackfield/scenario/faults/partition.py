@@ -15,6 +15,6 @@ class Partition(WindowFault):
     kind: Literal["partition"] = Field(
         default="partition", description="no frame passes between these processes and all others"
     )
-    medium: Literal["field", "backbone"] | None = Field(
+    medium: Literal["field", "backbone", "serial"] | None = Field(
         default=None, description="the only medium affected; unset: every medium"
     )

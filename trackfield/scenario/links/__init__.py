@@ -11,6 +11,7 @@ from trackfield.scenario.links.gilbert_elliott import GilbertElliott
 from trackfield.scenario.links.ideal import Ideal
 from trackfield.scenario.links.link import LinkSection
 from trackfield.scenario.links.lognormal_prr import LognormalPrr
+from trackfield.scenario.links.serial import Serial
 from trackfield.scenario.links.trace import Trace
 from trackfield.scenario.section import one_of
 
@@ -24,6 +25,7 @@ __all__ = [
     "Link",
     "LinkSection",
     "LognormalPrr",
+    "Serial",
     "Trace",
 ]
 
@@ -34,6 +36,7 @@ LINKS: Final[tuple[type[LinkSection], ...]] = (
     LognormalPrr,
     Csma154,
     Ethernet,
+    Serial,
     Trace,
 )
 

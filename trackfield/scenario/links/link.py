@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Self
 
-from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
 
-from trackfield.scenario.quantities import Distance, Exact
+from trackfield.link.models import BURST_S
+from trackfield.scenario.quantities import Distance, Duration, Exact
 from trackfield.scenario.section import Section, Word, wrong
 from trackfield.words import quoted
 
@@ -33,6 +34,9 @@ Acks = Annotated[
 ]
 
 
+BurstLoss = Annotated[float, Field(gt=0, le=0.99), Exact]
+
+
 class LinkSection(Section):
     """A link; ``model`` is its name."""
 
@@ -40,6 +44,19 @@ class LinkSection(Section):
     range_m: Distance | None = Field(
         default=None, description="beyond this distance nothing is received; unset: no limit"
     )
+    burst_loss: BurstLoss | None = Field(
+        default=None,
+        description="share of the time in which a link is bad and delivers nothing, on top of the model; unset: none",
+    )
+    burst_s: Duration | None = Field(
+        default=None, description=f"mean time that it is bad; unset: {BURST_S:g}, if burst_loss is set"
+    )
+
+    @model_validator(mode="after")
+    def _bursts(self) -> Self:
+        if self.burst_s is not None and self.burst_loss is None:
+            raise wrong(f"is {self.burst_s:g}, and burst_loss is unset", "burst_loss as well", ".burst_s")
+        return self
 
 
 class RadioSection(LinkSection):

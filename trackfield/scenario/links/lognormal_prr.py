@@ -23,6 +23,16 @@ class LognormalPrr(RadioSection):
         default=None,
         description="path loss over distance; unset: petajajarvi for lora868, usc for mica2, else castalia",
     )
+    pl0_db: float | None = Field(
+        default=None, ge=0, le=300, description="path loss at 1 m; unset, as the next three: the channel's"
+    )
+    exponent: float | None = Field(
+        default=None, ge=0, le=20, description="by 10 times as much the path loss grows with ten times the distance"
+    )
+    sigma_db: float | None = Field(default=None, ge=0, le=50, description="sd of the shadowing of a pair of processes")
+    asymmetry_db: float | None = Field(
+        default=None, ge=0, le=50, description="sd by which each direction of a pair differs from that"
+    )
     tx_dbm: float | None = Field(default=None, ge=-60, le=40, description="transmission power; unset: the radio's")
     noise_dbm: float | None = Field(default=None, ge=-180, le=0, description="noise floor; unset: the radio's")
     sf: int | None = Field(default=None, ge=7, le=12, description="spreading factor, for lora868 only; unset: 9")
@@ -36,7 +46,7 @@ class LognormalPrr(RadioSection):
         if self.sf is not None and self.radio != "lora868":
             raise wrong(
                 f"is {self.sf}, and {self.radio} has no spreading factor",
-                "no spreading factor, or link.radio=lora868",
-                "link.sf",
+                'no spreading factor, or radio = "lora868"',
+                ".sf",
             )
         return self

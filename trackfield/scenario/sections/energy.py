@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 
 from trackfield.scenario.quantities import Joules, Millijoules
+from trackfield.scenario.radios import Device
 from trackfield.scenario.section import Section
 
 
 class Energy(Section):
     """The power that devices draw, and their batteries."""
 
-    device: Literal["cc2420", "cc2420-20dbm", "sx1276", "wifi11b"] | None = Field(
+    device: Device | None = Field(
         default=None, description="device whose power figures are used; unset: that of link.radio, or else cc2420"
     )
     battery_j: Joules | None = Field(default=None, description="battery of each sensor node; unset: mains, never empty")
