@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from launcher.record.energy import batteries_of, energy_metrics, lifetime_metrics
+from launcher.record.figures.energy import batteries_of, energy_metrics, lifetime_metrics
 from launcher.record.ledger import Ledger
 from launcher.records import BATTERY, SENSES, TRACKS, FieldInfo, Place, Plan, Truth
 from tests.simulated import simulated, spcpf
 from trackfield.drivers.engine.frames import Died, Frame, Overflowed, Told
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.link.energy import DEVICES, Power
-from trackfield.role import NS, Radio
+from trackfield.role import NS, Listen, Radio
 from trackfield.world.path import Path
 
 MS = 1_000_000
@@ -51,8 +51,8 @@ def frame(t_ms: int, src: str, to: str, payload: bytes = TEN) -> Frame:
 def final(book: Ledger, name: str, *activity: int, metered_s: float = 10) -> None:
     """Milliseconds of sending, receiving, listening and sleep, and readings."""
     *times, samples = activity
-    record = {"activity": [*(ms * MS for ms in times), samples], "metered_ns": round(metered_s * NS)}
-    book.final(name, {**record, "inherited": [0] * 5})
+    record = {"activity": {"field": [*(ms * MS for ms in times), samples]}, "metered_ns": round(metered_s * NS)}
+    book.final(name, {**record, "inherited": {}})
 
 
 def switch(book: Ledger, id: str, t_ms: int, on: bool) -> None:
@@ -134,13 +134,15 @@ def test_a_radio_that_is_on_for_nothing_is_cheaper_in_no_accounting() -> None:
     assert listening["without_listening"] == asleep["without_listening"] == pytest.approx(0.01)
 
 
-def overheard(*told: tuple[str, Told], processes: tuple[ProcessSpec, ...] = (CENTRE, N0, N1), t_ms: int = 400) -> float:
+def overheard(
+    *told: tuple[str, Told], processes: tuple[ProcessSpec, ...] = (CENTRE, N0, N1), t_ms: int = 400, longer_ms: int = 0
+) -> float:
     """How many times 27 bytes are overheard when n0 sends 10 bytes to the centre."""
     plan = plan_of(*processes)
     book = Ledger(plan.run, plan.processes)
     for name, output in told:
         book.told(name, output)
-    book.sent(frame(t_ms, "n0", "fusion"))
+    book.sent(replace(frame(t_ms, "n0", "fusion"), preamble_ns=longer_ms * MS))
     book.close()
     spent: float = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
     return spent / (27 * 32e-6 * 0.049)
@@ -165,6 +167,28 @@ def test_a_radio_that_was_never_switched_before_was_on() -> None:
     switched = ("n1", Told((500 * MS, 3, 500 * MS, "t"), Radio(False)))
     assert overheard(switched, t_ms=400) == pytest.approx(1)
     assert overheard(switched, t_ms=501) == 0
+
+
+@pytest.mark.parametrize(
+    ("t_ms", "longer_ms", "count"), [(400, 0, 1), (402, 0, 1), (404, 0, 0), (450, 0, 0), (450, 60, 10.864 / 0.864)]
+)
+def test_in_windows_a_radio_overhears_what_it_catches_from_then_on(t_ms: int, longer_ms: int, count: float) -> None:
+    """Open for 3 ms every 100 ms; a longer preamble is heard from the next window on, with the frame of 0.864 ms."""
+    windows = ("n1", Told((0, 3, 0, "t"), Listen(100 * MS, 3 * MS, 0)))
+    assert overheard(windows, t_ms=t_ms, longer_ms=longer_ms) == pytest.approx(count)
+
+
+def test_on_another_medium_the_device_for_it_overhears() -> None:
+    other = replace(POWER, receive_uw=9_000, sleep_uw=2_000)
+    both = [replace(p, media=("field", "air")) for p in (CENTRE, N0, N1)]
+    specs = [both[0], both[1], replace(both[2], devices={"air": asdict(other)})]
+    plan = plan_of(*specs)
+    plan = replace(plan, run=replace(plan.run, media={"air": {"model": "ideal"}}))
+    book = Ledger(plan.run, plan.processes)
+    book.sent(replace(frame(400, "n0", "fusion"), medium="air"))
+    book.close()
+    spent: float = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
+    assert spent == pytest.approx(27 * 32e-6 * 0.007)
 
 
 def test_whoever_a_broadcast_is_for_does_not_overhear_it() -> None:

@@ -5,7 +5,8 @@ A process has one address, one radio and one set of sensors, however many roles 
 - gives a frame to every role that consumes its kind, in order; it is ignored only if all of them ignore it, and late
   only if all that use it do so after its deadline; each role's own count is in ``Hosted.counts``;
 - puts the role's name before its timers, ports and lanes (``node/step``), and takes it off again;
-- keeps the receiver of a medium on while any role wants it on (at first all do);
+- keeps the receiver of a medium on while any role wants it on (at first all do), or if several want to listen in
+  different windows (``Listen``); if one alone wants to listen, in windows, it does so;
 - hands a message to the process's own id to the other roles that consume its kind: at the same instant, after all
   other effects of the current event, and whether or not the radio is on. It is still encoded and decoded, so that its
   receiver sees the same numbers as a distant one would. From a set of ids only the own one is removed. A message that
@@ -33,6 +34,7 @@ from trackfield.role import (
     Ignored,
     IllegalEvent,
     Late,
+    Listen,
     Note,
     PortRead,
     Radio,
@@ -55,6 +57,8 @@ MAX_HANDED: Final = 1000
 """The most messages handed over because of one event; more mean that the roles send in an endless loop."""
 
 
+Wish = Radio | Listen
+"""How a role wants a receiver to listen."""
 Work = tuple[str, Effect | Received | ClockSet]
 """An effect that this role asked for, or an event between the roles that it is to handle."""
 Counts = tuple[int, int]
@@ -63,14 +67,14 @@ Counts = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Hosted:
-    """The states of the roles, and the (role, medium) of receivers that they switched off.
+    """The states of the roles, and how they want the receiver of a medium to listen, by role and medium.
 
     While a sensor is read: the role that asked, the sensor, and the ``work`` that waits for the answer. ``stored`` is
     what each role stored last, in this life or an earlier one; ``counts`` are the frames of this life, by role.
     """
 
     states: Mapping[str, Any]
-    off: frozenset[tuple[str, Medium]] = frozenset()
+    receivers: Mapping[tuple[str, Medium], Wish] = field(default_factory=dict)
     asked: tuple[str, str] | None = None
     work: tuple[Work, ...] = ()
     stored: Mapping[str, bytes] = field(default_factory=dict)
@@ -142,7 +146,7 @@ class _Turn:
     """An event on its way through the roles, to its end or to the next reading of a sensor."""
 
     def __init__(self, host: Host, state: Hosted, now: int) -> None:
-        self.host, self.now, self.states, self.off = host, now, dict(state.states), state.off
+        self.host, self.now, self.states, self.receivers = host, now, dict(state.states), dict(state.receivers)
         self.stored, self.counts = state.stored, state.counts
         self.work, self.effects, self.handed = deque(state.work), list[Effect](), 0
 
@@ -159,7 +163,7 @@ class _Turn:
         return self._after(), tuple(self.effects)
 
     def _after(self, asked: tuple[str, str] | None = None) -> Hosted:
-        return Hosted(self.states, self.off, asked, tuple(self.work), self.stored, self.counts)
+        return Hosted(self.states, self.receivers, asked, tuple(self.work), self.stored, self.counts)
 
     def _feed(self, takers: list[str], event: Event, *, on_air: bool) -> None:
         """Let roles handle an event; their effects come before all other work."""
@@ -200,8 +204,8 @@ class _Turn:
         match effect:
             case Send():
                 self._send(name, effect)
-            case Radio(on, medium):
-                self._switch(name, on, medium)
+            case Radio() | Listen():
+                self._switch(name, effect)
             case SetTimer() | CancelTimer():
                 self.effects.append(replace(effect, name=f"{name}/{effect.name}"))
             case Write():
@@ -231,9 +235,17 @@ class _Turn:
         if send.to:
             self.effects.append(send)
 
-    def _switch(self, name: str, on: bool, medium: Medium) -> None:
-        off = self.off - {(name, medium)} if on else self.off | {(name, medium)}
-        everybody = {(role, medium) for role in self.host.roles}
-        if (everybody <= off) != (everybody <= self.off):
-            self.effects.append(Radio(on, medium))
-        self.off = off
+    def _switch(self, name: str, wish: Wish) -> None:
+        before = self._receiver(wish.medium)
+        self.receivers[name, wish.medium] = wish
+        if (after := self._receiver(wish.medium)) != before:
+            self.effects.append(after)
+
+    def _receiver(self, medium: Medium) -> Wish:
+        """How the receiver listens, for all roles."""
+        on = Radio(on=True, medium=medium)
+        wishes = {self.receivers.get((role, medium), on) for role in self.host.roles}
+        windows = [wish for wish in wishes if isinstance(wish, Listen)]
+        if on in wishes or len(windows) > 1:
+            return on
+        return windows[0] if windows else Radio(on=False, medium=medium)

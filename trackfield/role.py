@@ -85,11 +85,16 @@ Event = Started | Received | Timer | Sampled | PortRead | ClockSet
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """Transmit ``message``: to one id, to each of a set of ids in turn, or once to the neighbourhood."""
+    """Transmit ``message``: to one id, to each of a set of ids in turn, or once to the neighbourhood.
+
+    Each frame has a preamble that is ``preamble_ns`` longer than usual: so long a receiver that listens only now and
+    then (``Listen``) may sleep and still hear it. The sender pays for it.
+    """
 
     message: Any
     to: str | frozenset[str]
     medium: Medium = "field"
+    preamble_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +124,23 @@ class Radio:
     """Switch the receiver on or off; a frame due while it is off is lost (asleep)."""
 
     on: bool
+    medium: Medium = "field"
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Listen for ``open_ns`` from local time ``from_ns`` on, and again every ``every_ns``, until told otherwise.
+
+    In between the receiver is off. It hears a frame if a window is open for ``detect_ns`` of its preamble, which is
+    ``spare_ns`` longer than that unless ``Send`` makes it longer still; and then to the frame's end. The windows stay
+    where they are if the clock is set or jumps.
+    """
+
+    every_ns: int
+    open_ns: int
+    from_ns: int
+    detect_ns: int = 0
+    spare_ns: int = 0
     medium: Medium = "field"
 
 
@@ -231,7 +253,20 @@ class Corrected:
 
 
 Effect = (
-    Send | SetTimer | CancelTimer | Sample | Radio | Write | Publish | State | Note | Ignored | Late | Store | Corrected
+    Send
+    | SetTimer
+    | CancelTimer
+    | Sample
+    | Radio
+    | Listen
+    | Write
+    | Publish
+    | State
+    | Note
+    | Ignored
+    | Late
+    | Store
+    | Corrected
 )
 
 S = TypeVar("S")

@@ -14,7 +14,7 @@ STEP: Final = 10
 
 def empty(life: Life, given: Conditions) -> bool:
     """Whether the battery is empty."""
-    return life.meter.left_fj(given.power) == 0
+    return life.meter.left_fj(given.powers) == 0
 
 
 def falls_ns(life: Life, given: Conditions) -> int | None:
@@ -22,16 +22,17 @@ def falls_ns(life: Life, given: Conditions) -> int | None:
 
     So even a process that sleeps all the time reports its charge now and then.
     """
-    capacity = given.power.battery_fj
+    capacity = given.battery_fj
     if capacity is None:
         return None
     tenth = (life.told - 1) // STEP * STEP
-    return life.meter.falls_ns(given.power, max(capacity * tenth // 100, 0))
+    return life.meter.falls_ns(given.powers, max(capacity * tenth // 100, 0))
 
 
 def tell(life: Life, given: Conditions) -> tuple[Life, Charge | None]:
     """The remaining charge, to be reported whenever it has fallen by a per cent."""
-    capacity, left = given.power.battery_fj, life.meter.left_fj(given.power)
+    capacity = given.battery_fj
+    left = life.meter.left_fj(given.powers) if capacity else None
     if left is None or not capacity:
         return life, None
     percent = -(-100 * left // capacity)

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final, NamedTuple
 
+from trackfield.drivers.engine.receiver import Opening, Windows, open_ns
 from trackfield.link.energy import CAUSES, Power
+from trackfield.link.fate import FIELD
+
+Powers = Mapping[str, Power]
+"""What each radio of a process draws, by its medium; its battery and its sensors are with that of ``FIELD``."""
 
 
 class Activity(NamedTuple):
@@ -22,6 +27,10 @@ class Activity(NamedTuple):
         rates = (power.send_uw, power.receive_uw, power.listen_uw, power.sleep_uw, power.sample_fj)
         return {cause: rate * amount for cause, rate, amount in zip(CAUSES, rates, self, strict=True)}
 
+    def minus(self, other: Activity) -> Activity:
+        """The difference."""
+        return Activity(*(a - b for a, b in zip(self, other, strict=True)))
+
     @classmethod
     def total(cls, parts: Iterable[Activity]) -> Activity:
         """All of these together."""
@@ -29,48 +38,178 @@ class Activity(NamedTuple):
 
 
 NOTHING: Final = Activity()
+MOST_NS: Final = 1 << 62
+"""Beyond any instant of a run."""
+Activities = Mapping[str, Activity]
+"""Those of each radio, by its medium."""
 
 
-def spent(record: Mapping[str, Any]) -> Activity:
-    """The activity of all lives up to that of this record (``Core.record``)."""
-    return Activity.total(Activity(*record[part]) for part in ("activity", "inherited"))
+def done(record: Mapping[str, Any]) -> dict[str, Activity]:
+    """The activity of one life by medium, from its record (``Core.record``)."""
+    return {medium: Activity(*parts) for medium, parts in record["activity"].items()}
+
+
+def spent(record: Mapping[str, Any]) -> dict[str, Activity]:
+    """The activity of all lives up to that of this record, by medium."""
+    before = record["inherited"]
+    return {
+        medium: Activity.total((own, Activity(*before.get(medium, NOTHING)))) for medium, own in done(record).items()
+    }
+
+
+Interval = tuple[int, int]
+
+
+class Side(NamedTuple):
+    """One radio: its ``activity``, how its receiver is open since when, and how it was ``before``.
+
+    Times of sending are counted as a whole when a frame is given to the radio: those to come are ``sends``, in order;
+    all up to ``done_ns`` is over and counted.
+    """
+
+    activity: Activity = NOTHING
+    opening: Opening = True
+    since_ns: int = -1
+    before: Opening = True
+    sends: tuple[Interval, ...] = ()
+    done_ns: int = -1
+
+    def after(self, from_ns: int, until_ns: int) -> Side:
+        """The same, so much later."""
+        side = self._counted(open_ns(self.opening, from_ns, until_ns), until_ns - from_ns)
+        return side._over(until_ns) if self.sends else side
+
+    def sent(self, at_ns: int, send_ns: int, acked_ns: int = 0) -> Side:
+        """The same after it sends for so long from then on, and then hears acknowledgements: both are counted now."""
+        end_ns = at_ns + send_ns + acked_ns
+        if end_ns == at_ns:
+            return self
+        side = self._counted(-open_ns(self.opening, at_ns, end_ns), at_ns - end_ns, send_ns, acked_ns)
+        return side._replace(sends=(*self.sends, (at_ns, end_ns)))
+
+    def received(self, until_ns: int, receive_ns: int, acks_ns: int = 0) -> Side:
+        """The same after it received for so long, and sent acknowledgements, until then.
+
+        Of what it did at the same time, one thing is counted.
+        """
+        begin_ns = max(until_ns - receive_ns - acks_ns, self.done_ns)
+        end_ns = min(until_ns, self.sends[0][0]) if self.sends else until_ns
+        if end_ns <= begin_ns:
+            return self
+        change_ns = min(max(self.since_ns, begin_ns), end_ns)
+        listened = open_ns(self.before, begin_ns, change_ns) + open_ns(self.opening, change_ns, end_ns)
+        ahead = sum(open_ns(self.opening, max(begin, until_ns), end) for begin, end in self.sends)
+        listened = min(listened, max(self.activity.listen_ns + ahead, 0))
+        acks_ns = min(acks_ns, end_ns - begin_ns)
+        side = self._counted(-listened, begin_ns - end_ns, acks_ns, end_ns - begin_ns - acks_ns)
+        return side._replace(done_ns=end_ns)
+
+    def switched(self, opening: Opening, t_ns: int) -> Side:
+        """The same with its receiver open in this way from then on."""
+        side = self._replace(
+            opening=opening, since_ns=t_ns, before=self.before if self.since_ns == t_ns else self.opening
+        )
+        for begin_ns, end_ns in self.sends:
+            still = max(begin_ns, t_ns), end_ns
+            side = side._counted(open_ns(self.opening, *still) - open_ns(opening, *still), 0)
+        return side
+
+    def _counted(self, listen_ns: int, passed_ns: int, send_ns: int = 0, receive_ns: int = 0) -> Side:
+        """With so much more time in all, of which it listened, and with this use of the radio."""
+        a = self.activity
+        return self._replace(
+            activity=Activity(
+                a.send_ns + send_ns,
+                a.receive_ns + receive_ns,
+                a.listen_ns + listen_ns,
+                a.sleep_ns + passed_ns - listen_ns,
+                a.samples,
+            )
+        )
+
+    def _over(self, t_ns: int) -> Side:
+        """The same without the sends that are over by then."""
+        ends = [end_ns for _, end_ns in self.sends if end_ns <= t_ns]
+        return self._replace(sends=self.sends[len(ends) :], done_ns=max([self.done_ns, *ends]))
 
 
 class Meter(NamedTuple):
-    """The ``activity`` of a process up to ``since_ns``, and whether its receiver is on from then on."""
+    """The radios of a process by their media, up to ``since_ns``; that of ``FIELD`` counts the readings, too."""
 
-    activity: Activity = Activity()
+    sides: Mapping[str, Side]
     since_ns: int = 0
-    on: bool = True
+
+    @classmethod
+    def new(cls, media: Iterable[str] = (FIELD,), since_ns: int = 0, before: Activities | None = None) -> Meter:
+        """All on; ``before`` is what earlier lives did."""
+        return cls({medium: Side((before or {}).get(medium, NOTHING)) for medium in media}, since_ns)
 
     def at(self, t_ns: int) -> Meter:
         """The same, up to a later time."""
-        passed = t_ns - self.since_ns
-        return Meter(self._rest(passed), t_ns, self.on) if passed else self
+        since_ns = self.since_ns
+        if t_ns == since_ns:
+            return self
+        return Meter({medium: side.after(since_ns, t_ns) for medium, side in self.sides.items()}, t_ns)
 
-    def used(self, *, send_ns: int = 0, receive_ns: int = 0, samples: int = 0) -> Meter:
-        """The meter after sending and receiving for these durations, which do not count as listening or sleeping."""
-        a = self._rest(-send_ns - receive_ns)
-        done = a._replace(
-            send_ns=a.send_ns + send_ns, receive_ns=a.receive_ns + receive_ns, samples=a.samples + samples
-        )
-        return self._replace(activity=done)
+    def sent(self, medium: str, at_ns: int, send_ns: int, acked_ns: int = 0) -> Meter:
+        """The meter of one that sends for so long from then on, which is not over, and then hears acknowledgements."""
+        side = self.sides.get(medium)
+        return self if side is None else self._with(medium, side.sent(at_ns, send_ns, acked_ns))
 
-    def left_fj(self, power: Power) -> int | None:
+    def received(self, medium: str, receive_ns: int, acks_ns: int = 0) -> Meter:
+        """The meter of one that received for so long, and sent acknowledgements, until now."""
+        side = self.sides.get(medium)
+        return self if side is None else self._with(medium, side.received(self.since_ns, receive_ns, acks_ns))
+
+    def sensed(self) -> Meter:
+        """The meter after a reading of a sensor."""
+        side = self.sides.get(FIELD)
+        if side is None:
+            return self
+        a = side.activity
+        return self._with(FIELD, side._replace(activity=a._replace(samples=a.samples + 1)))
+
+    def switched(self, medium: str, opening: Opening) -> Meter:
+        """The meter with this receiver open in this way from now on."""
+        side = self.sides.get(medium)
+        return self if side is None else self._with(medium, side.switched(opening, self.since_ns))
+
+    @property
+    def activities(self) -> dict[str, Activity]:
+        """By medium."""
+        return {medium: side.activity for medium, side in self.sides.items()}
+
+    def left_fj(self, powers: Powers) -> int | None:
         """The energy left in the battery, 0 if it is overdrawn; None on mains."""
-        if power.battery_fj is None:
+        battery = powers[FIELD].battery_fj
+        if battery is None:
             return None
-        return max(power.battery_fj - sum(self.activity.energy_fj(power).values()), 0)
+        return max(battery - sum(sum(s.activity.energy_fj(powers[m]).values()) for m, s in self.sides.items()), 0)
 
-    def falls_ns(self, power: Power, level_fj: int) -> int | None:
+    def falls_ns(self, powers: Powers, level_fj: int) -> int | None:
         """When the battery is down to this level if nothing else happens; None: never."""
-        left, draw = self.left_fj(power), power.listen_uw if self.on else power.sleep_uw
-        if left is None or (left > level_fj and not draw):
+        left = self.left_fj(powers)
+        if left is None:
             return None
-        return self.since_ns + (-(-(left - level_fj) // draw) if left > level_fj else 0)
+        if left <= level_fj:
+            return self.since_ns
+        if any(isinstance(side.opening, Windows) for side in self.sides.values()):
+            return self._falls_in_windows_ns(powers, level_fj)
+        draw = sum(powers[m].listen_uw if side.opening else powers[m].sleep_uw for m, side in self.sides.items())
+        return self.since_ns + -(-(left - level_fj) // draw) if draw else None
 
-    def _rest(self, passed: int) -> Activity:
-        a = self.activity
-        if self.on:
-            return a._replace(listen_ns=a.listen_ns + passed)
-        return a._replace(sleep_ns=a.sleep_ns + passed)
+    def _falls_in_windows_ns(self, powers: Powers, level_fj: int) -> int | None:
+        """The same where the power changes with the windows: found by halves, as the charge only falls."""
+        step_ns, t_ns = 1, self.since_ns
+        while (self.at(t_ns + step_ns).left_fj(powers) or 0) > level_fj:
+            if step_ns > MOST_NS:
+                return None
+            step_ns *= 2
+        low, high = t_ns + step_ns // 2, t_ns + step_ns
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if (self.at(middle).left_fj(powers) or 0) > level_fj else (low, middle)
+        return high
+
+    def _with(self, medium: str, side: Side) -> Meter:
+        return self._replace(sides={**self.sides, medium: side})
