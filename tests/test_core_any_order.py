@@ -184,7 +184,7 @@ def hard_times(draw: st.DrawFn) -> Conditions:
     power = Power(6, 5, 4, 1, sample_fj=MS, battery_fj=battery and battery * MS, byte_ns=10_000)
     cost = draw(st.sampled_from([slow, EASY.cost]))
     kill = draw(st.integers(8, 30)) * MS
-    return Conditions(0, kill, freezes, jumps, power, draw(st.integers(0, 2)), cost)
+    return Conditions(0, kill, freezes, jumps, {"field": power}, {"field": draw(st.integers(0, 2))}, cost)
 
 
 @settings(max_examples=400)

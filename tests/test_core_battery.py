@@ -25,7 +25,7 @@ AIR_NS = (len(encode(Reply(1))) + 20) * 10
 
 
 def powered(battery_fj: int, role: Role[object] | None = None, **conditions: object) -> Core:
-    given = replace(Conditions(power=replace(POWER, battery_fj=battery_fj)), **conditions)
+    given = replace(Conditions(powers={"field": replace(POWER, battery_fj=battery_fj)}), **conditions)
     return core_of(role or Puppet(), sense=lambda name, t_ns: t_ns, conditions=given)
 
 
@@ -101,13 +101,13 @@ def test_a_frame_that_is_not_heard_costs_nothing() -> None:
 
 
 def test_on_mains_nothing_is_ever_empty() -> None:
-    core = core_of(Puppet(), conditions=Conditions(power=POWER))
+    core = core_of(Puppet(), conditions=Conditions(powers={"field": POWER}))
     assert run(core, 10**15) == []
     assert core.next_key() is None
 
 
 def test_a_device_that_draws_nothing_while_it_sleeps_does_so_for_ever() -> None:
-    core = core_of(at_start(Radio(False)), conditions=Conditions(power=Power(1, 1, 1, 0, battery_fj=5)))
+    core = core_of(at_start(Radio(False)), conditions=Conditions(powers={"field": Power(1, 1, 1, 0, battery_fj=5)}))
     run(core, NS)
     assert core.next_key() is None
 
@@ -118,7 +118,7 @@ def test_a_device_that_draws_nothing_while_it_sleeps_does_so_for_ever() -> None:
 def test_all_that_is_due_at_that_instant_happens_first() -> None:
     """Empty at 1 us: a frame and a timer of 1 us come before, those of 1 us and 1 ns never."""
     free = replace(POWER, receive_uw=3, battery_fj=3000)
-    core = core_of(at_start(SetTimer("a", 1000), SetTimer("b", 1001)), conditions=Conditions(power=free))
+    core = core_of(at_start(SetTimer("a", 1000), SetTimer("b", 1001)), conditions=Conditions(powers={"field": free}))
     for due in (1000, 1001):
         core.offer(arrival(due, Request(1)))
     assert died_at(run(core, NS)) == 1000
@@ -143,7 +143,7 @@ def test_nothing_happens_afterwards() -> None:
     core.offer(arrival(MS, Request(1)))
     assert run(core, NS) == []
     assert (core.state, core.tally) == ((START,), {})
-    assert core.record(NS)["activity"] == [0, 0, 1000, 0, 0]
+    assert core.record(NS)["activity"] == {"field": [0, 0, 1000, 0, 0]}
     assert core.record(NS)["metered_ns"] == 1000
 
 
@@ -177,15 +177,15 @@ def test_the_battery_goes_on_where_the_life_before_left_it() -> None:
     outputs = run(heir, NS)
     assert charges(outputs)[0] == (5000, 0.34)  # 33 and a third
     assert died_at(outputs) == 5667
-    assert heir.record(NS)["activity"] == [0, 0, 667, 0, 0]
-    assert heir.record(NS)["inherited"] == [0, 0, 1000, 0, 1]
-    assert spent(heir.record(NS)) == Activity(listen_ns=1667, samples=1)
+    assert heir.record(NS)["activity"] == {"field": [0, 0, 667, 0, 0]}
+    assert heir.record(NS)["inherited"] == {"field": [0, 0, 1000, 0, 1]}
+    assert spent(heir.record(NS)) == {"field": Activity(listen_ns=1667, samples=1)}
 
 
 def test_on_an_empty_battery_nothing_starts() -> None:
     """It was empty in the first life; the restart that was planned for later finds nothing to run on."""
     heir = powered(3000, at_start(Send(Reply(1), "hub"), SetTimer("a", 9000)), start_ns=5000)
-    heir.inherit(b"kept", Activity(listen_ns=1000))
+    heir.inherit(b"kept", {"field": Activity(listen_ns=1000)})
     heir.offer(arrival(5000, Request(1)))
     outputs = run(heir, NS)
     assert outputs == [Told((5000, 0, "start"), Died("battery")), Told((5000, 0, "start"), Charge(0.0))]
@@ -217,7 +217,7 @@ def test_a_late_frame_makes_it_die_earlier() -> None:
 def test_a_late_frame_lets_it_live_longer() -> None:
     """The call of 500 ns told it to sleep: it lives to see 1200 ns, and sleeps through what comes at 1250."""
     core = powered(3000, script({Received(500, Request(1), "peer"): (Radio(False), SetTimer("a", 1200))}))
-    core.conditions = replace(core.conditions, power=replace(core.conditions.power, receive_uw=3))
+    core.conditions = replace(core.conditions, powers={"field": replace(core.conditions.powers["field"], receive_uw=3)})
     run(core, NS)
     assert core.life.over
     for t in (1250, 2001):
@@ -251,15 +251,15 @@ def test_every_moment_is_sent_received_listened_or_slept(story: list[tuple[int, 
             return [SetTimer(f"{i}", t) for i, (t, deed) in enumerate(story) if deed != "hear"]
         return [effects[story[int(event.name)][1]]] if isinstance(event, Timer) else []
 
-    core = core_of(Puppet(react), sense=lambda *_: 0, conditions=Conditions(power=POWER))
+    core = core_of(Puppet(react), sense=lambda *_: 0, conditions=Conditions(powers={"field": POWER}))
     for copy, (t, deed) in enumerate(story):
         if deed == "hear":
             core.offer(arrival(t, Request(1), copy=copy))
     run(core, 2000)
     record = core.record(end)
-    activity = Activity(*record["activity"])
+    activity = Activity(*record["activity"]["field"])
     assert sum(activity[:4]) == end == record["metered_ns"]
     assert activity.samples == sum(deed == "sample" for _, deed in story)
     assert activity.send_ns == AIR_NS * sum(deed == "send" for _, deed in story)
-    assert activity.receive_ns % ((len(encode(Request(1))) + 20) * 10) == 0
+    assert activity.receive_ns <= (len(encode(Request(1))) + 20) * 10 * sum(deed == "hear" for _, deed in story)
     assert all(isinstance(event, Started | Timer | Received | Sampled) for event in core.state)

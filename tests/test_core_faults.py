@@ -259,9 +259,9 @@ def test_a_frame_of_the_end_of_standing_still_is_put_before_the_timers_that_wait
 
 def test_a_record_counts_up_to_the_end_of_a_life_and_no_further() -> None:
     power = Power(2, 3, 5, 7)
-    core = core_of(Puppet(), conditions=Conditions(start_ns=2 * MS, kill_ns=9 * MS, power=power))
+    core = core_of(Puppet(), conditions=Conditions(start_ns=2 * MS, kill_ns=9 * MS, powers={"field": power}))
     assert core.record(NS)["metered_ns"] == 0  # it has not begun
     run(core, 2 * MS)
-    assert core.record(4 * MS)["activity"] == [0, 0, 2 * MS, 0, 0]
-    assert core.record(NS)["activity"] == [0, 0, 7 * MS, 0, 0]
+    assert core.record(4 * MS)["activity"] == {"field": [0, 0, 2 * MS, 0, 0]}
+    assert core.record(NS)["activity"] == {"field": [0, 0, 7 * MS, 0, 0]}
     assert core.record(NS)["metered_ns"] == 7 * MS

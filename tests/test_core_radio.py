@@ -14,7 +14,7 @@ from tests.puppet import MS, Puppet, arrival, caught_up, core_of, frames, run, s
 from tests.toys import Feedback, Reply, Request
 from trackfield.drivers.engine.conditions import Conditions
 from trackfield.drivers.engine.core import Core
-from trackfield.drivers.engine.frames import Frame, Output, Overflowed, Queued, Sent, TakenBack, Told
+from trackfield.drivers.engine.frames import FREE, Frame, Output, Overflowed, Queued, Sent, TakenBack, Told
 from trackfield.link.energy import Power
 from trackfield.link.fate import Fate
 from trackfield.link.models import make_link
@@ -24,14 +24,16 @@ START = Started(0)
 
 
 def slow(frame: Frame) -> Fate:
-    """A reply keeps the radio busy for 5 ms, a request for 2 ms, feedback for none."""
+    """A reply keeps the radio busy for 5 ms, a request for 2 ms, feedback for none; on a wire nothing does."""
+    if frame.medium != "field":
+        return FREE
     return Fate(None, MS, busy_ns={"reply": 5 * MS, "request": 2 * MS, "feedback": 0}[frame.kind], air_ns=MS)
 
 
 def radio(*effects: Effect, queue: int = 32, kill_ns: int = NS, power: Power | None = None) -> Core:
     """An engine with a slow radio, whose role asks for these at the start."""
-    given_power = {} if power is None else {"power": power}
-    conditions = Conditions(kill_ns=kill_ns, queue=queue, cost=slow, **given_power)
+    given_power = {} if power is None else {"powers": {"field": power}}
+    conditions = Conditions(kill_ns=kill_ns, queues={"field": queue}, cost=slow, **given_power)
     return core_of(Puppet(lambda event: effects if event == START else ()), conditions=conditions)
 
 
@@ -89,7 +91,7 @@ def test_a_link_that_knows_no_radio_has_no_queue(model: dict[str, object]) -> No
     link = make_link(model, 1)
     core = core_of(
         Puppet(lambda event: [Send(Reply(i), "a") for i in range(50)]),
-        conditions=Conditions(queue=0, cost=lambda frame: frame.cost(link)),
+        conditions=Conditions(queues={"field": 0}, cost=lambda frame: frame.cost(link)),
     )
     outputs = core.handle_next()
     assert [(f.sent_ns, f.copy) for f in frames(outputs)] == [(0, i) for i in range(50)]
@@ -115,7 +117,7 @@ def test_there_is_room_again_as_soon_as_one_is_through() -> None:
             START: (*(Send(Reply(i), "a") for i in range(3)), SetTimer("t", 5 * MS)),
             Timer(5 * MS, "t"): (Send(Reply(7), "a"), Send(Reply(8), "a")),
         }),
-        conditions=Conditions(queue=1, cost=slow),
+        conditions=Conditions(queues={"field": 1}, cost=slow),
     )  # fmt: skip
     outputs = run(core, NS)
     assert left(outputs) == [(0, "reply", 0), (5, "reply", 0), (10, "reply", 0)]
@@ -125,7 +127,7 @@ def test_there_is_room_again_as_soon_as_one_is_through() -> None:
 def test_who_is_turned_away_pays_nothing() -> None:
     core = radio(*(Send(Reply(i), "a") for i in range(6)), queue=1, power=Power(1, 1, 1, 1))
     core.handle_next()
-    assert core.record(NS)["activity"][0] == 2 * MS
+    assert core.record(NS)["activity"]["field"][0] == 2 * MS
 
 
 def test_what_would_leave_at_the_kill_or_after_it_never_does() -> None:
@@ -134,7 +136,7 @@ def test_what_would_leave_at_the_kill_or_after_it_never_does() -> None:
         outputs = core.handle_next()
         assert [f.sent_ns for f in frames(outputs)] == [0, 5 * MS, 10 * MS][:count]
         assert len(told(outputs)) == count - 1
-        assert core.record(5 * MS)["activity"][0] == count * MS
+        assert core.record(5 * MS)["activity"]["field"][0] == count * MS
 
 
 # --- none passes for another ------------------------------------------------------------------------------------------
@@ -210,7 +212,7 @@ def test_whatever_is_sent_each_has_an_identity_and_a_turn(plan: list[tuple[int, 
         _, message, to, medium = plan[int(event.name)] if isinstance(event, Timer) else plan[0]
         return [Send(message, to, medium)]  # type: ignore[arg-type]
 
-    outputs = run(core_of(Puppet(react), conditions=Conditions(cost=slow, queue=queue)), NS)
+    outputs = run(core_of(Puppet(react), conditions=Conditions(cost=slow, queues={"field": queue})), NS)
     assert len(set(identities(outputs))) == len(identities(outputs))
     on_air = [f for f in frames(outputs) if f.medium == "field"]
     for before, after in pairwise(on_air):
@@ -263,14 +265,14 @@ def test_a_sender_pays_for_its_time_on_the_air_and_for_acknowledgements(fate: Fa
     )
     core = core_of(
         Puppet(lambda event: [Send(Reply(1), "a")] if event == START else []),
-        conditions=Conditions(power=power, cost=lambda frame: fate),
+        conditions=Conditions(powers={"field": power}, cost=lambda frame: fate),
     )
     run(core, 0)
-    assert core.record(1000)["activity"] == activity
+    assert core.record(1000)["activity"] == {"field": activity}
 
 
 def test_a_hearer_pays_for_hearing_and_for_its_acknowledgement() -> None:
-    core = core_of(Puppet(), conditions=Conditions(power=Power(1, 1, 1, 1)))
+    core = core_of(Puppet(), conditions=Conditions(powers={"field": Power(1, 1, 1, 1)}))
     core.offer(replace(arrival(500, Request(1)), fate=Fate(None, MS, busy_ns=90, air_ns=70, ack_air_ns=20)))
     run(core, NS)
-    assert core.record(1000)["activity"] == [20, 70, 1000 - 90, 0, 0]
+    assert core.record(1000)["activity"] == {"field": [20, 70, 1000 - 90, 0, 0]}

@@ -261,7 +261,7 @@ def test_a_battery_that_was_empty_by_mistake_lives_on() -> None:
     core = core_of(
         Puppet(lambda event: (Sample("sound"),) if isinstance(event, Received) else ()),
         sense=lambda name, t_ns: t_ns,
-        conditions=Conditions(power=power),
+        conditions=Conditions(powers={"field": power}),
     )
     first, second = arrival(2 * MS, Request(1)), arrival(3 * MS, Request(2))
     core.offer(first)

@@ -2,35 +2,46 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
 
 from launcher.plan.architectures import Built, Process
-from launcher.plan.hardware import FJ_PER_MJ, clock_of, following_of, power_of, sync_of
-from launcher.plan.messages import check_sent, longest
+from launcher.plan.hardware import (
+    FJ_PER_MJ,
+    clock_of,
+    devices_of,
+    following_of,
+    power_of,
+    sync_of,
+    tree_of,
+    without_radio,
+)
+from launcher.plan.links import sections_of
+from launcher.plan.messages import check_sent
 from launcher.plan.roles import Roles
 from launcher.plan.tracking import if_used, tracking_of
-from launcher.records import Flow
-from trackfield.drivers.spec import ProcessSpec, places_of
-from trackfield.link.places import Path, Point
-from trackfield.wire.registry import kind_of_class
+from trackfield.drivers.spec import ProcessSpec
+from trackfield.errors import ScenarioError
+from trackfield.link.fate import FIELD
+from trackfield.protocols.collection.piece import QUEUE
+from trackfield.role import NEIGHBOURHOOD
+from trackfield.scenario.links import LognormalPrr
+from trackfield.scenario.nearest import suggestion
+from trackfield.scenario.radios import OwnRadio, own_radios
+from trackfield.words import quoted
 
-Pair = tuple[str, str]
+SYNC_HOPS: Final = 8
+"""Over so many hops a process may ask for the time in a tree."""
 
 
 @dataclass(frozen=True)
 class Assembled:
-    """The processes of a field without faults, one life each; ``tracking``, ``banks`` and ``flows`` as in a ``Plan``.
-
-    The ``peers`` of a process are those that it may hear, and those to which it sends.
-    """
+    """The processes of a field without faults and peers, one life each; ``tracking`` and ``banks`` as in a ``Plan``."""
 
     processes: tuple[ProcessSpec, ...]
     tracking: Mapping[str, Any]
     banks: Mapping[str, Mapping[str, Any]]
-    flows: tuple[Flow, ...]
 
 
 def assembled(built: Built) -> Assembled:
@@ -38,21 +49,9 @@ def assembled(built: Built) -> Assembled:
     tracking = tracking_of(built.site, built.first)
     banks = {p.id: _bank(built, p, tracking) for p in built.processes if p.fuses}
     key = f"architecture '{built.site.scenario.architecture.kind}'"
-    processes = _Assembly(
-        built, tracking, banks, key
-    ).processes()  # which loads the kinds of message of users' own roles
+    processes = _Assembly(built, tracking, banks, key).processes()  # loads the kinds of message of users' own roles
     check_sent(built.processes, key)
-    sent = {kind for process in built.processes if process.senses for kind in _reports(built, process)}
-    end_ns = built.site.end_ns
-    flows = [Flow(longest(kind, tracking, end_ns), tuple(links), kind in sent) for kind, links in _pairs(built).items()]
-    return Assembled(_acquainted(processes, flows), tracking, banks, tuple(flows))
-
-
-def _reports(built: Built, process: Process) -> Collection[str]:
-    """The kinds of messages in which a process with a sensor reports; another of its roles may send others."""
-    if not process.roles:
-        return process.sends
-    return process.sends.keys() & {kind_of_class(one.sensing.message).name for one in built.site.sections.values()}
+    return Assembled(tuple(processes), tracking, banks)
 
 
 def _bank(built: Built, process: Process, tracking: Mapping[str, Any]) -> dict[str, Any]:
@@ -75,8 +74,19 @@ class _Assembly:
         self._built, self._scenario = built, built.site.scenario
         self._tracking, self._banks = tracking, banks
         self._numbers = {id: index for index, (id, *_) in enumerate(built.site.sensors)}
+        self._bases = {process.id: process for process in built.processes if process.id == process.base}
         self._roles = Roles(key)
-        self._powers: dict[tuple[float | None, bool], dict[str, Any]] = {}
+        self._powers: dict[tuple[float | None, bool, OwnRadio, str], dict[str, Any]] = {}
+        self._radios = own_radios(self._scenario.radio)
+        self._links = sections_of(self._scenario, (medium for one in built.processes for medium in one.media))
+        known = [name for one in built.processes for name in (one.id, one.role)]
+        for name in self._radios.keys() - set(known):
+            what = f"there is no role or process {quoted(name)}{suggestion(name, known)}"
+            raise ScenarioError(what, key=f"radio.{name}", expected="a role, like node, or the id of a process")
+        if not isinstance(self._scenario.link, LognormalPrr):
+            for name in (name for name, own in self._radios.items() if own.tx_dbm is not None):
+                what = f"is set, and with link model {self._scenario.link.model} no frame depends on it"
+                raise ScenarioError(what, key=f"radio.{name}.tx_dbm", expected="link model lognormal_prr")
 
     def processes(self) -> list[ProcessSpec]:
         """One life of each process, without peers."""
@@ -95,14 +105,36 @@ class _Assembly:
             sink=not process.senses or bool(process.fuses),
             clock=clock_of(self._scenario, id) if process.asks else {},
             power=self._power(process),
+            devices=devices_of(self._links, process.media),
+            tx_dbms=self._tx_dbms(process),
             legs=tuple((int(t), float(x), float(y)) for t, x, y in process.route),
             ports=process.ports,
+            media=tuple(process.media),
+            tree=self._tree(process),
         )
+
+    def _tree(self, process: Process) -> dict[str, Any]:
+        """The arguments of its ``Collected``; a base holds as many messages as it may send at a time."""
+        if not process.base:
+            return {}
+        sends = self._bases[process.base].sends.values()
+        most = max((len(ids) for ids in sends), default=0) if process.id == process.base else 0
+        announces = any(process.id in ids for ids in sends)
+        tree = tree_of(self._scenario, process.base, queue=max(most, QUEUE), announces=announces)
+        return {**tree, **if_used(direct=self._direct(process))}
+
+    def _direct(self, process: Process) -> list[str]:
+        """The kinds that the base of a tree sends to others than those in it."""
+        if process.id != process.base:
+            return []
+        inside = {NEIGHBOURHOOD, *(one.id for one in self._built.processes if one.base == process.base)}
+        return [kind for kind, ids in process.sends.items() if not inside.issuperset(ids)]
 
     def _config(self, process: Process) -> dict[str, Any]:
         """The arguments of its role: its own, what it needs to track, how it sets its clock; by role, of several."""
         bank = {**self._tracking, **self._banks[process.id]} if process.fuses else {}
-        sync = sync_of(self._scenario, process.id, process.asks) if process.asks else None
+        hops = SYNC_HOPS if process.base and process.base in (process.id, process.asks) else 1
+        sync = sync_of(self._scenario, process.id, process.asks, hops) if process.asks else None
         if not process.roles:
             return {**bank, **process.config, **if_used(sync=sync)}
         syncs = {"keeps": sync, "follows": following_of(sync), "": None}
@@ -112,38 +144,24 @@ class _Assembly:
         }
 
     def _power(self, process: Process) -> dict[str, Any]:
-        key = process.battery_j, process.senses
+        own = self._radio(process)
+        key = process.battery_j, process.senses, own, self._said_of(process, "tx_dbm")
         if key not in self._powers:
             sample_fj = round(self._scenario.energy.sample_mj * FJ_PER_MJ) if process.senses else 0
-            self._powers[key] = power_of(self._scenario, process.battery_j, sample_fj)
-        return self._powers[key]
+            self._powers[key] = power_of(self._scenario, process.battery_j, sample_fj, own, f"radio.{key[-1]}.tx_dbm")
+        return self._powers[key] if FIELD in process.media else without_radio(self._powers[key])
 
+    def _tx_dbms(self, process: Process) -> dict[str, float]:
+        tx_dbm = self._radio(process).tx_dbm
+        return {} if tx_dbm is None else {process.id: tx_dbm}
 
-def _pairs(built: Built) -> dict[str, dict[Pair, None]]:
-    """Who sends to whom, by kind of message: first what sensors send, then what sets clocks, then all else."""
-    pairs: dict[str, dict[Pair, None]] = defaultdict(dict)
-    senders = sorted(built.processes, key=lambda process: not process.senses)
-    asking = [process for process in senders if process.asks and sync_of(built.site.scenario, process.id, process.asks)]
-    for process in filter(lambda one: one.senses, senders):
-        _enter(pairs, process)
-    for process in asking:
-        pairs["sync-request"][process.id, process.asks] = None
-        pairs["sync-reply"][process.asks, process.id] = None
-    for process in filter(lambda one: not one.senses, senders):
-        _enter(pairs, process)
-    return pairs
+    def _radio(self, process: Process) -> OwnRadio:
+        """What the radio of a process has of its own; what is said of its id comes before what is said of its role."""
+        names = {name: self._said_of(process, name) for name in OwnRadio.model_fields}
+        return OwnRadio(**{name: getattr(self._radios[by], name) for name, by in names.items() if by})
 
-
-def _enter(pairs: dict[str, dict[Pair, None]], process: Process) -> None:
-    for kind, ids in process.sends.items():
-        for id in ids:
-            pairs[kind][process.id, id] = None
-
-
-def _acquainted(processes: Sequence[ProcessSpec], flows: Sequence[Flow]) -> tuple[ProcessSpec, ...]:
-    """The same processes, with the places of those whom they hear and to whom they send."""
-    places, peers = places_of(processes), defaultdict[str, dict[str, Point | Path]](dict)
-    for flow in flows:
-        for src, dst in flow.pairs:
-            peers[src][dst], peers[dst][src] = places[dst], places[src]
-    return tuple(replace(process, peers=peers.get(process.id, {})) for process in processes)
+    def _said_of(self, process: Process, name: str) -> str:
+        """Whether this is said of its id, or of its role; empty: of neither."""
+        return next(
+            (by for by in (process.id, process.role) if getattr(self._radios.get(by), name, None) is not None), ""
+        )

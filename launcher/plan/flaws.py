@@ -7,7 +7,8 @@ from functools import partial
 from typing import Final
 
 from launcher.plan.architectures import Built, built
-from launcher.plan.plan import check_link, planned_faults
+from launcher.plan.links import SECTIONS, check_links
+from launcher.plan.plan import planned_faults
 from launcher.plan.tracking import check_tracking
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, survey
@@ -32,7 +33,7 @@ def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioErro
     look({"fusion", "sensor", "sensors", "faults"}, partial(check_tracking, scenario))
     if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: field.append(built(survey(scenario)))):
         look({"faults"}, lambda: planned_faults(field[0]))
-    look({"link"}, partial(check_link, scenario))
+    look(set(SECTIONS.values()), partial(check_links, scenario))
     return found
 
 

@@ -7,24 +7,28 @@ from typing import Any, Final
 
 from launcher.plan.architectures import Built, built
 from launcher.plan.assembly import assembled
+from launcher.plan.connected import connected
 from launcher.plan.extensions import own_places
 from launcher.plan.faults import Faults, resolve
+from launcher.plan.links import (
+    check_bursts,
+    check_links,
+    check_used,
+    plain,
+    queues_of,
+    repeated_by_tree,
+    sections_of,
+    with_nodes,
+)
 from launcher.plan.tracking import track_names
 from launcher.records import FieldInfo, Plan, Truth
 from trackfield.drivers.spec import ProcessSpec, RunSpec
-from trackfield.errors import ScenarioError
 from trackfield.filters.metrics import Lost
-from trackfield.link.models import make_link
+from trackfield.link.fate import FIELD
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
-from trackfield.scenario.links import GilbertElliott
-from trackfield.scenario.nearest import suggestion
-from trackfield.wire.registry import kinds
-from trackfield.words import quoted
 from trackfield.world.path import Path
 
-MOST_CHANGES: Final = 50_000_000
-"""Changes of all links, for minutes of a machine's time."""
 TRUTH_SAMPLES: Final = 4
 """Points of a true path per step, in pictures."""
 
@@ -39,21 +43,27 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     field = built(site)
     faults = planned_faults(field)
     end_ns = site.end_ns
-    queue = {key: value for key, value in scenario.plain()["link"].items() if key == "queue"}
-    spec = RunSpec(run, scenario.seed, end_ns, link_of(scenario), speed, faults.partitions, **queue)
-    check_bursts(site, end_ns)
+    links = sections_of(scenario, (medium for process in field.processes for medium in process.media))
+    check_used(scenario, links)
+    check_bursts(links, len(site.sensors), end_ns)
     places = own_places(scenario)
     whole = assembled(field)  # with the kinds of message of users' own roles
-    check_link(scenario)
-    processes = tuple(life for process in whole.processes for life in _lives(process, faults))
+    check_links(scenario, links)
+    links = with_nodes(links, ((process.id, process.media) for process in field.processes))
+    others = {medium: plain(one) for medium, one in links.items() if medium != FIELD}
+    radio = (repeated_by_tree if any(one.base for one in field.processes) else plain)(links[FIELD])
+    queues = queues_of(links)
+    spec = RunSpec(run, scenario.seed, end_ns, radio, speed, faults.partitions, others, queues)
+    processes, flows = connected(field, whole.processes, whole.tracking, spec)
+    lives = tuple(life for process in processes for life in _lives(process, faults))
     return Plan(
         spec,
-        processes,
+        lives,
         site.paths,
         _info(field, spec, faults),
         whole.tracking,
         field.views,
-        whole.flows,
+        flows,
         {id: kind.report_m for id, kind in site.sensing.items()},
         site.passes,
         scenario.restart == "on-death",
@@ -75,38 +85,6 @@ def lost_of(scenario: Scenario) -> Lost:
     """When a track counts as lost."""
     rule = scenario.score.lost
     return Lost(scenario.lost_beyond_m, rule.steps, rule.within)
-
-
-def check_link(scenario: Scenario) -> None:
-    """Raise ``ScenarioError`` unless the link can be made; the scenario checked all but its file and ``acks``.
-
-    The kinds of message that users' own roles define are known once these are loaded.
-    """
-    link, known = link_of(scenario), [one.name for one in kinds()]
-    wrong = [kind for kind in link.get("acks", {}) if kind not in known]
-    if wrong:
-        what = f"there is no message {quoted(wrong[0])}{suggestion(wrong[0], known)}"
-        raise ScenarioError(what, key="link.acks", expected=f"names of messages: {', '.join(known)}")
-    try:
-        make_link(link, scenario.seed)
-    except ValueError as error:
-        raise ScenarioError(str(error), key="link.file") from None
-
-
-def check_bursts(site: Site, end_ns: int) -> None:
-    """Raise ``ScenarioError`` if links change between good and bad so often that a run never ends: each is followed."""
-    link = site.scenario.link
-    if isinstance(link, GilbertElliott):
-        changes = 2 * end_ns / NS / (link.good_s + link.bad_s)
-        if changes * len(site.sensors) > MOST_CHANGES:
-            what = f"each of {len(site.sensors)} links would change {changes:.3g} times in the run"
-            key = "link.good_s" if link.good_s < link.bad_s else "link.bad_s"
-            raise ScenarioError(what, key=key, expected=f"at most {MOST_CHANGES} changes in all: longer times")
-
-
-def link_of(scenario: Scenario) -> dict[str, Any]:
-    """The arguments of the link; the queue belongs to each process, not to the channel."""
-    return {key: value for key, value in scenario.plain()["link"].items() if key != "queue"}
 
 
 def _lives(process: ProcessSpec, faults: Faults) -> list[ProcessSpec]:

@@ -13,6 +13,7 @@ from launcher.plan.architectures.ports import check_devices
 from launcher.plan.extensions import suited
 from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.forecast.foresight import foresee
+from launcher.plan.forecast.graph import check_reach
 from launcher.plan.forecast.reception import receptions
 from launcher.plan.forecast.warnings import warnings
 from launcher.plan.plan import make_plan
@@ -176,6 +177,8 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     check_speed(speed)
     plan = make_plan(scenario, run=f"{scenario.name}-{scenario.seed}-{uuid.uuid4().hex[:8]}", speed=speed)
     check_devices(plan)
+    if plan.bases:
+        check_reach(plan, plan.bases)
     if len(plan.info.places) > MAX_LINKS:
         return plan
     return replace(plan, info=replace(plan.info, receptions=tuple(_links(plan))))

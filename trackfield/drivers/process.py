@@ -20,6 +20,7 @@ import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
+from trackfield.drivers.devices import Devices
 from trackfield.drivers.engine.conditions import NEVER
 from trackfield.drivers.engine.core import Core
 from trackfield.drivers.engine.frames import Frame, Output, PortInput, Refused, Sent, TakenBack, Told, Undone
@@ -33,7 +34,6 @@ from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.exchange.telemetry import pack
 from trackfield.drivers.joining.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.joining.join import confirm, join, token
-from trackfield.drivers.ports import Devices
 from trackfield.drivers.spec import build_core, link_of
 from trackfield.role import Store, Write
 from trackfield.wire import keys
@@ -74,7 +74,7 @@ class Process:
         joined = join(session, name, factory, seal, self._forged)
         self.spec, self._speed = joined.process, joined.run.speed
         self._end_ns = min(self._end_ns, joined.run.end_ns)
-        link = link_of(joined.run, joined.process.places)
+        link = link_of(joined.run, [joined.process])
         horizon_ns = round(HORIZON_S * joined.run.speed * 1e9)
         self.core: Core = build_core(joined.run, joined.process, link, horizon_ns=horizon_ns)
         self._incoming = Incoming(self.spec, link, self.core, self._wall)
@@ -108,7 +108,7 @@ class Process:
 
     def _inboxes(self) -> list[str]:
         id, media = self.spec.id, self.spec.media
-        cells = [keys.neighbourhood(medium, cell) for medium in media for cell in self.spec.cells]
+        cells = [keys.neighbourhood(medium, cell) for medium in media for cell in self.spec.cells_in(medium)]
         return [keys.inbox(medium, id) for medium in media] + cells
 
     def _waits_for_heritage(self) -> bool:
@@ -250,6 +250,7 @@ class Process:
             self._handle_next()
         self._outgoing.flush()
         self._devices.release(NEVER, self.core.forgotten_ns)  # nothing is undone any more
+        self._devices.close()
         self._say_reached(LAST_WAVE)
         self._say("final", msgpack.packb(self.record()))
         self.session.close()  # type: ignore[no-untyped-call]
@@ -268,6 +269,7 @@ class Process:
             "heard": heard.size,
             "heard_hash": heard.total,
             "told": self._told,
+            "unwritten": self._devices.lost,
             "slip": dict(self._slip.counts),
             "lag": dict(self._lag.counts),
             "latency": dict(self._latency.counts),
@@ -303,8 +305,9 @@ class Process:
 
     def _put(self, frame: Frame, version: int) -> None:
         seq = self._outgoing.seq
-        envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, seq, time.monotonic_ns(), version)
-        to_all = (frame.medium, self.spec.cell, frame.src, frame.kind)
+        times = time.monotonic_ns(), version, frame.preamble_ns
+        envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, seq, *times)
+        to_all = (frame.medium, self.spec.cell_in(frame.medium), frame.src, frame.kind)
         to_one = (frame.medium, frame.to, frame.src, frame.kind)
         self.session.put(
             keys.broadcast(*to_all) if frame.broadcast else keys.unicast(*to_one),

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, Self
+from typing import Any, Final, Self
 
-from trackfield.drivers.engine.conditions import MAINS, NEVER, At, Conditions, Sense
+from trackfield.drivers.engine.conditions import MAINS, NEVER, QUEUE, At, Conditions, Sense
 from trackfield.drivers.engine.core import Core
 from trackfield.drivers.ports import Port, inputs
 from trackfield.host import Host
 from trackfield.link.clock import Clock
 from trackfield.link.energy import Power
-from trackfield.link.fate import Link
+from trackfield.link.fate import FIELD, Link
+from trackfield.link.media import Media
 from trackfield.link.models import make_link
 from trackfield.link.partitioned import Cut, Partitioned
 from trackfield.link.places import Path, Places, Point
 from trackfield.plugins import load
+from trackfield.protocols.collected import Collected
 from trackfield.role import NEIGHBOURHOOD, Role
 from trackfield.sensing.readings import Ears
 from trackfield.wire.keys import Medium
@@ -25,13 +27,17 @@ from trackfield.world.placed import Placed
 
 Plain = dict[str, Any]
 
+ALL: Final = "c0"
+"""The cell of all processes, unless the field is divided in cells."""
+
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
     """The part that all processes of a run share. ``link`` is the scenario's section, ``end_ns`` the end of the run.
 
     ``partitions`` are times at which some processes cannot be reached: (from ns, until ns, their ids, the medium or
-    None for all). ``queue`` frames may wait for a radio.
+    None for all). ``media`` are the links of other media than the field. ``queues`` say how many frames may wait for
+    the radio of a medium.
     """
 
     run: str
@@ -40,7 +46,12 @@ class RunSpec:
     link: Plain
     speed: float = 1.0
     partitions: Sequence[Cut] = ()
-    queue: int = 32
+    media: Mapping[str, Plain] = field(default_factory=dict)
+    queues: Mapping[str, int] = field(default_factory=dict)
+
+    def queue(self, medium: str = FIELD) -> int:
+        """How many frames may wait for the radio of this medium."""
+        return self.queues.get(medium, QUEUE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +62,20 @@ class ProcessSpec:
     with several roles it is ``name=module:attribute,name=module:attribute``, and ``config`` has the arguments of each
     role by its name, in the order in which they get events.
 
-    ``sound`` is the plain form of its sensor (``world/placed.py``); empty: none. ``cell`` is where its broadcasts go,
-    ``cells`` those it listens to (none if none of its roles consumes broadcasts). ``media`` are the radios and wires it
-    has. ``peers`` are the places of the processes whose frames it may receive, not of the whole field. A process that
-    moves has ``legs`` as in ``link/places.py``; ``x``, ``y`` is its place at the start.
+    ``sound`` is the plain form of its sensor (``world/placed.py``); empty: none. ``media`` are the radios and wires it
+    has. ``cell`` is where its broadcasts in the field go, ``cells`` those it listens to there (none if none of its
+    roles takes broadcasts); each other medium is one cell. ``peers`` are the places of the processes whose frames it
+    may receive (empty: of all), not of the whole field; ``tx_dbms`` the transmit powers that it and they have of their
+    own. A process that moves has ``legs`` as in ``link/places.py``; ``x``, ``y`` is its place at the start.
 
     A process may live several times, one ``incarnation`` after the other, each with a specification of its own: this
     one lives, and owns the frames due, in [``start_ns``, ``kill_ns``) (None: to the end). ``name`` tells lives apart.
-    ``clock`` holds the arguments of its ``Clock``, ``power`` those of its ``Power`` (empty: not counted). ``freezes``
-    are times (from ns, until ns) at which it does nothing, ``jumps`` (at ns, by ns) belong to its clock, and
-    ``faults`` to its sensor, as in ``world/faulty.py``. ``ports`` are those of its devices, by name; a process with
-    several roles has them as ``role/port``.
+    ``clock`` holds the arguments of its ``Clock``, ``power`` those of its ``Power`` (empty: not counted), ``devices``
+    those of what it has for other media, which draw from the same battery. ``freezes`` are times (from ns, until ns) at
+    which it does nothing, ``jumps`` (at ns, by ns) belong to its clock, and ``faults`` to its sensor, as in
+    ``world/faulty.py``. ``ports`` are those of its devices, by name; a process with several roles has them as
+    ``role/port``. A process in a collection tree has the arguments of its ``Collected`` in ``tree`` (empty: it is in
+    none).
     """
 
     id: str
@@ -72,20 +86,23 @@ class ProcessSpec:
     y: float = 0.0
     sound: Plain = field(default_factory=dict)
     media: tuple[Medium, ...] = ("field",)
-    cell: str = "c0"
+    cell: str = ALL
     cells: tuple[str, ...] = ()
     incarnation: int = 0
     sink: bool = False
     peers: Places = field(default_factory=dict)
+    tx_dbms: Mapping[str, float] = field(default_factory=dict)
     start_ns: int = 0
     kill_ns: int | None = None
     clock: Plain = field(default_factory=dict)
     power: Plain = field(default_factory=dict)
+    devices: Mapping[str, Plain] = field(default_factory=dict)
     freezes: tuple[tuple[int, int], ...] = ()
     jumps: tuple[tuple[int, int], ...] = ()
     faults: tuple[Plain, ...] = ()
     legs: Path = ()
     ports: Mapping[str, Port] = field(default_factory=dict)
+    tree: Plain = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -122,15 +139,34 @@ class ProcessSpec:
         return self.legs or (self.x, self.y)
 
     @property
+    def powers(self) -> dict[str, Power]:
+        """Its devices by medium."""
+        own = Power(**self.power) if self.power else MAINS
+        return {FIELD: own, **{medium: Power(**plain) for medium, plain in self.devices.items()}}
+
+    @property
     def places(self) -> Places:
         """Where it and its peers stand."""
         return {**self.peers, self.id: self.place}
 
-    def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
+    def cell_in(self, medium: str) -> str:
+        """Where its broadcasts on this medium go."""
+        return self.cell if medium == FIELD else ALL
+
+    def cells_in(self, medium: str) -> tuple[str, ...]:
+        """The cells to which it listens on this medium."""
+        return self.cells if medium == FIELD else (ALL,)
+
+    def gets(self, medium: str, to: str, src: str, cell: str) -> bool:
         """Whether a frame from ``src`` to this address (a broadcast: into ``cell``) comes to this process."""
         if medium not in self.media:
             return False
-        return src != self.id and cell in self.cells if to == NEIGHBOURHOOD else to == self.id
+        return src != self.id and cell in self.cells_in(medium) if to == NEIGHBOURHOOD else to == self.id
+
+    def hears(self, medium: str, to: str, src: str, cell: str) -> bool:
+        """Whether it is one of those for whom such a frame is: not if it is a broadcast by one out of reach."""
+        mine = self.gets(medium, to, src, cell)
+        return mine and (to != NEIGHBOURHOOD or not self.peers or src in self.peers)
 
 
 def life_name(id: str, incarnation: int) -> str:
@@ -178,17 +214,38 @@ def make_role(factory: str, config: Mapping[str, Any], id: str) -> Role[Any]:
     return Host({name: makers[name](**arguments) for name, arguments in config.items()}, id=id)
 
 
-def link_of(run: RunSpec, places: Places) -> Link:
-    """The run's link among processes that stand at these places."""
-    link = make_link(run.link, run.seed, places)
-    return Partitioned(link, run.partitions) if run.partitions else link
+def role_of(spec: ProcessSpec) -> Role[Any]:
+    """The role of a process, in its tree if it is in one. Raises ``ValueError`` as ``make_role`` does."""
+    role = make_role(spec.factory, spec.config, spec.id)
+    return Collected(role, id=spec.id, **spec.tree) if spec.tree else role
+
+
+def powers_of(processes: Iterable[ProcessSpec]) -> dict[str, float]:
+    """The transmit powers (dBm) that these have of their own."""
+    return {p.id: p.tx_dbms[p.id] for p in processes if p.id in p.tx_dbms}
+
+
+def links_of(run: RunSpec, processes: Iterable[ProcessSpec]) -> dict[str, Link]:
+    """The link of each medium among these processes and their peers, as if nothing were ever cut."""
+    places, tx_dbms = dict[str, Point | Path](), dict[str, float]()
+    for process in processes:
+        places.update(process.places)
+        tx_dbms.update(process.tx_dbms)
+    others = {medium: make_link(spec, run.seed, places) for medium, spec in run.media.items()}
+    return {FIELD: make_link(run.link, run.seed, places, tx_dbms), **others}
+
+
+def link_of(run: RunSpec, processes: Iterable[ProcessSpec], *, cut: bool = True) -> Link:
+    """The run's link among these processes and their peers; unless ``cut``, as if nothing were ever cut."""
+    link: Link = Media(links_of(run, processes))
+    return Partitioned(link, run.partitions) if cut and run.partitions else link
 
 
 def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int = 0) -> Core:
     """A process's engine with its sensors, clock, battery and faults; ``link`` tells what its frames cost."""
     clock = Clock(**spec.clock).jumped(sum(by for at, by in spec.jumps if at <= spec.start_ns))
     core = Core(
-        make_role(spec.factory, spec.config, spec.id),
+        role_of(spec),
         owner=spec.id,
         clock=clock,
         sense=_senses(spec),
@@ -197,8 +254,8 @@ def build_core(run: RunSpec, spec: ProcessSpec, link: Link, *, horizon_ns: int =
             kill_ns=NEVER if spec.kill_ns is None else spec.kill_ns,
             freezes=spec.freezes,
             jumps=tuple(jump for jump in spec.jumps if jump[0] > spec.start_ns),
-            power=Power(**spec.power) if spec.power else MAINS,
-            queue=run.queue,
+            powers=spec.powers,
+            queues=run.queues,
             cost=lambda frame: frame.cost(link),
         ),
         incarnation=spec.incarnation,

@@ -15,10 +15,11 @@ from trackfield.drivers.engine.due import Due
 from trackfield.drivers.engine.frames import RANK_FRAME, RANK_PORT, RANK_TIMER, EventKey, Input, Output
 from trackfield.drivers.engine.life import Handled
 from trackfield.drivers.engine.living import Living
-from trackfield.drivers.engine.meter import NOTHING, Activity
+from trackfield.drivers.engine.meter import NOTHING, Activities, Meter
 from trackfield.drivers.engine.undo import Former, History
 from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
+from trackfield.protocols.collected import Wrapped
 from trackfield.role import IllegalEvent, Role
 
 
@@ -29,6 +30,11 @@ class Core(Living):
     ``inversions`` counts the frames that had to be inserted; ``host_late`` those that came, or were withdrawn, when
     that could no longer be done; ``front`` is the largest key that was ever handled.
     """
+
+    __slots__ = (
+        "_doubtful", "_due", "_former", "_history", "_inherited", "_inverted", "_last", "_withdrawn",
+        "front", "horizon_ns", "host_late", "inversions",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -51,7 +57,7 @@ class Core(Living):
         self._last: EventKey = (conditions.start_ns - 1,)
         self.front = self._last
         self._history, self._former = History(self._last), Former()
-        self._inherited = NOTHING
+        self._inherited: Activities = {}
 
     def next_key(self) -> EventKey | None:
         """The key of the next event, or None."""
@@ -106,7 +112,7 @@ class Core(Living):
             self._inverted[key] = one
             self._doubt(key)
         else:
-            self._due.add(one)
+            self._due.add(key, one)
         return True
 
     def withdraw(self, one: Input) -> bool:
@@ -128,9 +134,11 @@ class Core(Living):
         self._doubt(key)
         return True
 
-    def handle_next(self) -> list[Output]:
-        """Handle the next event and return its outputs, as far as they are not out already."""
-        outputs = self._step()
+    def handle_next(self, key: EventKey | None = None) -> list[Output]:
+        """Handle the next event, whose ``key`` is looked up unless it is given, and return its outputs, as far as they
+        are not out already.
+        """
+        outputs = self._step(key or self.next_key())
         if not self._former:
             return outputs
         return self._former.compared(outputs, self._history) + self._passed()
@@ -149,7 +157,7 @@ class Core(Living):
             self.life, self._last = undone[0].before, undone[0].last
         back = [h.input for h in undone if h.input is not None and self._withdrawn.get(h.key) != h.input]
         for one in (*back, *self._inverted.values()):
-            self._due.add(one)
+            self._due.add(one.key, one)
         self._inverted.clear()
         self._withdrawn.clear()
         self._former.add(undone)
@@ -162,32 +170,33 @@ class Core(Living):
     def _doubt(self, key: EventKey) -> None:
         self._doubtful = key if self._doubtful is None else min(key, self._doubtful)
 
-    def inherit(self, stored: bytes, activity: Activity = NOTHING) -> None:
+    def inherit(self, stored: bytes, before: Activities | None = None) -> None:
         """Take over what an earlier life stored and its use of the battery; to be called before this life starts."""
-        meter = self.life.meter._replace(activity=activity)
-        self.life, self._inherited = self.life._replace(stored=stored, meter=meter), activity
+        self._inherited = {m: spent for m, spent in (before or {}).items() if m in self.conditions.powers}
+        meter = Meter.new(self.conditions.powers, self.life.meter.since_ns, self._inherited)
+        self.life = self.life._replace(stored=stored, meter=meter)
 
     def record(self, until_ns: int) -> dict[str, Any]:
         """The counters of this life, up to a true time or its own end."""
         life = self.life
         end = max(min(until_ns, self.conditions.kill_ns), life.meter.since_ns)
         meter = life.meter if life.over or not life.started else life.meter.at(end)
+        state = life.state.role if isinstance(life.state, Wrapped) else life.state
         return {
             **life.tally,
             "incarnation": self.incarnation,
             "stored": life.stored,
             "inversions": self.inversions,
             "host_late": self.host_late,
-            "activity": [a - b for a, b in zip(meter.activity, self._inherited, strict=True)],
-            "inherited": list(self._inherited),
+            "activity": {m: list(a.minus(self._inherited.get(m, NOTHING))) for m, a in meter.activities.items()},
+            "inherited": {medium: list(activity) for medium, activity in self._inherited.items()},
             "metered_ns": meter.since_ns - self.conditions.start_ns,
-            **({"roles": counts_of(life.state)} if isinstance(life.state, Hosted) else {}),
+            **({"roles": counts_of(state)} if isinstance(state, Hosted) else {}),
         }
 
     # --- one event ---------------------------------------------------------------------------------------------
 
-    def _step(self) -> list[Output]:
-        key = self.next_key()
+    def _step(self, key: EventKey | None) -> list[Output]:
         if key is None:
             raise IllegalEvent("nothing is due")
         before, last = self.life, self._last

@@ -11,13 +11,14 @@ from trackfield.drivers.engine.frames import EventKey, Input
 class Due:
     """Inputs by their keys, the first of which is known at any time."""
 
+    __slots__ = ("_inputs", "_order")
+
     def __init__(self) -> None:
         self._inputs: dict[EventKey, Input] = {}
         self._order: list[EventKey] = []
 
-    def add(self, one: Input) -> None:
-        """Add an input."""
-        key = one.key
+    def add(self, key: EventKey, one: Input) -> None:
+        """Add an input with its key."""
         self._inputs[key] = one
         heappush(self._order, key)
 

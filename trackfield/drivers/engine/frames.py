@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
-from trackfield.link.fate import Fate, Link
-from trackfield.role import NEIGHBOURHOOD, Corrected, Note, Publish, Radio, State, Store, Write
+from trackfield.link.fate import Fate, Link, Transmission
+from trackfield.role import NEIGHBOURHOOD, Corrected, Listen, Note, Publish, Radio, State, Store, Write
 from trackfield.wire.keys import Medium
 
 RANK_FAULT: Final = 0
@@ -34,7 +34,10 @@ Identity = tuple[str, int, str, int, int, str, Medium]
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``; one without a payload was taken back."""
+    """One transmission. ``to`` is an id or ``NEIGHBOURHOOD``; one without a payload was taken back.
+
+    Its preamble is ``preamble_ns`` longer than usual.
+    """
 
     src: str
     incarnation: int
@@ -44,6 +47,7 @@ class Frame:
     to: str
     medium: Medium
     payload: bytes
+    preamble_ns: int = 0
 
     @property
     def identity(self) -> Identity:
@@ -62,8 +66,14 @@ class Frame:
 
     def fate(self, link: Link, hearer: str) -> Fate:
         """The frame's fate on the way to this receiver."""
-        size = len(self.payload)
-        return link.fate(self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast, self.medium)
+        return link.fate(self.transmission(hearer))
+
+    def transmission(self, hearer: str) -> Transmission:
+        """The frame as its link sees it, on the way to this receiver."""
+        size, medium, preamble_ns = len(self.payload), self.medium, self.preamble_ns
+        return Transmission(
+            self.src, hearer, self.kind, self.sent_ns, self.copy, size, self.broadcast, medium, preamble_ns
+        )
 
     def cost(self, link: Link) -> Fate:
         """The frame's cost for its sender; only the cost fields of this fate are valid."""
@@ -167,7 +177,7 @@ class Overflowed:
     frame: Frame
 
 
-Telling = State | Radio | Publish | Note | Corrected | Store | Write | Died | Charge | Queued | Overflowed
+Telling = State | Radio | Listen | Publish | Note | Corrected | Store | Write | Died | Charge | Queued | Overflowed
 """The telemetry of a process: of its role, and of its driver."""
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from trackfield.drivers.engine.frames import EventKey, Input, Output
 from trackfield.drivers.engine.meter import Meter
+from trackfield.drivers.engine.receiver import Receiver
 from trackfield.link.clock import Clock
 from trackfield.wire.keys import Medium
 
@@ -19,25 +20,13 @@ class Alarm(NamedTuple):
     at: int
 
 
-class Receiver(NamedTuple):
-    """Whether a radio listens, since when, and whether it did before (a change at t counts after t)."""
-
-    on: bool
-    since_ns: int
-    before: bool
-
-    def at(self, t_ns: int) -> bool:
-        """Whether a frame due at ``t_ns`` is heard."""
-        return self.on if t_ns > self.since_ns else self.before
-
-
 class Life(NamedTuple):
     """A snapshot of a process; its parts must not be modified.
 
-    ``sending`` are the times at which the radio will be done with the frames it was given; ``copies`` the number of
-    frames of each (instant, kind, address, medium) that are still to leave; ``stored`` what the role stored last;
-    ``jumped`` the number of clock jumps so far; ``told`` the charge that was reported last (%). Its events begin when
-    it has ``started``, and end when it is ``over``.
+    ``sending`` are the times at which the radio of a medium will be done with the frames it was given; ``copies`` the
+    number of frames of each (instant, kind, address, medium) that are still to leave; ``stored`` what the role stored
+    last; ``jumped`` the number of clock jumps so far; ``told`` the charge that was reported last (%). Its events begin
+    when it has ``started``, and end when it is ``over``.
     """
 
     state: Any
@@ -45,7 +34,7 @@ class Life(NamedTuple):
     meter: Meter
     alarms: dict[str, Alarm]
     receivers: dict[str, Receiver]
-    sending: tuple[int, ...]
+    sending: dict[str, tuple[int, ...]]
     copies: dict[tuple[int, str, str, Medium], int]
     tally: dict[str, int]
     stored: bytes
@@ -55,9 +44,9 @@ class Life(NamedTuple):
     over: bool = False
 
     @classmethod
-    def new(cls, state: Any, clock: Clock, start_ns: int) -> Life:
+    def new(cls, state: Any, clock: Clock, meter: Meter) -> Life:
         """A life that has not begun."""
-        return cls(state, clock, Meter(since_ns=start_ns), {}, {}, (), {}, {}, b"")
+        return cls(state, clock, meter, {}, {}, {}, {}, {}, b"")
 
 
 @dataclass(slots=True)

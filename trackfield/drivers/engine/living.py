@@ -23,6 +23,8 @@ from trackfield.drivers.engine.frames import (
     Told,
 )
 from trackfield.drivers.engine.life import Alarm, Life, without
+from trackfield.drivers.engine.meter import Meter
+from trackfield.drivers.engine.receiver import Windows
 from trackfield.link.clock import Clock
 from trackfield.role import (
     CancelTimer,
@@ -30,7 +32,9 @@ from trackfield.role import (
     Effect,
     Event,
     Ignored,
+    IllegalEvent,
     Late,
+    Listen,
     Note,
     PortRead,
     Publish,
@@ -49,19 +53,20 @@ from trackfield.role import (
     formed,
 )
 from trackfield.wire.codec import WireError, decode, encode, kind_name
-from trackfield.wire.keys import Medium
 from trackfield.words import quoted
 
 
 class Living:
     """A role under its ``conditions``, with its ``life`` so far."""
 
+    __slots__ = ("_outputs", "conditions", "incarnation", "life", "owner", "role", "sense")
+
     def __init__(
         self, role: Role[Any], owner: str, clock: Clock, sense: Sense, conditions: Conditions, incarnation: int
     ) -> None:
         self.role, self.owner, self.sense, self.conditions = role, owner, sense, conditions
         self.incarnation = incarnation
-        self.life = Life.new(role.begin(), clock, conditions.start_ns)
+        self.life = Life.new(role.begin(), clock, Meter.new(conditions.powers, conditions.start_ns))
         self._outputs: list[Output] = []
 
     @property
@@ -131,11 +136,12 @@ class Living:
         if self.conditions.thaw_ns(t) != t:
             self._count("frozen")
             return
-        if not radio.listens(self.life, frame.medium, t):
+        from_ns = radio.hears_from(self.life, arrival)
+        if from_ns is None:
             self._count("asleep")
             return
         self._count("delivered")
-        self.life = radio.hear(self.life, arrival, self.conditions)
+        self.life = radio.hear(self.life, arrival, from_ns, self.conditions)
         try:
             message = decode(frame.payload)
             if kind_name(message) != frame.kind:
@@ -154,8 +160,8 @@ class Living:
     def _do(self, effect: Effect, key: EventKey, now: int) -> None:
         t: int = key[0]
         match effect:
-            case Send(message, to, medium):
-                self._send(message, to, medium, key)
+            case Send():
+                self._send(effect, key)
             case SetTimer(name, at):
                 due = self.life.clock.true(at)
                 alarm = Alarm(self.conditions.thaw_ns(max(due, t)), due, at)
@@ -167,6 +173,8 @@ class Living:
             case Radio(on, medium):
                 self.life = radio.switch(self.life, on, medium, t)
                 self._outputs.append(Told(key, effect))
+            case Listen():
+                self._listen(effect, key)
             case Ignored() | Late():
                 self._refuse(key, LATE if isinstance(effect, Late) else effect.reason)
             case Write():
@@ -191,13 +199,26 @@ class Living:
         if isinstance(value, At):
             value = None if value.true_ns is None else self.life.clock.local(value.true_ns)
         else:
-            self.life = self.life._replace(meter=self.life.meter.used(samples=1))
+            self.life = self.life._replace(meter=self.life.meter.sensed())
         self._feed(Sampled(now, sensor, value), key)
 
-    def _send(self, message: Any, to: str | frozenset[str], medium: Medium, key: EventKey) -> None:
-        kind, payload = kind_name(message), encode(message)
+    def _listen(self, effect: Listen, key: EventKey) -> None:
+        """Begin to listen in windows; the recorder is told of them in true time."""
+        clock = self.life.clock
+        from_ns = clock.true(effect.from_ns)
+        every_ns = clock.true(effect.from_ns + effect.every_ns) - from_ns
+        windows = Windows(every_ns, effect.open_ns, from_ns, effect.detect_ns, effect.spare_ns)
+        if not 0 < effect.open_ns <= every_ns or min(windows.detect_ns, windows.spare_ns) < 0:
+            raise IllegalEvent(f"{effect} has no windows")
+        self.life = radio.switch(self.life, windows, effect.medium, key[0])
+        self._outputs.append(Told(key, Listen(*windows, effect.medium)))
+
+    def _send(self, send: Send, key: EventKey) -> None:
+        kind, payload, to = kind_name(send.message), encode(send.message), send.to
         for address in [to] if isinstance(to, str) else sorted(to):
-            frame = Frame(self.owner, self.incarnation, kind, key[0], 0, address, medium, payload)
+            frame = Frame(
+                self.owner, self.incarnation, kind, key[0], 0, address, send.medium, payload, send.preamble_ns
+            )
             self.life, leaving, news = radio.send(self.life, frame, self.conditions)
             if news is not None:
                 self._outputs.append(Told(key, news))

@@ -30,6 +30,8 @@ MAX_BYTES: Final = 64 * 2**20
 class History:
     """The latest events, as they were handled; ``forgotten`` is the key of the latest that is no longer here."""
 
+    __slots__ = ("_bytes", "_handled", "forgotten", "max_bytes")
+
     def __init__(self, forgotten: EventKey, max_bytes: int = MAX_BYTES) -> None:
         self.forgotten, self.max_bytes = forgotten, max_bytes
         self._handled: deque[Handled] = deque()

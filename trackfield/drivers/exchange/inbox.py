@@ -74,7 +74,8 @@ def frame_in(
     check_size(a.kind, len(payload))
     e = stamp() if attachment is None else Envelope.unpack(attachment)
     to = a.to or NEIGHBOURHOOD
-    return Frame(a.src, e.incarnation, a.kind, e.sent_ns, e.copy, to, a.medium, payload), e, a.cell or ""
+    frame = Frame(a.src, e.incarnation, a.kind, e.sent_ns, e.copy, to, a.medium, payload, e.preamble_ns)
+    return frame, e, a.cell or ""
 
 
 def bytes_of(sample: zenoh.Sample) -> tuple[str, bytes, bytes | None]:

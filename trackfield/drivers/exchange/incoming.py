@@ -46,9 +46,11 @@ class Incoming:
         """
         try:
             frame, envelope, cell = frame_in(*bytes_of(sample), stamp)
-            if not self.spec.hears(frame.medium, frame.to, frame.src, cell):
+            if not self.spec.gets(frame.medium, frame.to, frame.src, cell):
                 return None
             self.came += envelope.version is not None
+            if not self.spec.hears(frame.medium, frame.to, frame.src, cell):
+                return None
             if frame.src not in self.spec.peers and not frame.broadcast:
                 raise WireError("sender", "not from a process whose frames may come here")
             if self._wall(frame.sent_ns) > arrived_ns + EARLY_NS:

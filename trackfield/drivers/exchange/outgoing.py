@@ -9,6 +9,7 @@ from operator import itemgetter
 
 from trackfield.drivers.engine.frames import Frame, Identity
 from trackfield.drivers.exchange.versions import Digest
+from trackfield.link.fate import FIELD
 
 Put = Callable[[Frame, int], None]
 """Puts this version of a frame; without a payload it is taken back."""
@@ -17,8 +18,9 @@ Put = Callable[[Frame, int], None]
 class Outgoing:
     """Frames that wait for their radio, and the latest version of those that left.
 
-    ``live`` are the frames that left and hold, ``seq`` counts puts, ``puts`` them by the id that they are for
-    (``NEIGHBOURHOOD`` for broadcasts), ``retractions`` those that took a frame back or replaced it.
+    ``live`` are the frames that left and hold, ``seq`` counts puts, ``puts`` them by the id that they are for (of
+    broadcasts ``NEIGHBOURHOOD``, followed by the medium unless it is the field), ``retractions`` those that took a
+    frame back or replaced it.
     """
 
     def __init__(self, put: Put) -> None:
@@ -82,6 +84,10 @@ class Outgoing:
         if frame.payload:
             self.live = self.live.plus(frame, version)
         self._left[frame.identity] = version, frame
-        self.puts[frame.to] += 1
+        self.puts[_address(frame)] += 1
         self._put(frame, version)
         self.seq += 1
+
+
+def _address(frame: Frame) -> str:
+    return f"{frame.to}{frame.medium}" if frame.broadcast and frame.medium != FIELD else frame.to

@@ -8,7 +8,7 @@ from typing import Any, Final
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.engine.meter import NOTHING, Activity, spent
+from trackfield.drivers.engine.meter import Activities, spent
 from trackfield.drivers.exchange.intake import Refusals, opened, read, unpacked
 from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.spec import ProcessSpec
@@ -34,7 +34,8 @@ class Heritage:
         seal: Seal,
         refused: Refusals,
     ) -> None:
-        self.stored, self.spent = stored or b"", NOTHING
+        self.stored = stored or b""
+        self.spent: Activities = {}
         self.known = not spec.incarnation or stored is not None
         self._tell, self._seal, self._refused = tell, seal, refused
         if not self.known:
@@ -52,9 +53,10 @@ class Heritage:
         self._tell()
 
 
-def _bequeathed(record: Any) -> tuple[bytes, Activity]:
+def _bequeathed(record: Any) -> tuple[bytes, Activities]:
     """What a final record leaves to the next life."""
     stored, used = record["stored"], spent(record)
-    if not isinstance(stored, bytes) or not all(type(n) is int for n in used):
+    numbers = [n for one in used.values() for n in one]
+    if not isinstance(stored, bytes) or not all(type(n) is int for n in numbers):
         raise WireError("malformed", "no final record")
     return stored, used
