@@ -299,8 +299,10 @@ def test_a_long_payload_is_refused_unread() -> None:
 
 
 def test_each_kind_has_a_limit_of_its_own() -> None:
-    """27 numbers are at most 256 bytes; a track has as many more as its two fields of bytes may hold."""
+    """27 numbers are at most 256 bytes; others have as many more as their fields of bytes may hold."""
     limits = {known.name: known.most_bytes for known in registry.product_kinds()}
+    assert [limits.pop(kind) - 256 for kind in ("route", "hop-ack")] == [32, 32]
+    assert limits.pop("hop") == 256 + 2 * 32 + 3700 <= wire.MAX_BYTES
     assert limits.pop("track") == 256 + 1024 + 2048 <= wire.MAX_BYTES
     assert set(limits.values()) == {256}
     assert reason_of(_packed([1, 1, 3, 100, bytes(300)])) == "size"
@@ -360,6 +362,7 @@ def test_a_kind_of_ones_own() -> None:
     assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
     assert decode(encode(gust)) == Wind(12.5, -(2**63))
     own = ["doa", "sync-request", "sync-reply", "threshold", "measurement", "track", "range", "rss", "energy"]
+    own += ["route", "hop", "hop-ack"]
     assert [known.name for known in registry.product_kinds()] == own
 
 

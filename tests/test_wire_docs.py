@@ -14,6 +14,7 @@ import msgpack
 import pytest
 
 from trackfield.wire import keys
+from trackfield.wire.line import framed
 from trackfield.wire.tables import kinds_table, vectors_tables
 
 ROOT: Final = Path(__file__).parents[1]
@@ -81,20 +82,19 @@ def test_every_reason_of_refusal_is_listed() -> None:
     rooms = ("trackfield/wire", "trackfield/drivers", "launcher/record")
     sources = (path.read_text() for room in rooms for path in (ROOT / room).rglob("*.py"))
     raised = {reason for text in sources for reason in re.findall(r'WireError\("(\w+)"', text)}
-    assert raised - {"seal", "order", "process"} == set(
+    assert raised - {"seal", "order", "process", "line"} == set(
         re.findall(r"^\| `(\w+)` \| (?:came|has|is) ", DOCS, re.MULTILINE)
     )
 
 
-def run_c(calls: list[str], folder: Path) -> list[str]:
-    """What the code of the page prints when a program calls it."""
+def run_c(calls: list[str], folder: Path, begin: str = MAIN, number: int = 0) -> list[str]:
+    """What the code of the page, the block of this number, prints when a program that begins so calls it."""
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler")
-    code = re.search(r"```c\n(.*?)```", DOCS, re.DOTALL)
-    assert code
+    code = re.findall(r"```c\n(.*?)```", DOCS, re.DOTALL)[number]
     source, program = folder / "node.c", folder / "node"
-    source.write_text(code[1] + MAIN + "\n".join(calls) + "\nreturn 0;\n}\n")
+    source.write_text(code + begin + "\n".join(calls) + "\nreturn 0;\n}\n")
     strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic"]
     strict += ["-fsanitize=undefined", "-fsanitize-undefined-trap-on-error"]
     subprocess.run([compiler, *strict, source, "-o", program, "-lm"], check=True)
@@ -155,3 +155,42 @@ def test_the_c_code_reads_the_golden_vectors(tmp_path: Path) -> None:
         assert line == ",".join(map(str, [len(integers), *integers])), payload
     assert set(printed[len(taken) :]) == {"-1"}
     assert len(printed) == len(taken) + len(refused)
+
+
+LINES: Final = """
+#include <stdio.h>
+
+void print(const uint8_t *data, int n)
+{
+    if (n < 0) printf("damaged");
+    if (n == 0) printf("nothing");
+    while (n-- > 0) printf("%02x", *data++);
+    printf("\\n");
+}
+
+int main(void)
+{
+static uint8_t line[1200];
+"""
+
+
+def c_array(data: bytes) -> str:
+    return f'(const uint8_t *)"{"".join(f"{chr(92)}x{byte:02x}" for byte in data)}", {len(data)}'
+
+
+def test_the_c_code_writes_and_reads_lines(tmp_path: Path) -> None:
+    """Of golden messages, and of payloads with and without zeros at the length of a block."""
+    payloads = [data for v in VECTORS["messages"] if len(data := bytes.fromhex(v["hex"])) <= 1000]
+    payloads += [bytes([byte]) * size for byte in (0, 7) for size in (0, 1, 251, 252, 253, 254, 255, 507, 1000)]
+    lines = [framed(payload) for payload in payloads]
+    damaged = [
+        line[:at] + bytes([line[at] ^ 8]) + line[at + 1 : -1] for line in lines[:20] for at in range(len(line) - 1)
+    ]
+    damaged += [b"", b"\x01", b"\x05abc", b"\xff" + bytes(300)]
+    calls = [f"print(line, (int)encode_line(line, {c_array(payload)}));" for payload in payloads]
+    for data in [line[:-1] for line in lines] + damaged:
+        calls.append(f"memcpy(line, {c_array(data)}); print(line, decode_line(line, {len(data)}));")
+    printed = run_c(calls, tmp_path, "#include <string.h>\n" + LINES, 1)
+    assert printed[: len(lines)] == [line.hex() for line in lines]
+    assert printed[len(lines) : 2 * len(lines)] == [payload.hex() or "nothing" for payload in payloads]
+    assert set(printed[2 * len(lines) :]) == {"damaged"}

@@ -25,19 +25,22 @@ def test_golden_envelopes(vector: dict[str, Any]) -> None:
     assert Envelope.unpack(bytes.fromhex(vector["hex"])) == envelope
 
 
-@given(TIMES, SHORTS, SHORTS, LONGS, TIMES, st.none() | LONGS)
-def test_round_trip(sent_ns: int, incarnation: int, copy: int, seq: int, put_ns: int, version: int | None) -> None:
-    envelope = Envelope(sent_ns, incarnation, copy, seq, put_ns, version)
-    assert len(envelope.pack()) == (24 if version is None else 28)
+@given(TIMES, SHORTS, SHORTS, LONGS, TIMES, st.none() | LONGS, TIMES)
+def test_round_trip(
+    sent_ns: int, incarnation: int, copy: int, seq: int, put_ns: int, version: int | None, preamble_ns: int
+) -> None:
+    longer = {} if version is None else {"preamble_ns": preamble_ns}
+    envelope = Envelope(sent_ns, incarnation, copy, seq, put_ns, version, **longer)
+    assert len(envelope.pack()) == (24 if version is None else 36 if preamble_ns else 28)
     assert Envelope.unpack(envelope.pack()) == envelope
 
 
-@given(st.binary(max_size=40) | st.binary(min_size=24, max_size=24) | st.binary(min_size=28, max_size=28))
+@given(st.binary(max_size=40) | st.sampled_from([24, 28, 36]).flatmap(lambda n: st.binary(min_size=n, max_size=n)))
 def test_no_bytes_crash_it(data: bytes) -> None:
     try:
         envelope = Envelope.unpack(data)
     except WireError as error:
-        assert error.reason == ("range" if len(data) in (24, 28) else "envelope")
+        assert error.reason == ("range" if len(data) in (24, 28, 36) else "envelope")
     else:
         assert envelope.pack() == data
 
@@ -62,6 +65,9 @@ def test_only_bytes_are_an_attachment(data: Any) -> None:
         {"sent_ns": 0, "seq": 2**32},
         {"sent_ns": 0, "version": -1},
         {"sent_ns": 0, "version": 2**32},
+        {"sent_ns": 0, "version": 0, "preamble_ns": -1},
+        {"sent_ns": 0, "version": 0, "preamble_ns": 2**63},
+        {"sent_ns": 0, "preamble_ns": 1},
         {"sent_ns": 0.5},
     ],
     ids=str,

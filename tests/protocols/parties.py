@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from tests.protocols import election, hosted, relay, ring
+from tests.protocols import collection, dozing, election, hosted, relay, ring
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 
 Party = tuple[RunSpec, list[ProcessSpec]]
@@ -15,6 +15,8 @@ PARTIES: Final[Mapping[str, Callable[..., Party]]] = {
     "relay": relay.party,
     "ring": ring.party,
     "hosted": hosted.party,
+    "dozing": dozing.party,
+    "collection": collection.party,
 }
 """Each makes a party of a ``seed``, and of a ``speed``, ``size``, ``seconds`` and ``loss`` if they are given."""
 KINDS: Final[Mapping[str, frozenset[str]]] = {
@@ -22,5 +24,7 @@ KINDS: Final[Mapping[str, frozenset[str]]] = {
     "relay": frozenset({"item", "taken"}),
     "ring": frozenset({"token"}),
     "hosted": frozenset({"ask", "answer"}),
+    "dozing": frozenset({"call", "reply-to-call", "news"}),
+    "collection": frozenset({"hop"}),
 }
 """The messages of each."""

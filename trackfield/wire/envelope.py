@@ -9,6 +9,8 @@ from trackfield.wire.error import WireError
 
 _FINAL = struct.Struct("<qHHIq")
 _VERSIONED = struct.Struct("<qHHIqI")
+_LONG = struct.Struct("<qHHIqIq")
+_BY_SIZE = {form.size: form for form in (_FINAL, _VERSIONED, _LONG)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +24,8 @@ class Envelope:
 
     ``version`` counts the puts of one frame, from 0: the highest holds, and one without a payload says that the frame
     was taken back. A frame without a version (None) is final.
+
+    The frame's preamble is ``preamble_ns`` longer than usual; only a frame with a version has a longer one.
     """
 
     sent_ns: int
@@ -30,25 +34,38 @@ class Envelope:
     seq: int = 0
     put_ns: int = 0
     version: int | None = None
+    preamble_ns: int = 0
 
     def pack(self) -> bytes:
-        """24 bytes, little-endian, 28 with a version; raises ``WireError`` (``range``) for what does not fit."""
+        """24 bytes, little-endian, 28 with a version, 36 with a longer preamble.
+
+        Raises ``WireError`` (``range``) for what does not fit.
+        """
         self._check()
         fields = (self.sent_ns, self.incarnation, self.copy, self.seq, self.put_ns)
         try:
-            return _FINAL.pack(*fields) if self.version is None else _VERSIONED.pack(*fields, self.version)
+            if self.version is None:
+                return _FINAL.pack(*fields)
+            if not self.preamble_ns:
+                return _VERSIONED.pack(*fields, self.version)
+            return _LONG.pack(*fields, self.version, self.preamble_ns)
         except struct.error as error:
             raise WireError("range", str(error)) from None
 
     @classmethod
     def unpack(cls, data: bytes) -> Envelope:
         """The envelope in an attachment; raises ``WireError`` (``envelope``, ``range``) otherwise."""
-        if not isinstance(data, bytes) or len(data) not in (_FINAL.size, _VERSIONED.size):
-            raise WireError("envelope", f"expected {_FINAL.size} or {_VERSIONED.size} bytes")
-        envelope = cls(*(_FINAL if len(data) == _FINAL.size else _VERSIONED).unpack(data))
+        form = _BY_SIZE.get(len(data)) if isinstance(data, bytes) else None
+        if form is None:
+            raise WireError("envelope", f"expected {', '.join(map(str, _BY_SIZE))} bytes")
+        envelope = cls(*form.unpack(data))
         envelope._check()
+        if form is _LONG and not envelope.preamble_ns:
+            raise WireError("range", "a longer preamble that is no longer")
         return envelope
 
     def _check(self) -> None:
         if self.sent_ns < 0 or self.put_ns < 0:
             raise WireError("range", "a time before the start")
+        if self.preamble_ns < 0 or (self.preamble_ns and self.version is None):
+            raise WireError("range", "a preamble that no frame has")

@@ -8,7 +8,7 @@ class WireError(ValueError):
 
     ``reason`` is a short name for counting: ``size``, ``malformed``, ``version``, ``kind``, ``fields``, ``type``,
     ``range``, ``key`` or ``envelope``; of a frame that no process of the run can have sent: ``sender``, ``receiver``,
-    ``life``, ``future``, ``conflict``; of anything else: ``process``, ``order``, ``seal``.
+    ``life``, ``future``, ``conflict``; of a serial line: ``line``; of anything else: ``process``, ``order``, ``seal``.
     """
 
     def __init__(self, reason: str, detail: str = "") -> None:

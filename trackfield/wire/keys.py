@@ -8,8 +8,9 @@ from typing import Final, Literal, get_args
 
 from trackfield.wire.error import WireError
 
-Medium = Literal["field", "backbone"]
-"""``field`` is the radio among sensors, ``backbone`` the wired side of a gateway or fusion centre."""
+Medium = Literal["field", "backbone", "serial"]
+"""``field`` is the radio among sensors, ``backbone`` what masters, gateways and centres have among them, a wire or a
+radio of its own, ``serial`` a line to a device."""
 MEDIA: Final[tuple[Medium, ...]] = get_args(Medium)
 
 ALL_DATA: Final = "data/**"

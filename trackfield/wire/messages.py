@@ -109,3 +109,52 @@ class Energy:
 
     step: Annotated[int, Scaled(0, 65535, unit="filter step")]
     energy: Annotated[float, Scaled(-1_000_000_000_000, 1_000_000_000_000, 0.001, "reference power")]
+
+
+NOWHERE: Final = 655.35
+"""The cost of a process that knows no way to the base."""
+_COST: Final = Scaled(0, NOWHERE, 0.01, "transmissions")
+_ID: Final = Blob(32, "id, ASCII")
+
+
+@kind(20, "route")
+@dataclass(frozen=True, slots=True)
+class Route:
+    """A process tells its neighbours what it costs to send to the base through it: a beacon of the collection tree.
+
+    ``number`` counts its beacons. ``cost`` are the transmissions that a frame is expected to need from it to the base;
+    655.35: it knows no way. ``parent`` is the neighbour to which it sends, empty for the base and without a way. With
+    ``pull`` 1 it asks those who know a way to tell theirs soon.
+    """
+
+    number: Annotated[int, Scaled(0, 65535, unit="number of the beacon")]
+    cost: Annotated[float, _COST]
+    pull: Annotated[int, Scaled(0, 1, unit="1: asks")]
+    parent: Annotated[bytes, _ID]
+
+
+@kind(21, "hop")
+@dataclass(frozen=True, slots=True)
+class Hop:
+    """A message on its way over the collection tree, from one process to the next.
+
+    ``origin`` sent it, as the ``number``-th of its messages; it has made ``hops`` hops before this one. ``cost`` is
+    that of the process that hands it on. ``to`` is where an answer of the base goes; empty: to the base. ``message`` is
+    the payload; empty: the origin only says where it is.
+    """
+
+    origin: Annotated[bytes, _ID]
+    number: Annotated[int, Scaled(0, 65535, unit="number of the message")]
+    hops: Annotated[int, Scaled(0, 255, unit="hops")]
+    cost: Annotated[float, _COST]
+    to: Annotated[bytes, _ID]
+    message: Annotated[bytes, Blob(3700, "payload")]
+
+
+@kind(22, "hop-ack")
+@dataclass(frozen=True, slots=True)
+class HopAck:
+    """A process has the ``number``-th message of ``origin``: its neighbour need not send it again."""
+
+    origin: Annotated[bytes, _ID]
+    number: Annotated[int, Scaled(0, 65535, unit="number of the message")]

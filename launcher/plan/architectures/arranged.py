@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from trackfield.drivers.ports import Port
+from trackfield.wire.keys import Medium
 
 
 @dataclass(frozen=True)
@@ -30,18 +31,25 @@ class Process:
 
     ``factory`` makes its role: a class, or ``module:attribute``; empty: the installed role of that name. ``config``
     are its arguments, as far as MessagePack can hold them. ``sends`` says to which ids it sends messages of which
-    kinds; who receives something of it, and who may hear whom, follows. One that ``senses`` has the sensor of its id.
-    One that ``fuses`` gets the reports of these sensors, and its role the arguments of a
-    ``trackfield.tracking.bank.Bank`` for them. Its clock is right, unless it ``asks`` another process for the time:
-    then its clock is off as ``[clock]`` says, and if clocks are set, its role gets ``sync``, the arguments with which
-    it asks. ``tags`` are ``tracks`` (it publishes tracks), ``battery`` (it runs on one, of ``battery_j``; None: it is
-    never empty), ``backbone``; the tag ``senses`` follows. A process that moves has a ``route``: (t ns, x m, y m) at
-    least once, with straight lines between them.
+    kinds; who receives something of it, and who may hear whom, follows. The id ``"*"`` (``NEIGHBOURHOOD``) stands for
+    all in radio reach that take the kind, by broadcast, or one by one; ``hears`` are the kinds that it takes from such
+    senders. ``over`` is the medium of those kinds that it does not send by the radio of the field.
+
+    One that ``senses`` has the sensor of its id. One that ``fuses`` gets the reports of these sensors, and its role the
+    arguments of a ``trackfield.tracking.bank.Bank`` for them. Its clock is right, unless it ``asks`` another process
+    for the time: then its clock is off as ``[clock]`` says, and if clocks are set, its role gets ``sync``, the
+    arguments with which it asks. ``tags`` are ``tracks`` (it publishes tracks), ``battery`` (it runs on one, of
+    ``battery_j``; None: it is never empty), ``backbone``; the tag ``senses`` follows. A process that moves has a
+    ``route``: (t ns, x m, y m) at least once, with straight lines between them.
 
     A process may have several ``roles`` by name, in place of ``factory`` and ``config``, with one sensor, battery,
     radio, clock and address for all (``trackfield.host``). Its ``role`` is then the name of all of them together.
 
-    ``ports`` are those of its devices by name, of a process with several roles as ``role/port``.
+    One that has a ``base`` is in a tree to that process, which names itself: what it sends there by radio, and what the
+    base sends to others of the tree, goes over as many hops as it takes (``trackfield.protocols.collected``).
+
+    ``ports`` are those of its devices by name, of a process with several roles as ``role/port``. ``media`` are what it
+    is connected to: the radio of the ``field``, a ``backbone``, a ``serial`` line.
     """
 
     id: str
@@ -59,6 +67,10 @@ class Process:
     route: Sequence[tuple[int, float, float]] = ()
     roles: Mapping[str, Hosted] = field(default_factory=dict)
     ports: Mapping[str, Port] = field(default_factory=dict)
+    media: Sequence[Medium] = ("field",)
+    hears: Collection[str] = ()
+    over: Mapping[str, Medium] = field(default_factory=dict)
+    base: str = ""
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,15 @@ from launcher.plan.references import check_references
 from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS
 from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
+from trackfield.link.fate import FIELD
+from trackfield.protocols.collection.piece import KINDS
+from trackfield.role import NEIGHBOURHOOD
 from trackfield.scenario import Site
 from trackfield.scenario.nearest import suggestion
 from trackfield.scenario.places import RESERVED
 from trackfield.scenario.quantities import MOST_NODES
 from trackfield.scenario.section import ID, ID_WORDS
+from trackfield.wire.keys import MEDIA, Medium
 from trackfield.words import quoted
 
 TAGS: Final = (TRACKS, BATTERY, BACKBONE, SENSES)
@@ -56,8 +60,9 @@ class _Check:
             raise self._error("arrange", f"returned {len(listed)} processes", f"at most {MOST_NODES}")
         for process in listed:
             self._identity(process)
-            self._processes[process.id] = process
-        processes = tuple(self._process(process) for process in listed)
+            media = self._names(f"{process.id}.media", process.media, "medium", MEDIA)
+            self._processes[process.id] = replace(process, media=media)
+        processes = tuple(self._process(process) for process in self._processes.values())
         self._processes = {process.id: process for process in processes}
         if not any(process.senses for process in processes):
             raise self._error("arrange", "no process has a sensor", "processes that sense (field.sensor_nodes)")
@@ -96,9 +101,16 @@ class _Check:
         asks = process.asks
         if asks != "" and (not isinstance(asks, str) or asks not in self._processes or asks == id):
             raise self._unknown(f"{id}.asks", "other process", asks, self._processes)
+        self._base(process)
+        sends, hears = self._sends(process), self._kinds(f"{id}.hears", process.hears)
+        if process.base:
+            sends = {**sends, **dict.fromkeys(KINDS, (NEIGHBOURHOOD,))}
+            hears = tuple(dict.fromkeys((*hears, *KINDS)))
         checked = replace(
             process,
-            sends=self._sends(process),
+            sends=sends,
+            over=self._over(process, sends),
+            hears=hears,
             fuses=self._names(f"{id}.fuses", process.fuses, "sensor", self._sensors),
             tags=tags,
             route=self._route(process),
@@ -108,6 +120,20 @@ class _Check:
         if roles:
             self._shared(checked)
         return checked
+
+    def _base(self, process: Process) -> None:
+        """A tree leads to a process that is in it, and goes by radio."""
+        base, where = process.base, f"{process.id}.base"
+        if base == "":
+            return
+        if not isinstance(base, str) or base not in self._processes:
+            raise self._unknown(where, "process", base, self._processes)
+        root = self._processes[base].base
+        if root != base:
+            expected = f"{base!r} for {base} itself, too, and for all others of the tree"
+            raise self._error(where, f"is {base!r}, whose own base is {quoted(root)}", expected)
+        if FIELD not in process.media:
+            raise self._error(where, "is given without the radio of the field", "media with 'field'")
 
     def _config(self, where: str, config: Any) -> None:
         if not (isinstance(config, Mapping) and all(isinstance(name, str) for name in config)):
@@ -145,10 +171,35 @@ class _Check:
         given, where = process.sends, f"{process.id}.sends"
         if not (isinstance(given, Mapping) and all(isinstance(kind, str) for kind in given)):
             raise self._error(where, f"is {quoted(given)}", "lists of ids by the kind of message, a text")
-        sends = {kind: self._names(where, ids, "other process", self._processes) for kind, ids in given.items()}
+        sends = {kind: self._receivers(where, ids) for kind, ids in given.items()}
         if any(process.id in ids for ids in sends.values()):
             raise self._unknown(where, "other process", process.id, self._processes)
         return sends
+
+    def _receivers(self, where: str, given: Any) -> tuple[str, ...]:
+        ids = self._listed(where, given, "names, each that of one other process")
+        every = (NEIGHBOURHOOD,) if NEIGHBOURHOOD in ids else ()
+        named = [id for id in (sorted(ids, key=str) if isinstance(given, Set) else ids) if id != NEIGHBOURHOOD]
+        return (*every, *self._names(where, named, "other process", self._processes))
+
+    def _over(self, process: Process, sends: Mapping[str, Iterable[str]]) -> dict[str, Medium]:
+        """The media of its messages; those to whom it sends them have them, too."""
+        over, where = process.over, f"{process.id}.over"
+        if not (isinstance(over, Mapping) and all(kind in sends for kind in over)):
+            raise self._error(where, f"is {quoted(over)}", "a medium by the kind of message, of those that it sends")
+        for kind, ids in sends.items():
+            medium = over.get(kind, FIELD)
+            for id in (process.id, *ids):
+                if id != NEIGHBOURHOOD and medium not in self._processes[id].media:
+                    what = f"{kind} goes over {quoted(medium)}, which {id} does not have"
+                    raise self._error(where, what, "a medium that both ends have (media)")
+        return dict(over)
+
+    def _kinds(self, where: str, given: Any) -> tuple[str, ...]:
+        kinds = self._listed(where, given, "kinds of messages")
+        if not all(isinstance(kind, str) for kind in kinds):
+            raise self._error(where, f"is {quoted(given)}", "a list of kinds of messages")
+        return tuple(sorted(set(kinds)))
 
     def _battery(self, process: Process, tags: Collection[str]) -> None:
         battery_j, where = process.battery_j, f"{process.id}.battery_j"

@@ -19,6 +19,9 @@ from trackfield.words import quoted
 MOST_BYTES: Final = 16 * 2**20
 """What may come in at the ports of a process, as far as it is known beforehand: a process is told all of it."""
 MOST_NS: Final = 2**63 - 1
+SLOWEST: Final = 50
+FASTEST: Final = 10_000_000
+"""Bits per second of a line, as in ``[serial]``."""
 
 Fail = Callable[[str, str, str], ScenarioError]
 """Makes the error of where it is, what is wrong, and what is expected."""
@@ -63,6 +66,10 @@ def _port(where: str, port: Port, fail: Fail) -> Port:
         raise fail(f"{where}.device", f"is {quoted(device)}", "the path of a device, or '' for none")
     if not _time(hold_ns):
         raise fail(f"{where}.hold_ns", f"is {quoted(hold_ns)}", "whole nanoseconds of wall time, from 0")
+    if not (_time(port.baud) and SLOWEST <= port.baud <= FASTEST):
+        raise fail(
+            f"{where}.baud", f"is {quoted(port.baud)}", f"bits per second, a whole number from {SLOWEST} to {FASTEST}"
+        )
     several = isinstance(reads, Iterable) and not isinstance(reads, str | bytes | Mapping)
     listed: list[Any] = list(reads) if several else [reads]
     for read in listed:
@@ -70,7 +77,7 @@ def _port(where: str, port: Port, fail: Fail) -> Port:
             expected = "(t, bytes), with whole nanoseconds t from 0 since the start of the run"
             raise fail(f"{where}.reads", f"has {quoted(read)}", expected)
     in_order = sorted(((int(at_ns), data) for at_ns, data in listed), key=itemgetter(0))
-    return replace(port, reads=tuple(in_order), hold_ns=int(hold_ns))
+    return replace(port, reads=tuple(in_order), hold_ns=int(hold_ns), baud=int(port.baud))
 
 
 def _time(value: Any) -> bool:

@@ -20,6 +20,11 @@ class Centralised(ArchitectureSection):
 
     kind: Literal["centralised"] = Field(default=CENTRALISED, description="all nodes report to one fusion centre")
     centre: Id = Field(default="fusion", json_schema_extra={"expected": _CENTRE}, description="the fusion centre's id")
+    multihop: bool = Field(
+        default=False,
+        strict=True,
+        description="messages to and from the centre go over as many nodes as it takes, by a tree",
+    )
 
     @field_validator("centre")
     @classmethod
@@ -31,7 +36,7 @@ class Centralised(ArchitectureSection):
     @property
     def options(self) -> Mapping[str, bool | int | float | str]:
         """See ``ArchitectureSection``."""
-        return {"centre": self.centre}
+        return {"centre": self.centre, "multihop": self.multihop}
 
     @property
     def centre_id(self) -> str | None:
