@@ -72,15 +72,25 @@ class Request(Changed):
         bool,
         typer.Option("--external", help="Wait for processes that start elsewhere and join at the router of --connect."),
     ] = False
+    bridge: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ID=DEVICE",
+            help="Put a real device, like base=/dev/ttyUSB0, in the place of a process with a serial line, or, with "
+            "ID=pty, a pseudo-terminal that the run makes; may be repeated.",
+        ),
+    ] = None
     quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False
 
     def prepared(self) -> tuple[Scenario, Plan]:
         """The scenario and its plan. Raises ``ScenarioError`` with all that is wrong with this request."""
         from launcher.options import check_driver, check_endpoint
+        from launcher.plan.bridges import bridged, looked_for, parse
         from launcher.plan.prepare import prepare
         from launcher.record.folder import check_folder
 
-        return prepare(
+        bridges = self.bridge or ()
+        scenario, plan = prepare(
             self.scenario,
             1.0 if self.speed is None else self.speed,
             [
@@ -91,13 +101,16 @@ class Request(Changed):
                     live=self.live,
                     connect=self.connect,
                     speed=self.speed,
+                    bridged=bool(bridges),
                 ),
+                partial(parse, bridges),
                 *([partial(check_endpoint, self.connect, "--connect")] if self.connect else []),
                 *([partial(check_folder, self.out)] if self.out else []),
             ],
             seed=self.seed,
             **self.options,
         )
+        return scenario, looked_for(bridged(plan, parse(bridges)))
 
     def check_machine(self, plan: Plan) -> None:
         """Raise ``RunFailed`` if this machine cannot do such a run, ``ScenarioError`` for classes that no other process

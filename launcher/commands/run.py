@@ -21,19 +21,22 @@ if TYPE_CHECKING:
 @command(Request)
 def run(request: Request) -> None:
     """Run a scenario and leave a run folder with its timeline, tables, metrics and report."""
+    from launcher.plan.bridges import in_folder
     from launcher.record.folder import keep, prepare_folder, whole_or_none
-    from launcher.show import announce, conclude, warn
+    from launcher.show import announce, conclude, devices, warn
 
     folder = None
     try:
         scenario, plan = request.prepared()
         request.check_machine(plan)
         folder = prepare_folder(request.out, scenario.name, scenario.seed)
+        plan = in_folder(plan, folder)
         with whole_or_none(folder):
             keep(scenario, folder)
             if not request.quiet:
                 announce(plan)
                 warn(plan.warnings)
+                devices(plan, folder)
             outcome = _carried_out(request, plan, folder)
     except KeyboardInterrupt:
         done = folder is not None and folder.exists()

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from launcher.processes import patience
 from trackfield.drivers.exchange.intake import read, unpacked
 from trackfield.drivers.spec import ProcessSpec
+from trackfield.link.fate import FIELD
 from trackfield.role import NEIGHBOURHOOD
 from trackfield.wire.error import WireError
 
@@ -91,19 +92,26 @@ class Settling:
     def _unsettled(self, lives: Mapping[str, ProcessSpec]) -> set[str]:
         """Those of these lives to which something is still under way."""
         unicast: Counter[str] = Counter()
-        broadcast: Counter[str] = Counter()
-        own: Counter[tuple[str, str]] = Counter()
+        broadcast: Counter[tuple[str, str]] = Counter()
+        own: Counter[tuple[str, str, str]] = Counter()
         for name, answer in list(self._answers.items()):
             sender = self._lives[name]
             for to, count in answer.puts.items():
-                if to == NEIGHBOURHOOD:
-                    broadcast[sender.cell] += count
-                    own[sender.id, sender.cell] += count
+                if to.startswith(NEIGHBOURHOOD):
+                    medium = to.removeprefix(NEIGHBOURHOOD) or FIELD
+                    at = medium, sender.cell_in(medium)
+                    broadcast[at] += count
+                    own[sender.id, *at] += count
                 else:
                     unicast[to] += count
         return {
             name
             for name, life in lives.items()
             if self._came.get(name, -1)
-            < unicast[life.id] + sum(broadcast[cell] - own[life.id, cell] for cell in life.cells)
+            < unicast[life.id] + sum(broadcast[at] - own[life.id, *at] for at in _listens(life))
         }
+
+
+def _listens(life: ProcessSpec) -> Iterator[tuple[str, str]]:
+    """The media and cells to which it listens."""
+    return ((medium, cell) for medium in life.media for cell in life.cells_in(medium))
