@@ -98,7 +98,7 @@ class Bench:
 
     def _final(self, name: str, sent: Digest, heard: Digest) -> None:
         record = {
-            "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5, "metered_ns": 0,
+            "incarnation": 0, "stored": b"", "activity": {"field": [0] * 5}, "inherited": {}, "metered_ns": 0,
             "sent": sent.size, "sent_hash": sent.total, "heard": heard.size, "heard_hash": heard.total,
             "puts": sent.size, "retractions": 0, "told": 0, "slip": {}, "lag": {}, "latency": {}, "cpu_s": 0.0,
         }  # fmt: skip

@@ -10,6 +10,7 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.filters.metrics import Lost
 from trackfield.link.places import Path as Legs
 from trackfield.role import NS
+from trackfield.wire.keys import Medium
 from trackfield.world.path import Path
 
 SENSES: Final = "senses"
@@ -136,11 +137,18 @@ class MessageRow:
 
 @dataclass(frozen=True, slots=True)
 class Flow:
-    """The links that carry messages like this one: (from, to), at least one; ``reports`` if sensors report by them."""
+    """The links of a medium that carry messages like this one: (from, to), at least one.
+
+    Sensors report by them (``reports``), or they lead to all in reach of each sender (``near``). Those ``over_tree``
+    are no links, but ways over several hops.
+    """
 
     message: Any
     pairs: tuple[tuple[str, str], ...]
     reports: bool = False
+    medium: Medium = "field"
+    near: bool = False
+    over_tree: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +163,7 @@ class Plan:
     ``restart`` says that processes which die unplanned are started again; ``lost`` is
     when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
     ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
-    classes are, by ``kind:name``.
+    classes are, by ``kind:name``. ``bridges`` are the real devices that take the place of processes, by their ids.
     """
 
     run: RunSpec
@@ -174,6 +182,7 @@ class Plan:
     warnings: tuple[str, ...] = ()
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    bridges: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def reports(self) -> tuple[Flow, ...]:
@@ -191,6 +200,11 @@ class Plan:
         if len(self.passes) < len(self.reaches) or not self.passes:
             return None
         return {step for steps in self.passes.values() for step in steps}
+
+    @property
+    def bases(self) -> set[str]:
+        """The processes to which trees lead."""
+        return {process.id for process in self.processes if process.tree.get("base") == process.id}
 
     @property
     def step_ns(self) -> int:

@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from trackfield.drivers.engine.frames import RANK_FRAME, Died, EventKey, Refused, Telling, Told, Undone
+from trackfield.drivers.engine.receiver import Opening, Receiver, Windows
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.clock import Clock
-from trackfield.role import Corrected, Radio
+from trackfield.role import Corrected, Listen, Radio
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,7 @@ class Diary:
 
     spec: ProcessSpec
     told: list[Told] = field(default_factory=list)
-    radio: list[Told] = field(default_factory=list)
+    radio: list[tuple[EventKey, Radio | Listen]] = field(default_factory=list)
     corrections: list[tuple[EventKey, int]] = field(default_factory=list)
     refused: dict[EventKey, str] = field(default_factory=dict)
     died: EventKey | None = None
@@ -52,8 +53,8 @@ class Diary:
     def _add(self, output: Told | Refused) -> None:
         if isinstance(output, Refused):
             self.refused[output.key] = output.reason
-        elif isinstance(output.effect, Radio):
-            self.radio.append(output)
+        elif isinstance(output.effect, Radio | Listen):
+            self.radio.append((output.key, output.effect))
         else:
             self.told.append(output)
             if isinstance(output.effect, Died):
@@ -67,11 +68,11 @@ class Diary:
             self.late += 1
             since, self.kept_ns = (settled_ns + 1,), settled_ns
         self.latest_ns = min(self.latest_ns, since[0] - 1)
-        for tail in (self.told, self.radio):
-            while tail and tail[-1].key >= since:
+        while self.told and self.told[-1].key >= since:
+            self.told.pop()
+        for tail in (self.radio, self.corrections):
+            while tail and tail[-1][0] >= since:
                 tail.pop()
-        while self.corrections and self.corrections[-1][0] >= since:
-            self.corrections.pop()
         self.passed = min(self.passed, len(self.told))
         for key in [k for k in self.refused if k >= since]:
             del self.refused[key]
@@ -82,29 +83,46 @@ class Diary:
         """Whether a frame due then belongs to this life, as planned."""
         return self.spec.start_ns <= due_ns and (self.spec.kill_ns is None or due_ns < self.spec.kill_ns)
 
-    def misses(self, medium: str, due_ns: int) -> str | None:
-        """Why a frame due then does not reach it: dead, frozen, asleep; None if it does."""
+    def misses(self, medium: str, due_ns: int, span_ns: int = 0, preamble_ns: int = 0) -> str | None:
+        """Why a frame due then, after so long on air, does not reach it: dead, frozen, asleep; None if it does."""
+        if (cause := self._absent(due_ns)) is not None:
+            return cause
+        heard = self.receiver(medium, due_ns).hears_from(due_ns, span_ns, preamble_ns)
+        return "asleep" if heard is None else None
+
+    def _absent(self, due_ns: int) -> str | None:
+        """Why nothing that is due then reaches it."""
         if self.died is not None and (due_ns, RANK_FRAME) > self.died:
             return "dead"
-        if any(begin <= due_ns < until for begin, until in self.spec.freezes):
-            return "frozen"
-        return None if self.listens(medium, due_ns) else "asleep"
+        return "frozen" if any(begin <= due_ns < until for begin, until in self.spec.freezes) else None
 
-    def listens(self, medium: str, t_ns: int) -> bool:
-        """Whether the radio was on for a frame due at ``t_ns``: a change at t counts after t."""
-        before = bisect_left(self.radio, t_ns, key=lambda o: o.key[0])
-        for told in reversed(self.radio[:before]):
-            if isinstance(told.effect, Radio) and told.effect.medium == medium:
-                return told.effect.on
-        return True
+    def receiver(self, medium: str, t_ns: int) -> Receiver:
+        """How the radio listened to a frame due at ``t_ns``: a change at t counts after t."""
+        latest: list[tuple[int, Opening]] = []
+        before = bisect_left(self.radio, t_ns, key=lambda told: told[0][0])
+        for key, effect in reversed(self.radio[:before]):
+            if effect.medium == medium and (not latest or key[0] < latest[-1][0]):
+                latest.append((key[0], opening_of(effect)))
+                if len(latest) == 2:
+                    break
+        if not latest:
+            return Receiver()
+        return Receiver(latest[0][1], latest[0][0], latest[1][1] if len(latest) == 2 else True)
 
-    def awake(self, medium: str) -> list[tuple[int, bool]]:
-        """When frames begin and cease to reach it: (true time in ns, whether they do); a change at t counts after t."""
-        edges = [self.spec.start_ns - 1, *(told.key[0] for told in self.radio)]
+    def awake(self, medium: str) -> list[tuple[int, Opening]]:
+        """When frames begin and cease to reach it: (true time in ns, how its receiver is open); a change at t counts
+        after t.
+        """
+        edges = [self.spec.start_ns - 1, *(key[0] for key, _ in self.radio)]
         edges += [edge - 1 for freeze in self.spec.freezes for edge in freeze]
         edges += [self.spec.kill_ns - 1] if self.spec.kill_ns is not None else []
         edges += [self.died[0]] if self.died is not None else []
-        return [(t, self.owns(t + 1) and self.misses(medium, t + 1) is None) for t in sorted(set(edges))]
+        return [(t, self._opening(medium, t + 1)) for t in sorted(set(edges))]
+
+    def _opening(self, medium: str, t_ns: int) -> Opening:
+        """How its receiver is open at an instant; off where it is not there."""
+        there = self.owns(t_ns) and self._absent(t_ns) is None
+        return there and self.receiver(medium, t_ns).opening
 
     def local_ns(self, t_ns: int) -> int:
         """What its clock showed."""
@@ -127,3 +145,10 @@ class Diary:
     def waiting(self) -> list[Event]:
         """What it reported and was not handed on."""
         return [Event(told.key[0], self.spec.id, told.effect) for told in self.told[self.passed :]]
+
+
+def opening_of(effect: Radio | Listen) -> Opening:
+    """How a receiver is open after this effect, whose times are true."""
+    if isinstance(effect, Radio):
+        return effect.on
+    return Windows(effect.every_ns, effect.open_ns, effect.from_ns, effect.detect_ns, effect.spare_ns)

@@ -28,7 +28,7 @@ from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
 from trackfield.scenario.paths import FromFile
 
-_COPIES: Final = {"target": "target", "targets": "target", "field": "sensors", "link": "link"}
+_COPIES: Final = {"target": "target", "targets": "target", "field": "sensors", "link": "link", "backbone": "backbone"}
 """The sections that can name a ``file``, and what its copy is called; others may have an option of that name."""
 
 
@@ -91,10 +91,10 @@ def _check_empty(folder: Path) -> None:
 def write_manifest(folder: Path, plan: Plan, command: Sequence[str], endpoint: str | None) -> None:
     """Write what ``manifest`` has, the warnings, and what others need to join the run: ``run`` and ``endpoint``.
 
-    To make its tables again, its ``speed`` and the digest of its ``scenario`` are there, too.
+    To make its tables again, its ``speed``, the digest of its ``scenario`` and its ``bridges`` are there, too.
     """
     told = {"run": plan.run.run, "endpoint": endpoint, "warnings": list(plan.warnings)}
-    again = {"speed": plan.run.speed, "scenario": scenario_digest(folder)}
+    again = {"speed": plan.run.speed, "scenario": scenario_digest(folder), "bridges": dict(plan.bridges)}
     content = {**manifest(command), **told, **again}
     patiently(lambda: write_json(content, folder / MANIFEST), str(folder / MANIFEST))
 

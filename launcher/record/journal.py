@@ -15,8 +15,8 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE, patiently, reason, write_whole
-from launcher.record.bounds import headline_bound, run_bounds
 from launcher.record.diary import Event
+from launcher.record.figures.bounds import headline_bound, run_bounds
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_messages, write_tracks

@@ -23,7 +23,8 @@ from launcher.record.diary import Diary, Event
 from launcher.records import MessageRow
 from trackfield.drivers.engine.frames import LATE, Died, Frame, Identity, Overflowed, Refused, Told, Undone
 from trackfield.drivers.exchange.versions import hash_of
-from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of, places_of
+from trackfield.drivers.spec import ProcessSpec, RunSpec, life_name, link_of
+from trackfield.link.fate import Transmission
 from trackfield.role import Publish, TrackPoint
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import known_kind
@@ -59,7 +60,8 @@ class Ledger:
     """The frames of one run; ``rows`` grows as outcomes settle.
 
     ``corrected`` counts the frames to each place that were taken back or replaced, and ``foreign`` are the places that
-    send frames without versions. What a ``provisional`` ledger has handed on can still be undone.
+    send frames without versions; ``aired`` are the frames by radio. What a ``provisional`` ledger has
+    handed on can still be undone.
     """
 
     def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec], *, provisional: bool = False) -> None:
@@ -71,6 +73,7 @@ class Ledger:
         self.payload_max: Counter[str] = Counter()
         self.payload_bytes = 0
         self.on_air = 0
+        self.aired: list[Transmission] = []
         self.sent_bytes: defaultdict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
         self.finals: dict[str, dict[str, Any]] = {}
         self.counts: dict[str, dict[str, int]] = {}
@@ -78,7 +81,7 @@ class Ledger:
         self.clock_errors: dict[tuple[int, str], int] = {}
         self.refused: Counter[str] = Counter()
         self.balance = Balance()
-        self.link = link_of(run, places_of(processes))
+        self.link = link_of(run, processes)
         self._provisional = provisional
         self._interfered: Counter[str] = Counter()
         self._processes = {p.id: p for p in processes}
@@ -301,6 +304,8 @@ class Ledger:
         self.payload_bytes += len(frame.payload)
         self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
         self.on_air += cost.bytes_on_air
+        if cost.busy_ns or frame.preamble_ns:
+            self.aired.append(frame.transmission(frame.to))
         size, frames = self.sent_bytes[frame.src]
         self.sent_bytes[frame.src] = size + len(frame.payload), frames + 1
         if not ways:
@@ -318,17 +323,17 @@ class Ledger:
     def _judged(self, way: Way, frame: Frame, said: Said, local_ns: int | None, hashed: int) -> MessageRow:
         """The outcome of a frame at a hearer."""
         self.leaving.ways[way.outcome] -= 1
-        outcome = way.outcome if way.due_ns is None else self._outcome(frame, way.hearer, way.due_ns, hashed)
+        outcome = way.outcome if way.due_ns is None else self._outcome(frame, way, way.due_ns, hashed)
         return row_of(frame, way.hearer, outcome, way.due_ns, said, local_ns)
 
-    def _outcome(self, frame: Frame, hearer: str, due_ns: int, hashed: int) -> str:
+    def _outcome(self, frame: Frame, way: Way, due_ns: int, hashed: int) -> str:
         if due_ns >= self.run.end_ns:
             return "in_flight"
-        owner = self._owner(hearer, due_ns)
+        owner = self._owner(way.hearer, due_ns)
         if owner is None:
             return "dead"
         self.balance.due[owner.spec.name].add(hashed)
-        if (cause := owner.misses(frame.medium, due_ns)) is not None:
+        if (cause := owner.misses(frame.medium, due_ns, way.span_ns, frame.preamble_ns)) is not None:
             return cause
         reason = owner.refused.get(frame.key(due_ns)) if owner.refused else None
         return "delivered" if reason is None else "late" if reason == LATE else "ignored"

@@ -20,6 +20,7 @@ from trackfield.drivers.exchange.intake import Refusals, begun, nanoseconds
 from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.exchange.versions import Versions
 from trackfield.drivers.spec import role_factories
+from trackfield.link.fate import FIELD
 from trackfield.role import NS
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
@@ -63,7 +64,8 @@ class Intake:
         self._start_ns: int | None = None
         self._versions = Versions(round(SETTLE_S * plan.run.speed * NS))
         self._early_ns = round(EARLY_NS * plan.run.speed)
-        self._backlog_ns = (plan.run.queue + 1) * SLOWEST_NS
+        most = max(map(plan.run.queue, (FIELD, *plan.run.media)))
+        self._backlog_ns = (most + 1) * SLOWEST_NS
 
     def take(self, key: str, payload: bytes, attachment: bytes | None, now_ns: int | None = None) -> None:
         """Enter a sample into the ledger. Raises ``WireError`` if it is none of a process of this run.

@@ -9,10 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from launcher.record.bounds import bound_metrics, headline_bound, run_bounds
-from launcher.record.energy import batteries_of, energy_metrics, lifetime_metrics
+from launcher.record.figures.bounds import bound_metrics, headline_bound, run_bounds
+from launcher.record.figures.channel import air_of_run, channel_metrics
+from launcher.record.figures.energy import batteries_of, energy_metrics, lifetime_metrics
+from launcher.record.figures.hops import hop_latencies
+from launcher.record.figures.scores import offsets, scored
 from launcher.record.ledger import Ledger
-from launcher.record.scores import offsets, scored
 from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan, View
@@ -50,10 +52,11 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bounds),
         "bound": bound_metrics(plan, headline(plan, tracks), headline_bound(plan, tracks, bounds)),
-        "processes": _processes(len(plan.processes)),
+        "processes": _processes(len(plan.processes), _total(ledger, "unwritten")),
         "frames": _frames(plan, ledger),
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
-        "latency_ms": _latencies(ledger.rows, tracks),
+        "channel": channel_metrics(air_of_run(ledger)),
+        "latency_ms": {**_latencies(ledger.rows, tracks), "hops": hop_latencies(plan.bases, ledger.rows)},
         "host_latency_ms": _quantiles(_merged(ledger, "latency")),
         "timing": _timing(plan, ledger),
         "energy_j": energy_metrics(ledger, batteries),
@@ -73,7 +76,7 @@ def cut_off(metrics: Metrics) -> Metrics:
     """The metrics of a record that broke off: without all that final records or the launcher tell, null and not 0."""
     known = {
         "frames": ("duplicate", "host_lost", "host_late"),
-        "processes": ("died", "stopped"),
+        "processes": ("died", "stopped", "unwritten"),
         "timing": ("inversions", "host_late", "retractions", "unsettled", "foreign_corrections"),
         "lifetime_s": ("first_death", "half_dead", "coverage_lost", "extrapolated"),
         "recorder": ("dropped",),
@@ -130,9 +133,10 @@ def _target(rows: Sequence[TrackRow], target: str) -> Metrics:
     return {"rmse": score.rmse(offsets(own)[:, :2]) if own else None, "steps": len(own)}
 
 
-def _processes(started: int) -> Metrics:
+def _processes(started: int, unwritten: int) -> Metrics:
     """Of a run in which all went well; the launcher adds the rest."""
-    return {"started": started, "ready_s": None, "died": [], "stopped": [], "pss_mb_per_node": None}
+    alone: Metrics = {"ready_s": None, "died": [], "stopped": [], "pss_mb_per_node": None}
+    return {"started": started, **alone, "unwritten": unwritten}
 
 
 def _timing(plan: Plan, ledger: Ledger) -> Metrics:

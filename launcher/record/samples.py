@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, MinLen
 from pydantic import BaseModel, ConfigDict, TypeAdapter
 
 from trackfield.drivers.engine.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.exchange.intake import read, unpacked
 from trackfield.drivers.exchange.telemetry import Telemetry
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.role import Corrected, Note, Publish, Radio, State, TrackPoint, Write, formed
+from trackfield.role import Corrected, Listen, Note, Publish, Radio, State, TrackPoint, Write, formed
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import Medium, check_id
 from trackfield.wire.registry import check_size
@@ -50,8 +50,8 @@ class Record(BaseModel):
 
     incarnation: Count
     stored: bytes
-    activity: Five
-    inherited: Five
+    activity: Annotated[dict[Medium, Five], MinLen(1)]
+    inherited: dict[Medium, Five]
     metered_ns: Ns
     sent: Count
     sent_hash: Count
@@ -96,7 +96,9 @@ def _values(kind: type) -> TypeAdapter[Any]:
     return TypeAdapter(together)
 
 
-_PLAIN: Final = {kind.__name__.lower(): kind for kind in (State, Radio, Note, Corrected, Write, Died, Charge, Queued)}
+_PLAIN: Final = {
+    kind.__name__.lower(): kind for kind in (State, Radio, Listen, Note, Corrected, Write, Died, Charge, Queued)
+}
 _FIELDS: Final = {kind: _values(kind) for kind in (*_PLAIN.values(), TrackPoint, Frame)}
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from launcher.record.figures.channel import is_fiction, lost_share
+
 _LONGER: Final = (("years", 365.25 * 86_400), ("days", 86_400), ("h", 3_600), ("min", 60))
 _JOULES: Final = (("GJ", 1e9), ("MJ", 1e6), ("kJ", 1e3), ("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9))
 
@@ -90,6 +92,13 @@ def alarms(metrics: dict[str, Any]) -> list[str]:
         found.append(
             f"timing: {timing['foreign_corrections']} frames to foreign devices were taken back or replaced "
             "(timing.foreign_corrections): what a device did in reaction to them stands"
+        )
+    if is_fiction(metrics):
+        found.append(
+            "the losses of this run are a fiction: frames do not collide in the model. About "
+            f"{metrics['channel']['spared_share']:.1%} of them would have been lost by that, or as their receiver was "
+            f"sending (channel.spared_share), the channel was in use for {metrics['channel']['use_mean']:.1%} of the "
+            f"run, and the model lost {lost_share(frames):.1%} on its links"
         )
     if frames["expected"] and not frames["delivered"]:
         lost = losses({**frames["lost"], **{key: frames[key] for key in ("host_lost", "host_late")}})

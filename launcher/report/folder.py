@@ -18,10 +18,11 @@ from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
 from launcher.plan.architectures import Built, built
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import planned_faults
+from launcher.record.figures.hops import end_to_end
 from launcher.record.journal import METRICS
 from launcher.record.reading import files as reading
 from launcher.record.reading.files import Manifest
-from launcher.records import ARRIVED, SENSES, Place, last_due
+from launcher.records import ARRIVED, SENSES, MessageRow, Place, last_due
 from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
 from trackfield.role import NS
@@ -44,11 +45,13 @@ _TEXT: Final = ("kind", "src", "dst", "outcome")
 class Frames:
     """Every frame and what became of it at each receiver; the columns of messages.parquet that a report needs.
 
-    Times in s count from the first step, at ``origin_ns``.
+    Times in s count from the first step, at ``origin_ns``. The last ``ways`` rows are no frames, but reports that went
+    over a tree, each as one from its sensor to the base.
     """
 
     table: pa.Table
     origin_ns: int
+    ways: int = 0
 
     def __len__(self) -> int:
         return int(self.table.num_rows)
@@ -56,6 +59,11 @@ class Frames:
     def where(self, column: str, *values: str) -> npt.NDArray[np.bool_]:
         """(n,) whether the column holds one of these values."""
         return np.asarray(pc.is_in(self.table[column], pa.array(values)))
+
+    @property
+    def on_air(self) -> npt.NDArray[np.bool_]:
+        """(n,) whether it is a frame."""
+        return np.arange(len(self)) < len(self) - self.ways
 
     @cached_property
     def sent_s(self) -> Array:
@@ -65,7 +73,7 @@ class Frames:
     @cached_property
     def link_s(self) -> Array:
         """(n,) how long each was under way, s; NaN where it did not arrive."""
-        arrived = self.where("outcome", *ARRIVED)
+        arrived = self.where("outcome", *ARRIVED) & self.on_air
         return np.where(arrived, self._floats("due_ns") - self._floats("sent_ns"), np.nan) / NS
 
     @cached_property
@@ -240,9 +248,11 @@ def read_run(folder: Path) -> Run:
     metrics, manifest = reading.read_figures(folder).plain(), reading.read_manifest(folder)
     points = reading.read_table(folder, TRACKS_TABLE, tracks.COLUMNS)
     frames = reading.read_table(folder, MESSAGES_TABLE, _COLUMNS, _TEXT)
+    on_air = frames.num_rows
     toml, scenario = reading.read_scenario(folder)
     site = survey(scenario)
     field = built(site)
+    frames = _with_reports_over_trees(folder, field, frames)
     course = course_of(site, metrics)
     run = Run(
         folder,
@@ -254,7 +264,7 @@ def read_run(folder: Path) -> Run:
         points,
         course,
         tracks.read(points, field.views[0], scenario.fusion.trackers, course),
-        Frames(frames, site.origin_ns),
+        Frames(frames, site.origin_ns, frames.num_rows - on_air),
     )
     jumps = (run.faults.of(place.id).jumps for place in run.places)
     reading.check_belongs(folder, run.places, site.end_ns, jumps, points, frames)
@@ -265,6 +275,17 @@ def read_run(folder: Path) -> Run:
         what = f"is {quoted(min(strange))}, which has no figures"
         reading.refuse(folder / TRACKS_TABLE, "tracker", what, f"one of {', '.join(run.trackers)}")
     return run
+
+
+def _with_reports_over_trees(folder: Path, field: Built, frames: pa.Table) -> pa.Table:
+    """The frames, followed by the reports that went over a tree to one of its bases, each as one message."""
+    bases = [process.id for process in field.processes if process.base == process.id]
+    if not bases:
+        return frames
+    hops = reading.read_table(folder, MESSAGES_TABLE).filter(pc.equal(frames["kind"].cast(pa.string()), "hop"))
+    reports = [row for row in end_to_end(bases, [MessageRow(**row) for row in hops.to_pylist()]) if row.kind in REPORTS]
+    columns = [pa.array([getattr(row, one.name) for row in reports], one.type) for one in frames.schema]
+    return pa.concat_tables([frames, pa.table(columns, frames.schema)]).unify_dictionaries()
 
 
 def course_of(site: Site, metrics: Mapping[str, Any]) -> Course:

@@ -24,6 +24,7 @@ _SECTIONS: Final = {
     "error": "Error",
     "consistency": "Consistency",
     "messages": "Messages",
+    "channel": "The channel",
     "latency": "Latency",
     "energy": "Energy",
     "faults": "Faults and failures",
@@ -66,15 +67,16 @@ def write_page(run: Run, pictures: Mapping[str, Path]) -> Path:
 
 def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
     """The values of the template: the contents of each part by its name, and the rest."""
+    shown = {
+        "consistency": "nees" in pictures,
+        "channel": run.metrics["channel"]["use_mean"] is not None,
+        "energy": bool(run.metrics["energy_j"]["total"]),
+    }
     return {
         "run": run,
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
         **{name: part.contents(run) for name, part in PARTS.items()},
-        "sections": [
-            (id, name)
-            for id, name in _SECTIONS.items()
-            if (id != "consistency" or "nees" in pictures) and (id != "energy" or run.metrics["energy_j"]["total"])
-        ],
+        "sections": [(id, name) for id, name in _SECTIONS.items() if shown.get(id, True)],
         "number": number,
         "span": span,
         "pictures": {name: inline(file.read_bytes()) for name, file in pictures.items()},

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from launcher.record.measures import MOST
+from launcher.record.figures.frames import MOST
 from launcher.record.tables import STATE
 from launcher.records import View
 from trackfield.filters import metrics as score

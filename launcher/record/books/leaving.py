@@ -8,16 +8,21 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 from trackfield.drivers.engine.frames import Frame, Identity
+from trackfield.drivers.hearers import Hearers
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.fate import Fate, Link
 
 
 class Way(NamedTuple):
-    """What the link makes of a frame on its way to one of its hearers; ``due_ns`` is None if it does not arrive."""
+    """What the link makes of a frame on its way to one of its hearers; ``due_ns`` is None if it does not arrive.
+
+    What its hearer must hear of it began ``span_ns`` before.
+    """
 
     hearer: str
     outcome: str
     due_ns: int | None
+    span_ns: int = 0
 
 
 class Entry(NamedTuple):
@@ -41,17 +46,13 @@ class Leaving:
     def __init__(self, processes: Mapping[str, ProcessSpec], link: Link, end_ns: int) -> None:
         self.end_ns, self.settled_ns, self.left = end_ns, -1, 0
         self.ways: Counter[str] = Counter()
-        self._link, self._processes = link, processes
-        self._listeners = [p for p in processes.values() if p.cells]
+        self._link, self._hearers = link, Hearers(processes)
         self._entries: dict[Identity, Entry] = {}
         self._order: list[tuple[int, Identity]] = []
 
     def hearers(self, frame: Frame) -> Iterator[str]:
         """The ids of those for which a frame is."""
-        src = self._processes.get(frame.src)
-        cell = src.cell if src else ""
-        asked = self._listeners if frame.broadcast else filter(None, [self._processes.get(frame.to)])
-        return (p.id for p in asked if p.hears(frame.medium, frame.to, frame.src, cell))
+        return (process.id for process in self._hearers.of(frame))
 
     def too_late(self, frame: Frame, version: int | None) -> bool:
         """Whether this corrects a frame that is settled; a frame that only comes late is still entered."""
@@ -97,4 +98,6 @@ class Leaving:
         if frame.sent_ns >= self.end_ns:
             return Way(hearer, "in_flight", None)
         fate = cost if hearer == frame.to else frame.fate(self._link, hearer)
-        return Way(hearer, fate.cause or "delivered", None if fate.cause else frame.sent_ns + fate.delay_ns)
+        if fate.cause is not None:
+            return Way(hearer, fate.cause, None)
+        return Way(hearer, "delivered", frame.sent_ns + fate.delay_ns, fate.span_ns)

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from launcher.records import MessageRow
 from trackfield.drivers.engine.frames import Frame
+from trackfield.protocols.collection.links import text_of
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import SENSORS, known_kind
-from trackfield.wire.codec import WireError, decode
-from trackfield.wire.messages import Measurement, SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.codec import WireError, decode, kind_name
+from trackfield.wire.messages import (
+    NOWHERE,
+    Hop,
+    HopAck,
+    Measurement,
+    Route,
+    SyncReply,
+    SyncRequest,
+    Threshold,
+    Track,
+)
 
 
 class Said(NamedTuple):
@@ -34,6 +45,16 @@ def describe(payload: bytes, kind: Kind | None = None) -> Said:
         message = decode(payload)
     except WireError as error:
         return Said(f"malformed ({error.reason})")
+    match message:
+        case Route() | HopAck():
+            return Said(_about_tree(message))
+        case Hop():
+            return _on_its_way(message, kind)
+    return _told(message, kind)
+
+
+def _told(message: Any, kind: Kind | None) -> Said:
+    """The content of a message that no tree is about."""
     kind = next((one for one in (kind, *_own_kinds()) if one is not None and one.takes(message)), None)
     if kind is not None:
         try:
@@ -53,6 +74,33 @@ def describe(payload: bytes, kind: Kind | None = None) -> Said:
         case _:
             return Said(repr(message), step=getattr(message, "step", None))
     return Said(text)
+
+
+def _about_tree(message: Route | HopAck) -> str:
+    """What a process says of a tree."""
+    if isinstance(message, HopAck):
+        return f"message {message.number} of {text_of(message.origin)} is here"
+    if message.cost == NOWHERE:
+        way = "no way to the base is known"
+    else:
+        over = f" over {text_of(message.parent)}" if message.parent else ""
+        way = f"{message.cost:.2f} transmissions to the base{over}"
+    return f"{way}{', who knows one?' if message.pull else ''} (beacon {message.number})"
+
+
+def _on_its_way(hop: Hop, kind: Kind | None) -> Said:
+    """What a message of a tree carries; a report counts as one on its first hop, when it leaves its sensor."""
+    to = f" to {text_of(hop.to)}" if hop.to else ""
+    what = f"message {hop.number} of {text_of(hop.origin)}{to}, hop {hop.hops + 1}"
+    if not hop.message:
+        return Said(f"here I am ({what})")
+    try:
+        inner = decode(hop.message)
+    except WireError as error:
+        return Said(f"malformed: {error.reason} ({what})")
+    said = Said("a message of a tree") if isinstance(inner, Route | Hop | HopAck) else _told(inner, kind)
+    values, step = (said.values, said.step) if hop.hops == 0 and not to else ((), None)
+    return Said(f"{kind_name(inner)}: {said.text} ({what})", values, step)
 
 
 def row_of(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:

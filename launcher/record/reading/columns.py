@@ -9,7 +9,7 @@ from typing import Final, get_args, get_type_hints
 import pyarrow as pa
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
-from launcher.record.measures import MOST
+from launcher.record.figures.frames import MOST
 from launcher.record.tables import STATE
 from launcher.records import ARRIVED
 from trackfield.role import TrackPoint

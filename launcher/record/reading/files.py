@@ -19,8 +19,9 @@ import pyarrow.parquet as pq
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from launcher.files import MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE, recovering
+from launcher.record.figures.frames import Count, Number
+from launcher.record.figures.measures import RunFigures, first_problem
 from launcher.record.journal import METRICS
-from launcher.record.measures import Count, Number, RunFigures, first_problem
 from launcher.record.reading.columns import COLUMNS, Column
 from launcher.records import ARRIVED, SENSES, Place
 from trackfield.errors import ScenarioError
@@ -48,7 +49,8 @@ class Machine(BaseModel):
 class Manifest(BaseModel):
     """What manifest.json says of a run: its command, when it ``started``, versions, machine.
 
-    To make its tables again: the ``run``, its ``speed`` and the digest of its ``scenario``; empty if it does not say.
+    To make its tables again: the ``run``, its ``speed``, the digest of its ``scenario``, and its ``bridges``: real
+    devices by the processes in whose place they were; empty if it does not say.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -60,6 +62,7 @@ class Manifest(BaseModel):
     run: str = ""
     speed: Number | None = None
     scenario: str = ""
+    bridges: Mapping[str, str] = {}
 
     @field_validator("started")
     @classmethod

@@ -7,6 +7,7 @@ from typing import Any, Final, Protocol
 
 from launcher.report.folder import Run
 from launcher.report.parts import (
+    channel,
     consistency,
     energy,
     errors,
@@ -39,6 +40,7 @@ PARTS: Final[Mapping[str, Part]] = {
     "errors": errors,
     "consistency": consistency,
     "messages": messages,
+    "channel": channel,
     "latency": latency,
     "energy": energy,
     "troubles": troubles,

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from launcher.record.verdict import told
+from launcher.record.figures.verdict import told
 from launcher.report import style
 from launcher.report.cells import Table, number
 from launcher.report.folder import Run

@@ -61,6 +61,8 @@ def _processes(m: Mapping[str, Any]) -> list[Line]:
         ),
         ("processes not settled at the end", number(unsettled), bool(unsettled)),
     ]
+    if missed := m["processes"]["unwritten"]:
+        lines.append(("writes that a real device at a port missed", number(missed), True))
     if foreign:
         lines.append(("frames to foreign devices taken back or replaced", number(foreign), True))
     return lines

@@ -81,7 +81,7 @@ def losses(run: Run) -> Figure | None:
     edges = np.arange(-np.ceil(early_s / each) * each, run.end_s + each, each)
     bottom = np.zeros(len(edges) - 1)
     for outcome, colour in style.OUTCOMES.items():
-        counts, _ = np.histogram(run.frames.sent_s[run.frames.where("outcome", outcome)], edges)
+        counts, _ = np.histogram(run.frames.sent_s[run.frames.where("outcome", outcome) & run.frames.on_air], edges)
         if counts.any():
             label = outcome if outcome in ("delivered", "late", "ignored") else f"lost: {outcome.replace('_', ' ')}"
             axes.bar(edges[:-1], counts, each * 0.92, bottom, align="edge", color=colour, label=label, lw=0)

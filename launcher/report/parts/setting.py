@@ -101,6 +101,7 @@ def facts(run: Run) -> list[tuple[str, str]]:
         ("deadline", f"{span(fusion.deadline_s)} after each step"),
         ("track starts", "around the true state (prior)" if fusion.prior == "paper" else "from the first reports"),
         ("driver", _driver(run)),
+        *((f"in the place of {id}", f"a real device, {device}") for id, device in run.manifest.bridges.items()),
         ("seed", str(metrics["seed"])),
         ("started", run.manifest.when),
     ]

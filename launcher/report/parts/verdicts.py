@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
+from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS, told
 from launcher.report import outages, style
 from launcher.report.cells import number, percent
 from launcher.report.folder import Run

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError
+from pydantic import StrictBool, ValidationError
 
 from launcher.nested import flat
-from launcher.record.verdict import Verdict
+from launcher.record.figures.frames import (
+    Bytes,
+    ChannelFigures,
+    Count,
+    Figures,
+    Frames,
+    Latencies,
+    Lost,
+    Number,
+    Seed,
+    Signed,
+)
+from launcher.record.figures.verdict import Verdict
 from trackfield.errors import ScenarioError
 from trackfield.words import quoted
 
-MOST: Final = 1e100
-"""The largest number that a figure can have; sums and squares of such numbers are still numbers."""
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MOST, le=MOST)]
-Count = Annotated[int, Field(strict=True, ge=0, lt=1 << 63)]
-Signed = Annotated[int, Field(strict=True, ge=-(1 << 63), lt=1 << 63)]
-Seed = Annotated[int, Field(strict=True, ge=0, lt=1 << 64)]
 
-
-class _Figures(BaseModel):
-    """Figures that belong together; keys that a later version adds are ignored."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class Rmse(_Figures):
+class Rmse(Figures):
     """Root mean square errors in m (velocity: m/s)."""
 
     x: Number | None
@@ -35,14 +34,14 @@ class Rmse(_Figures):
     velocity: Number | None
 
 
-class Gap(_Figures):
+class Gap(Figures):
     """RMSE of the position (m) over the ``steps`` with a track inside gaps of the recorded truth."""
 
     rmse: Number | None
     steps: Count
 
 
-class ScoreFigures(_Figures):
+class ScoreFigures(Figures):
     """How well a tracker did in a view."""
 
     rmse: Rmse
@@ -61,7 +60,7 @@ class ScoreFigures(_Figures):
     gap: Gap
 
 
-class TargetFigures(_Figures):
+class TargetFigures(Figures):
     """RMSE of the position (m) over the ``steps`` in which this target was the nearest to the track."""
 
     rmse: Number | None
@@ -77,14 +76,14 @@ class TrackerFigures(ScoreFigures):
     views: Mapping[str, ScoreFigures]
 
 
-class Bound(_Figures):
+class Bound(Figures):
     """The least error (m) of any tracker: with every report in reach, and with those that came."""
 
     position: Number | None
     trajectory: Number | None
 
 
-class Death(_Figures):
+class Death(Figures):
     """A process that died unplanned; ``t`` in emulated s, None before the start."""
 
     id: str
@@ -93,7 +92,7 @@ class Death(_Figures):
     t: Number | None
 
 
-class Stop(_Figures):
+class Stop(Figures):
     """A process that was stopped from outside at ``t``, for ``s`` (emulated s; None: it never resumed)."""
 
     id: str
@@ -102,7 +101,7 @@ class Stop(_Figures):
     s: Number | None
 
 
-class Processes(_Figures):
+class Processes(Figures):
     """The processes of the run."""
 
     started: Count
@@ -110,78 +109,10 @@ class Processes(_Figures):
     died: tuple[Death, ...] | None
     stopped: tuple[Stop, ...] | None
     pss_mb_per_node: Number | None
+    unwritten: Count | None
 
 
-class Lost(_Figures):
-    """Frames that did not reach their receiver, by cause."""
-
-    radio: Count
-    partition: Count
-    in_flight: Count
-    asleep: Count
-    frozen: Count
-    dead: Count
-    overflow: Count
-
-
-class Kind(_Figures):
-    """The frames of one kind of message."""
-
-    sent: Count
-    payload_bytes_max: Count
-
-
-class RoleFrames(_Figures):
-    """The frames of one role, of processes that have several."""
-
-    delivered: Count | None
-    ignored: Count | None
-
-
-class Frames(_Figures):
-    """What became of the frames; ``by_kind`` by the name of the message, ``refused`` by the reason, ``by_role`` by the
-    name of the role in processes that have several.
-    """
-
-    sent: Count
-    expected: Count
-    delivered: Count
-    late: Count
-    duplicate: Count | None
-    ignored: Count
-    lost: Lost
-    host_lost: Signed | None
-    host_late: Signed | None
-    refused: Mapping[str, Count]
-    by_kind: Mapping[str, Kind]
-    by_role: Mapping[str, RoleFrames]
-
-
-class Bytes(_Figures):
-    """Payloads, and what senders put on the air."""
-
-    payload: Count
-    on_air: Count | None
-
-
-class Quantiles(_Figures):
-    """Of a time in ms, emulated."""
-
-    p50: Number | None
-    p95: Number | None
-    p99: Number | None
-    max: Number | None
-
-
-class Latencies(_Figures):
-    """Emulated times in ms: on the link, from sending to fusion, from an instant to the track of it."""
-
-    link: Quantiles
-    to_filter: Quantiles
-    to_track: Quantiles
-
-
-class HostQuantiles(_Figures):
+class HostQuantiles(Figures):
     """Of a time in ms, on this machine."""
 
     p50: Number | None
@@ -194,7 +125,7 @@ class Lag(HostQuantiles):
     max: Number | None
 
 
-class Timing(_Figures):
+class Timing(Figures):
     """How well this machine kept up."""
 
     speed: Number | None
@@ -207,7 +138,7 @@ class Timing(_Figures):
     foreign_corrections: Count | None
 
 
-class EnergyByCause(_Figures):
+class EnergyByCause(Figures):
     """Energy in J."""
 
     send: Number | None
@@ -217,7 +148,7 @@ class EnergyByCause(_Figures):
     sense: Number | None
 
 
-class Energy(_Figures):
+class Energy(Figures):
     """Energy of the sensor nodes in J; ``by_accounting`` by the name of the accounting."""
 
     total: Number | None
@@ -226,14 +157,14 @@ class Energy(_Figures):
     by_accounting: Mapping[str, Number | None]
 
 
-class Empty(_Figures):
+class Empty(Figures):
     """A battery that was empty at ``t``, emulated s."""
 
     id: str
     t: Number
 
 
-class Lifetime(_Figures):
+class Lifetime(Figures):
     """Until when batteries last, emulated s; ``empty`` within the run, None on mains."""
 
     first_death: Number | None
@@ -243,14 +174,14 @@ class Lifetime(_Figures):
     empty: tuple[Empty, ...] | None
 
 
-class ClockError(_Figures):
+class ClockError(Figures):
     """The clock error of senders, ms."""
 
     rms: Number | None
     max: Number | None
 
 
-class Interference(_Figures):
+class Interference(Figures):
     """What others than the processes of the run did in it."""
 
     frames: Count
@@ -261,7 +192,7 @@ class Interference(_Figures):
     questions: Count
 
 
-class Recorder(_Figures):
+class Recorder(Figures):
     """What the recorder received, what never reached it, and what went wrong with the record."""
 
     messages: Count
@@ -277,7 +208,7 @@ def first_problem(error: ValidationError) -> tuple[str, str]:
     return (key if key.isprintable() and len(key) <= 80 else quoted(key)), what
 
 
-class RunFigures(_Figures):
+class RunFigures(Figures):
     """All of metrics.json; ``trackers`` by their names."""
 
     scenario: str
@@ -293,6 +224,7 @@ class RunFigures(_Figures):
     processes: Processes
     frames: Frames
     bytes: Bytes
+    channel: ChannelFigures
     latency_ms: Latencies
     host_latency_ms: HostQuantiles
     timing: Timing

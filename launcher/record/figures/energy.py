@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, dist, inf
 from typing import Any, Final
 
+from launcher.record.figures.overhearing import overheard_fj
 from launcher.record.ledger import Ledger
-from launcher.records import BATTERY, SENSES, MessageRow, Plan
-from trackfield.drivers.engine.meter import Activity
-from trackfield.drivers.engine.radio import RADIO
+from launcher.records import BATTERY, SENSES, Plan
+from trackfield.drivers.engine.meter import Activity, done
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.link import first_order
 from trackfield.link.energy import CAUSES, DEVICES, Power
+from trackfield.link.fate import FIELD
 from trackfield.role import NS
 
-HEARD: Final = 0.01
-"""A node overhears a sender if at least this share of its frames would arrive at the node."""
 ACCOUNTINGS: Final = ("metered", "without_listening", "with_overhearing", "first_order")
 """Ways to count that do not change the device (docs/metrics.md); those that do are called by its name."""
 _FJ: Final = 1e-15
@@ -26,22 +25,39 @@ _FJ: Final = 1e-15
 
 @dataclass(frozen=True)
 class Battery:
-    """A battery over all lives of its process: ``power`` its device, ``died_ns`` when it was empty.
+    """A battery over all lives of its process, with the ``powers`` and ``activities`` of its devices by medium.
 
-    ``killed`` says that a planned fault killed the process for good: it draws no more.
+    ``died_ns`` is when it was empty. ``killed`` says that a planned fault killed the process for good: it draws no
+    more.
     """
 
     spec: ProcessSpec
-    power: Power
-    activity: Activity
+    powers: Mapping[str, Power]
+    activities: Mapping[str, Activity]
     metered_ns: int
     died_ns: int | None
     killed: bool = False
 
     @property
+    def power(self) -> Power:
+        """That of the field's radio, with the battery and the sensor."""
+        return self.powers[FIELD]
+
+    @property
+    def activity(self) -> Activity:
+        """That of the field's radio, and of the sensor."""
+        return self.activities[FIELD]
+
+    @property
     def spent_j(self) -> dict[str, float]:
-        """By cause."""
-        return {cause: fj * _FJ for cause, fj in self.activity.energy_fj(self.power).items()}
+        """By cause, of all devices."""
+        each = [activity.energy_fj(self.powers[medium]) for medium, activity in self.activities.items()]
+        return {cause: sum(one[cause] for one in each) * _FJ for cause in CAUSES}
+
+    @property
+    def besides_j(self) -> float:
+        """What its devices for other media than the field spent."""
+        return sum(self.spent_j.values()) - sum(self.activity.energy_fj(self.power).values()) * _FJ
 
     @property
     def lifetime_s(self) -> float | None:
@@ -68,14 +84,19 @@ def batteries_of(plan: Plan, ledger: Ledger) -> list[Battery]:
         found.append(
             Battery(
                 specs[0],
-                Power(**specs[0].power),
-                Activity.total(Activity(*r["activity"]) for r in records if "activity" in r),
+                specs[0].powers,
+                _activities(specs[0], [done(r) for r in records if "activity" in r]),
                 sum(r.get("metered_ns", 0) for r in records),
                 min(died, default=None),
                 specs[-1].kill_ns is not None,
             )
         )
     return found
+
+
+def _activities(spec: ProcessSpec, lives: Sequence[Mapping[str, Activity]]) -> dict[str, Activity]:
+    """What its devices did in all lives, by medium."""
+    return {medium: Activity.total(life[medium] for life in lives if medium in life) for medium in spec.powers}
 
 
 def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, Any]:
@@ -86,8 +107,9 @@ def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, An
     spent = [one.spent_j for one in batteries]
     by = {cause: sum(one[cause] for one in spent) for cause in CAUSES}
     total = sum(by.values())
-    silent = total - by["listen"] + sum(n.activity.listen_ns * n.power.sleep_uw for n in batteries) * _FJ
-    figures = total, silent, silent + _overheard_j(ledger, batteries), _first_order_j(ledger, batteries)
+    asleep = sum(a.listen_ns * n.powers[medium].sleep_uw for n in batteries for medium, a in n.activities.items())
+    silent = total - by["listen"] + asleep * _FJ
+    figures = total, silent, silent + overheard_fj(ledger, _devices(batteries)) * _FJ, _first_order_j(ledger, batteries)
     return {
         "total": total,
         "max_node": max(sum(one.values()) for one in spent),
@@ -137,12 +159,17 @@ def _coverage_lost(plan: Plan, ends: Mapping[str, float], killed: Collection[str
 # --- other accountings ------------------------------------------------------------------------------------------------
 
 
+def _devices(batteries: Iterable[Battery]) -> dict[str, Mapping[str, Power]]:
+    """What each place on a battery has for each medium."""
+    return {one.spec.id: one.powers for one in batteries}
+
+
 def _by_device_j(ledger: Ledger, batteries: Iterable[Battery]) -> dict[str, float]:
     """What each device would have drawn for the same frames, listening and sleeping."""
     received: Counter[str] = Counter()
     heard: Counter[str] = Counter()
     for row in ledger.rows:
-        if row.delivered and row.medium == RADIO:
+        if row.delivered and row.medium == FIELD:
             received[row.dst] += row.bytes
             heard[row.dst] += 1
     totals: dict[str, float] = dict.fromkeys(DEVICES, 0.0)
@@ -153,7 +180,7 @@ def _by_device_j(ledger: Ledger, batteries: Iterable[Battery]) -> dict[str, floa
                 send_ns=(sent + frames * device.overhead_bytes) * device.byte_ns,
                 receive_ns=(received[one.spec.id] + heard[one.spec.id] * device.overhead_bytes) * device.byte_ns,
             )
-            totals[name] += sum(activity.energy_fj(device).values()) * _FJ
+            totals[name] += sum(activity.energy_fj(device).values()) * _FJ + one.besides_j
     return totals
 
 
@@ -164,7 +191,7 @@ def _first_order_j(ledger: Ledger, batteries: Iterable[Battery]) -> float:
     furthest: dict[tuple[Any, ...], tuple[float, int]] = {}
     total = 0
     for row in ledger.rows:
-        if row.medium != RADIO or row.outcome == "overflow":
+        if row.medium != FIELD or row.outcome == "overflow":
             continue
         if row.delivered and row.dst in counted:
             total += first_order.receive_fj(8 * row.bytes)
@@ -173,45 +200,3 @@ def _first_order_j(ledger: Ledger, batteries: Iterable[Battery]) -> float:
             away = dist(places[row.src], places[row.dst])
             furthest[frame] = max(furthest.get(frame, (0.0, 0)), (away, row.bytes))
     return (total + sum(first_order.send_fj(8 * size, away) for away, size in furthest.values())) * _FJ
-
-
-def _overheard_j(ledger: Ledger, batteries: Sequence[Battery]) -> float:
-    """What overhearing costs above sleeping: frames for others, and lost ones, in reach of a radio that is on.
-
-    A radio that listens draws as much as one that receives, or nearly: this is a part of ``listen``, not beside it.
-    """
-    known = {one.spec.id: one for one in batteries}
-    total = 0
-    for row, meant, awake in _awake(ledger, known):
-        for id in awake - meant - {row.src}:
-            if ledger.link.reception(row.src, id, row.bytes, at_ns=row.sent_ns) >= HEARD:
-                power = known[id].power
-                total += (row.bytes + power.overhead_bytes) * power.byte_ns * (power.receive_uw - power.sleep_uw)
-    return total * _FJ
-
-
-def _awake(ledger: Ledger, known: Collection[str]) -> Iterator[tuple[MessageRow, set[str], set[str]]]:
-    """Each transmission, the intended receivers that got it, and the nodes whose radio was on when it was sent."""
-    sent: dict[tuple[Any, ...], tuple[MessageRow, set[str]]] = {}
-    for row in ledger.rows:
-        if row.medium == RADIO and row.outcome != "overflow":
-            _, meant = sent.setdefault((row.sent_ns, row.src, row.incarnation, row.kind, row.copy), (row, set()))
-            if row.delivered:
-                meant.add(row.dst)
-    changes = sorted(
-        (t, diary.spec.id, on)
-        for diary in ledger.diaries.values()
-        if diary.spec.id in known
-        for t, on in diary.awake(RADIO)
-    )
-    awake: set[str] = set()
-    position = 0
-    for _, (row, meant) in sorted(sent.items(), key=lambda item: item[0]):
-        latest: dict[str, bool] = {}
-        while position < len(changes) and changes[position][0] < row.sent_ns:
-            _, id, on = changes[position]
-            latest[id] = on
-            position += 1
-        if latest:  # a new set: one that once held the whole field would stay as large, and as slow to look through
-            awake = awake.difference(latest) | {id for id, on in latest.items() if on}
-        yield row, meant, awake

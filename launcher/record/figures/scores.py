@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.record.figures.verdict import verdict
 from launcher.record.tables import Bounds, TrackRow, bound_of
-from launcher.record.verdict import verdict
 from launcher.records import Plan, last_due
 from trackfield.filters import metrics as score
 from trackfield.filters.types import Array

@@ -1,0 +1,1 @@
+"""The figures of a run: errors, bounds, energy, the channel, hops; and their types."""
