@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 import pyarrow as pa
 
 from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
+from launcher.plan.bridges import OPTION, bridged, in_folder, looked_for, parse
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
 from launcher.processes.limits import check_machine
+from launcher.record.figures.measures import RunFigures
 from launcher.record.folder import keep, prepare_folder
 from launcher.record.latest import run_folder
-from launcher.record.measures import RunFigures
 from launcher.record.reading.files import check_run, read_figures, read_table
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
@@ -30,6 +31,7 @@ from trackfield.errors import RunFailed, ScenarioError
 from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.nearest import suggestion
+from trackfield.words import quoted
 
 if TYPE_CHECKING:
     from launcher.study.pictures.look import Picture
@@ -131,12 +133,14 @@ def run(
     seed: int | None = None,
     driver: Driver = "virtual",
     speed: float | None = None,
+    bridge: Mapping[str, str] | None = None,
     out: Folder = "runs/",
 ) -> Result:
     """Run a scenario and leave a run folder: ``out``, or, if that ends with a slash, one of its own name below it.
 
     ``scenario`` may be the name of a packaged one or a TOML file. ``seed`` decides every random draw (None: the
-    scenario's own); ``speed`` is emulated seconds per second of a run over processes (None: 1). Needs no
+    scenario's own); ``speed`` is emulated seconds per second of a run over processes (None: 1). ``bridge`` has real
+    devices, or ``"pty"``, by the ids of processes with a serial line, in whose place they are in such a run. Needs no
     ``if __name__ == "__main__"`` and works in notebooks and threads. Raises
     ``ScenarioError`` for bad input and ``RunFailed`` if the run failed or a process died unplanned; then there is a
     folder all the same. Ctrl-C ends the run early, leaves a complete folder, and is raised afterwards.
@@ -149,8 +153,9 @@ def run(
         raise ScenarioError(what, key="speed", expected='driver="processes" with it')
     speed = 1.0 if speed is None else speed
     with _arguments():
+        devices = _devices(bridge or {}, driver, speed)
         chosen = checked(_scenario(scenario), seed)
-        plan = warned(planned(chosen, speed))
+        plan = looked_for(bridged(warned(planned(chosen, speed)), devices))
         if driver == "processes":
             check_importable(plan)
             check_machine(plan, router=True, external=False)
@@ -158,9 +163,10 @@ def run(
         folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)
     again = ["trackfield", "run", str(folder / SCENARIO)]
+    again += [part for id, device in devices.items() for part in (OPTION, f"{id}={device}")]
     if driver == "virtual":
         return _finished(run_virtual(plan, folder, [*again, "--virtual"]))
-    return _finished(run_processes(plan, folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
+    return _finished(run_processes(in_folder(plan, folder), folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
 
 
 def study(
@@ -218,6 +224,18 @@ def compare(runs: Iterable[Result | Folder]) -> Comparison:
         raise ScenarioError(f"{len(found)} given", key="runs", expected="two runs or more")
     read_runs([one.path for one in found], "runs")
     return Comparison(found)
+
+
+def _devices(bridge: Mapping[str, str], driver: Driver, speed: float) -> dict[str, str]:
+    """The devices of a run. Raises ``ScenarioError`` if it can have none."""
+    if not (isinstance(bridge, Mapping) and all(isinstance(text, str) for pair in bridge.items() for text in pair)):
+        raise ScenarioError(
+            f"is {quoted(bridge)}", key=OPTION, expected='a dict of devices by ids, like {"base": "/dev/ttyUSB0"}'
+        )
+    if bridge and (driver == "virtual" or speed != 1):
+        what, expected = "a device goes by the wall clock", 'driver="processes" with it, and no other speed than 1'
+        raise ScenarioError(what, key=OPTION, expected=expected)
+    return parse([f"{id}={device}" for id, device in bridge.items()])
 
 
 def _finished(outcome: Outcome) -> Result:

@@ -17,15 +17,18 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
+from launcher.plan.bridges import NEW, link_of
 from launcher.plan.forecast.foresight import Foresight
 from launcher.plan.forecast.reception import Shares
 from launcher.plan.forecast.warnings import summary
 from launcher.plan.prepare import remarks
-from launcher.record.verdict import LOST, TRACKED, WITH_GAPS, told
+from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS, told
 from launcher.record.words import alarms, joules, span
 from launcher.records import ARRIVED, SENSES, Plan
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from launcher.run import Observer, Outcome  # loads Rerun
 
 PLAIN_EVERY_S: Final = 10.0
@@ -167,6 +170,12 @@ def announce(plan: Plan) -> None:
     )
     for remark in remarks(plan):
         note(remark)
+
+
+def devices(plan: Plan, folder: Path) -> None:
+    """Say where the real devices of a run are."""
+    for id, device in plan.bridges.items():
+        tell(f"in the place of {id}: {link_of(folder, id) if device == NEW else device}")
 
 
 def warn(warnings: Iterable[str]) -> None:

@@ -20,9 +20,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from launcher.plan.prepare import load, planned
+from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
-from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
 from tests.simulated import simulated
 from trackfield.role import Corrected
 from trackfield.tracking.threshold import position_sd

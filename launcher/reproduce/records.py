@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from launcher.files import whole_file
 from launcher.plan.prepare import planned
-from launcher.record.bounds import headline_bound, run_bounds
+from launcher.record.figures.bounds import headline_bound, run_bounds
 from launcher.record.metrics import run_metrics
 from launcher.record.virtually import simulate
 from launcher.reproduce.case import Case

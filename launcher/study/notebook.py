@@ -6,8 +6,8 @@ import os
 from html import escape
 from pathlib import Path
 
-from launcher.record.measures import RunFigures, TrackerFigures
-from launcher.record.verdict import told
+from launcher.record.figures.measures import RunFigures, TrackerFigures
+from launcher.record.figures.verdict import told
 from launcher.report.cells import NOTHING, number
 from launcher.report.page import PAGE
 

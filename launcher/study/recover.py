@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from launcher.files import LOG, MANIFEST, SCENARIO, lock, locked, reason
+from launcher.plan.bridges import bridged
 from launcher.plan.prepare import check_speed, load, planned
 from launcher.record.folder import check_scenario
 from launcher.record.journal import METRICS
@@ -67,7 +68,7 @@ def _planned(run: Path) -> Plan:
     if not name or speed is None:
         raise ScenarioError("has no run and speed", file=str(run / MANIFEST), expected="the manifest of a run")
     check_speed(speed)
-    plan = planned(load(str(run / SCENARIO)), speed)
+    plan = bridged(planned(load(str(run / SCENARIO)), speed), manifest.bridges)
     return replace(plan, run=replace(plan.run, run=name), info=replace(plan.info, run=name))
 
 

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.plan.prepare import load, planned
+from launcher.record.figures.hops import end_to_end
 from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
@@ -27,6 +28,7 @@ from launcher.record.reading.files import (
     check_belongs,
     check_run,
     read_figures,
+    read_manifest,
     read_table,
     refuse,
 )
@@ -69,14 +71,16 @@ def replay(
     jumps = (p.jumps for p in plan.processes)
     check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
+    reports = [*(row for row in rows if row.kind != "hop"), *end_to_end(plan.bases, rows)]
     _check_repeatable(run, plan)
     fusions, handed = read_points(run)
-    _check_usable(run, plan, fusions, rows)
+    _check_usable(run, plan, fusions, reports)
     folder = prepare_folder(out, scenario.name, scenario.seed)
     with whole_or_none(folder):
         keep(scenario, folder)
-        write_manifest(folder, plan, command, None)
-        anew = _fuse(plan, (fusions, handed), rows, metrics, folder, drop_late=drop_late)
+        write_manifest(folder, replace(plan, bridges=read_manifest(run).bridges), command, None)
+        used = [row for row in reports if not (drop_late and row.outcome == LATE)]
+        anew = _fuse(plan, (fusions, handed), rows, used, metrics, folder)
         shutil.copyfile(run / MESSAGES_TABLE, folder / MESSAGES_TABLE)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
@@ -320,16 +324,17 @@ def _fuse(
     plan: Plan,
     points: tuple[Sequence[Fusion], Sequence[Handed]],
     rows: Sequence[MessageRow],
+    used: Sequence[MessageRow],
     before: Metrics,
     folder: Path,
-    *,
-    drop_late: bool,
 ) -> Metrics:
-    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published."""
+    """Write the tracks and the timeline; returns the metrics of a run in which only trackers published.
+
+    ``used`` are the reports that they use, out of all ``rows``.
+    """
     ledger = Ledger(plan.run, plan.processes)
     ledger.end(plan.origin_ns + round(before["ended_s"] * NS))
     first = {life.id: life for life in plan.processes if not life.incarnation}
-    used = [row for row in rows if not (drop_late and row.outcome == LATE)]
     told = repeated(plan, points, used, list(before["trackers"]))
     for number, (one, t_ns, effect) in enumerate(told):
         if one.life not in ledger.diaries:  # an unplanned life

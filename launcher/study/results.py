@@ -16,8 +16,8 @@ import pyarrow.parquet as pq
 
 from launcher.files import TRACKS_TABLE, whole_file
 from launcher.plan.plan import make_plan
-from launcher.record.bounds import run_bounds
-from launcher.record.measures import RunFigures
+from launcher.record.figures.bounds import run_bounds
+from launcher.record.figures.measures import RunFigures
 from launcher.record.metrics import run_metrics
 from launcher.record.reading.columns import COLUMNS
 from launcher.record.reading.files import checked_table

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
-from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
+from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS
 from launcher.study.axes import Axis, Design
 from launcher.study.figures import FIGURES
 from launcher.study.intervals import FEWEST, Estimate, mean_of, share_of

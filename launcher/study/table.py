@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.measure import Measurement
 from rich.table import Table
 
-from launcher.record.verdict import LOST, TRACKED, WITH_GAPS
+from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS
 from launcher.report.cells import NOTHING
 from launcher.study.axes import label
 from launcher.study.figures import FIGURES, scale_of

@@ -11,8 +11,8 @@ from statistics import median
 from typing import Final, NamedTuple
 
 from launcher.records import Flow, Plan
-from trackfield.drivers.spec import places_of
-from trackfield.link.models import make_link
+from trackfield.drivers.spec import link_of
+from trackfield.link.fate import Transmission
 from trackfield.role import NS
 from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of
@@ -56,11 +56,11 @@ def _circles(pairs: Pairs) -> Pairs:
 
 def _delays(plan: Plan, flow: Flow, circles: Pairs) -> Iterator[int]:
     """How long (ns) some of these messages take."""
-    link = make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
+    link = link_of(plan.run, plan.processes, cut=False)
     kind, size = kind_of(flow.message).name, len(encode(flow.message))
     pairs = [pair for pair in flow.pairs if pair in circles]
     for n in range(TRIALS):
         src, dst = pairs[n % len(pairs)]
-        fate = link.fate(src, dst, kind, plan.run.end_ns * n // TRIALS, 0, size)
+        fate = link.fate(Transmission(src, dst, kind, plan.run.end_ns * n // TRIALS, 0, size, medium=flow.medium))
         if fate.cause is None:
             yield fate.delay_ns

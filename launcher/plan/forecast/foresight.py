@@ -7,21 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import dist
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from launcher.plan.forecast.crowd import Crowd, crowd
+from launcher.plan.forecast.duty import Duty, duties_of
 from launcher.plan.forecast.heard import Array, Heard, Indices
 from launcher.plan.forecast.reception import Shares, hops, receptions, varies
+from launcher.plan.forecast.trial import Trial, Way, sent_on_trial, ways_of
 from launcher.records import SENSES, Plan
-from trackfield.drivers.spec import places_of
-from trackfield.link.models import Link, make_link
-from trackfield.link.radios import RADIOS
+from trackfield.drivers.spec import link_of
 from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
-from trackfield.wire.codec import encode
 from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
 from trackfield.world.path import Path
@@ -48,34 +47,6 @@ class Coverage:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """Frames sent on trial, one a row: ``delay_s`` (n,) until they arrive, NaN for those that are lost.
-
-    ``air_s`` (n,) is how long they are on air with repeats, ``ack_s`` (n,) their acknowledgements, ``busy_s`` (n,) how
-    long the sender's radio is taken; all of them are 0 for a link without a radio.
-    """
-
-    delay_s: Array
-    air_s: Array
-    ack_s: Array
-    busy_s: Array
-
-    def in_time(self, left_s: Array) -> Array:
-        """(n,) the shares of the frames that arrive that take no longer than ``left_s`` (n,); 1 if none arrives."""
-        arrived = np.sort(self.delay_s[np.isfinite(self.delay_s)])
-        return np.searchsorted(arrived, left_s, side="right") / len(arrived) if len(arrived) else np.ones(len(left_s))
-
-
-@dataclass(frozen=True)
-class Duty:
-    """The node ``id`` sends ``what`` for so many ``seconds`` in its busiest hour."""
-
-    id: str
-    what: str
-    seconds: float
-
-
-@dataclass(frozen=True)
 class Foresight:
     """See the module. Of the run's ``steps``, one in ``every`` was looked at.
 
@@ -87,7 +58,8 @@ class Foresight:
     share of all reports that may be expected to arrive, ``of_use`` the share of those that are not too late,
     ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes for the radio.
     ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has
-    any. ``duty`` is who sends longest in any hour; None where no rule limits that.
+    any. ``crowd`` is what they are to each other on the channel; None without a radio. ``duties`` are who sends longest
+    in any hour, of each role and of each kind of frame; none where no rule limits that.
     """
 
     needs: int
@@ -104,7 +76,8 @@ class Foresight:
     trial: Trial
     use_s: float
     air_s: Array
-    duty: Duty | None
+    crowd: Crowd | None
+    duties: tuple[Duty, ...]
 
 
 def best(shares: Shares) -> dict[str, float]:
@@ -115,18 +88,9 @@ def best(shares: Shares) -> dict[str, float]:
     return found
 
 
-@dataclass(frozen=True)
-class Way:
-    """How a sensor reports: to whom (of several the nearest), in messages of which kind and of how many bytes."""
-
-    to: str
-    kind: str
-    size: int
-
-
 def foresee(plan: Plan) -> Foresight:
     """What to expect of this plan."""
-    ways = _ways(plan)
+    ways = ways_of(plan)
     sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways]
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
@@ -135,7 +99,7 @@ def foresee(plan: Plan) -> Foresight:
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
     rows = len(heard.sensor) if ways else 0
     some = np.unique(np.linspace(0, rows - 1, min(rows, MOST_FRAMES)).round().astype(int))
-    trial = _trial(plan, ids, heard, some, ways)
+    trial = sent_on_trial(plan, ids, heard, some, ways)
     wait_s = _waits(plan, heard, trial)
     sent = np.isfinite(wait_s)
     leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
@@ -166,20 +130,9 @@ def foresee(plan: Plan) -> Foresight:
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
-        duty=_duty(plan, ids, heard, trial, ways),
+        crowd=crowd(plan, ids, heard),
+        duties=duties_of(plan, ids, heard, trial, ways),
     )
-
-
-def _ways(plan: Plan) -> dict[str, Way]:
-    """How each sensor reports, by its id."""
-    at = {place.id: (place.x, place.y) for place in plan.info.places}
-    found: dict[str, Way] = {}
-    for flow in plan.reports:
-        kind, size = kind_of(flow.message).name, len(encode(flow.message))
-        for src, dst in flow.pairs:
-            if src not in found or dist(at[src], at[dst]) < dist(at[src], at[found[src].to]):
-                found[src] = Way(dst, kind, size)
-    return found
 
 
 def _shares(plan: Plan, used: Mapping[str, Shares]) -> Shares:
@@ -207,7 +160,7 @@ def _waits(plan: Plan, heard: Heard, trial: Trial) -> Array:
     free_s: dict[int, float] = {}
     for row, (sensor, t_s) in enumerate(zip(heard.sensor.tolist(), (heard.t_ns / NS).tolist(), strict=True)):
         wait_s[row] = max(free_s.get(sensor, 0.0) - t_s, 0.0)
-        if wait_s[row] > plan.run.queue * busy_s:
+        if wait_s[row] > plan.run.queue() * busy_s:
             wait_s[row] = np.inf
         else:
             free_s[sensor] = t_s + wait_s[row] + busy_s * heard.every
@@ -223,16 +176,16 @@ def _chances(
     ways: Mapping[str, Way],
 ) -> Array:
     """(n,) the probability that each report, sent then, arrives at its best receiver; links have these ``shares``."""
-    if not varies(plan) or not ways:
+    if not varies(plan) or any(way.tree for way in ways.values()) or not ways:
         at_best = best(shares)
         return np.array([at_best.get(id, 0.0) for id in ids])[heard.sensor]
-    link = _link(plan)
+    link = link_of(plan.run, plan.processes, cut=False)
     receivers: dict[str, list[str]] = {}
     for src, dst in shares:
         receivers.setdefault(src, []).append(dst)
     return np.array(
         [
-            max(link.reception(id, dst, ways[id].size, ways[id].kind, t_ns) for dst in receivers[id])
+            max(link.reception(id, dst, ways[id].size, ways[id].kind, t_ns, ways[id].medium) for dst in receivers[id])
             for id, t_ns in zip([ids[i] for i in heard.sensor.tolist()], leaves_ns.tolist(), strict=True)
         ]
     )
@@ -281,46 +234,3 @@ def at_least(needs: int, chances: Array) -> Array:
         so_many[:, :needs] -= more[:, :needs]
         so_many[:, 1:] += more[:, :needs]
     return so_many[:, needs]
-
-
-def _trial(plan: Plan, ids: list[str], heard: Heard, some: Indices, ways: Mapping[str, Way]) -> Trial:
-    """The reports of ``some`` rows, as the link would treat them."""
-    if not len(some):
-        return Trial(*np.empty((4, 0)))
-    link = _link(plan)
-    fates = [
-        link.fate(id, ways[id].to, ways[id].kind, t_ns, 0, ways[id].size)
-        for id, t_ns in zip([ids[i] for i in heard.sensor[some].tolist()], heard.t_ns[some].tolist(), strict=True)
-    ]
-    lost = float("nan")
-    rows = [(f.delay_ns if f.cause is None else lost, f.air_ns, f.ack_air_ns, f.busy_ns) for f in fates]
-    return Trial(*(np.array(rows, np.float64).T / NS))
-
-
-def _link(plan: Plan) -> Link:
-    return make_link(plan.run.link, plan.run.seed, places_of(plan.processes))
-
-
-def _duty(plan: Plan, ids: list[str], heard: Heard, trial: Trial, ways: Mapping[str, Way]) -> Duty | None:
-    """The node whose reports, or acknowledgements of reports, are longest on air in any hour."""
-    name = str(plan.run.link.get("radio"))
-    if name not in RADIOS or RADIOS[name](plan.run.link.get("sf", 9)).duty >= 1.0 or not len(trial.air_s):
-        return None
-    hearers = sorted({way.to for way in ways.values()})
-    to = np.array([hearers.index(ways[ids[i]].to) for i in heard.sensor.tolist()], np.intp)
-    air_s, ack_s = float(trial.air_s.mean()), float(trial.ack_s.mean())
-    on_air = [Duty(ids[i], "reports", n * air_s) for i, n in _busiest(heard, heard.sensor)]
-    on_air += [Duty(hearers[i], "acknowledgements", n * ack_s) for i, n in _busiest(heard, to)]
-    return max(on_air, key=lambda one: one.seconds)
-
-
-def _busiest(heard: Heard, whose: Indices) -> list[tuple[int, int]]:
-    """(owner, reports in its busiest hour) of each owner in ``whose``."""
-    order, hour = np.lexsort((heard.t_ns, whose)), 3600 * NS
-    owner, t_ns = whose[order].astype(np.int64), heard.t_ns[order]
-    span = int(t_ns.max()) + hour
-    key = owner * span + t_ns  # one line of time, one owner after the other
-    counts = (np.searchsorted(key, key + hour) - np.arange(len(key))) * heard.every
-    owners, first = np.unique(owner, return_index=True)
-    most = np.maximum.reduceat(counts, first)
-    return list(zip(owners.tolist(), most.tolist(), strict=True))

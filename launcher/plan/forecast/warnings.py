@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from launcher.plan.forecast.answers import HOST_S, answers
-from launcher.plan.forecast.foresight import Coverage, Duty, Foresight
+from launcher.plan.forecast.duty import HOUR_S, Duty
+from launcher.plan.forecast.foresight import Coverage, Foresight
 from launcher.records import Plan
-from trackfield.link.radios import RADIOS
 from trackfield.role import NS
 
 POOR: Final = 0.5
@@ -22,7 +22,6 @@ FEW: Final = 0.05
 steps are good counts as tracked."""
 COVERED: Final = 0.8
 """A track bridges single steps without a fix; if more than one in five has none, there is a warning."""
-HOUR_S: Final = 3600.0
 
 
 def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
@@ -30,7 +29,7 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
     radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
-    channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_over_duty(plan, seen)]
+    channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_colliding(plan, seen), *_over_duty(plan, seen)]
     return (*geometry, *radio, *weak, *channel, *_restless(plan))
 
 
@@ -57,8 +56,14 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
             f"channel: a report is on air for {_time(float(np.mean(seen.trial.air_s)))}, all of a step with their "
             f"acknowledgements for {_time(float(seen.air_s.max()))} at most; a step lasts {_time(plan.step_ns / NS)}"
         )
-    if seen.duty:
-        yield f"duty cycle: {_sends(seen.duty)} in an hour at most; {_allowed_s(plan):.0f} s are allowed"
+    if (crowd := seen.crowd) is not None:
+        yield (
+            f"on the channel at {crowd.busiest}, {_at_most(seen)}{crowd.use_mean:.1%} of the time is used by reports "
+            f"({crowd.use_peak:.1%} of the busiest second); {_at_most(seen)}{crowd.overlapped:.1%} of the reports "
+            f"overlap others, {_at_most(seen)}{crowd.spared:.1%} would be lost by that, which the model leaves out"
+        )
+    for duty in seen.duties:
+        yield f"duty cycle: {_sends(duty)} in an hour at most; {duty.allowed_s:.0f} s are allowed"
 
 
 # --- where the target goes --------------------------------------------------------------------------------------------
@@ -198,18 +203,27 @@ def _crowded(plan: Plan, seen: Foresight) -> Iterator[str]:
             return
 
 
+def _colliding(plan: Plan, seen: Foresight) -> Iterator[str]:
+    """Reports that would be lost to each other, if one channel can carry them at all."""
+    if seen.crowd is None or seen.adaptive or any(_crowded(plan, seen)) or not seen.crowd.flatters:
+        return
+    crowd = seen.crowd
+    yield (
+        f"about {crowd.spared:.1%} of the reports would be lost as they overlap others, or as their receiver is "
+        f"sending, and link models leave that out: they lose {crowd.lost / crowd.air.expected:.1%} here, and the "
+        f"channel is in use for {crowd.use_mean:.1%} of the time: the losses of the run will be a "
+        "fiction; use a faster radio, acknowledgements (link.ack), or fewer reports at a time"
+    )
+
+
 def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
-    """Radios that send for longer than the duty cycle of their band allows."""
-    if seen.duty and seen.duty.seconds > _allowed_s(plan) and not seen.adaptive:
-        yield (
-            f"{_sends(seen.duty)} in an hour, and in the band of {plan.run.link['radio']} {_allowed_s(plan):.0f} s are "
-            f"allowed, a duty cycle of {_allowed_s(plan) / HOUR_S:.0%} (link models leave it out)"
-        )
-
-
-def _allowed_s(plan: Plan) -> float:
-    """How long the radio may send in an hour."""
-    return RADIOS[plan.run.link["radio"]](plan.run.link.get("sf", 9)).duty * HOUR_S
+    """Radios that send for longer than the duty cycle of their band allows, of each role the one that sends longest."""
+    for duty in seen.duties:
+        if duty.seconds > duty.allowed_s and not seen.adaptive:
+            yield (
+                f"{_sends(duty)} in an hour, and in the band of {plan.run.link['radio']} {duty.allowed_s:.0f} s are "
+                f"allowed, a duty cycle of {duty.allowed_s / HOUR_S:.0%} (link models leave it out)"
+            )
 
 
 # --- what the machine does --------------------------------------------------------------------------------------------

@@ -7,8 +7,8 @@ import io
 import json
 from typing import Any, Final
 
+from launcher.record.figures.measures import RunFigures
 from launcher.record.journal import METRICS
-from launcher.record.measures import RunFigures
 from launcher.study.comparison.exact import Exactness
 from launcher.study.comparison.remarks import remarks
 from launcher.study.comparison.rows import setting

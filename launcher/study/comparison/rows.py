@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from launcher.record.verdict import TRACKED, told
+from launcher.record.figures.verdict import TRACKED, told
 from launcher.record.words import span
 from launcher.report.cells import NOTHING, number, percent
 from launcher.study.comparison.runs import Compared

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from launcher.colours import tracker_colours
-from launcher.record.verdict import TRACKED
+from launcher.record.figures.verdict import TRACKED
 from launcher.report.style import INK, SOFT, WIDTH
 from launcher.study.axes import TRACKER, Axis, in_words, label
 from launcher.study.figures import ERROR, FIGURES, scale_of

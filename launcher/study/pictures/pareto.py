@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from launcher.record.verdict import LOST
+from launcher.record.figures.verdict import LOST
 from launcher.report.style import INK, SOFT, WIDTH
 from launcher.study.axes import label
 from launcher.study.figures import COST, ERROR, FIGURES, scale_of
