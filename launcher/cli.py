@@ -13,6 +13,7 @@ import typer
 
 from launcher import INTERRUPTED
 from launcher.commands import (
+    calibrate,
     choices,
     compare,
     listing,
@@ -51,6 +52,7 @@ command("recover")(recover.recover)
 command("study")(study.study)
 command("reproduce")(reproduce.reproduce)
 command("router")(router.router)
+app.add_typer(calibrate.group)
 
 
 def _say_version(asked: bool) -> None:

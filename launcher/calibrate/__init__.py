@@ -1,0 +1,1 @@
+"""Models fitted to measurements, as fragments of scenarios: a kind of measurement is a file here."""
