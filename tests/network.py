@@ -11,7 +11,7 @@ from trackfield.drivers.engine.core import Core
 from trackfield.drivers.engine.frames import Frame, Output, Sent, TakenBack
 from trackfield.drivers.exchange.incoming import Incoming
 from trackfield.drivers.exchange.outgoing import Outgoing
-from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of, places_of
+from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
 from trackfield.wire import keys
 from trackfield.wire.envelope import Envelope
 
@@ -79,7 +79,7 @@ class Peer:
 def field_of(run: RunSpec, processes: Sequence[ProcessSpec]) -> dict[str, Peer]:
     """The peers of a run, each of which lives once."""
     field: dict[str, Peer] = {}
-    link = link_of(run, places_of(processes))
+    link = link_of(run, processes)
     for spec in processes:
         field[spec.id] = Peer(run, spec, link, field)
     return field

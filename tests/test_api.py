@@ -22,7 +22,7 @@ from pydantic import BaseModel
 import trackfield as tf
 from launcher import api
 from launcher.plan.prepare import checked
-from launcher.record.measures import RunFigures
+from launcher.record.figures.measures import RunFigures
 from launcher.report.cells import number
 from launcher.run import Outcome
 from launcher.study.results import study_run

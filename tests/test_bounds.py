@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from launcher.record.bounds import (
+from launcher.record.figures.bounds import (
     bound_metrics,
     headline_bound,
     run_bound,

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import trackfield as tf
-from launcher.record.measures import RunFigures
+from launcher.record.figures.measures import RunFigures
 from launcher.record.reading.columns import COLUMNS
 from launcher.study.results import StudyRun
 from tests.command_line import Call, trackfield

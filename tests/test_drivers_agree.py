@@ -62,7 +62,7 @@ def toy_plan(run: RunSpec, processes: Sequence[ProcessSpec]) -> Plan:
     )
 
 
-SHARED = ("trackers", "bytes", "latency_ms", "energy_j", "lifetime_s", "clock_error_ms")
+SHARED = ("trackers", "bytes", "channel", "latency_ms", "energy_j", "lifetime_s", "clock_error_ms")
 """Parts of the metrics that are no matter of the machine."""
 
 

@@ -15,7 +15,7 @@ import trackfield as tf
 from launcher.plan.architectures import ARCHITECTURES
 from launcher.plan.forecast.heard import Heard
 from launcher.plan.prepare import planned, warned
-from launcher.record import bounds
+from launcher.record.figures import bounds
 from node.role import Node, Phase
 from tests.running import METRICS, SPEEDS, kept_up
 from tests.tripwire import Trip

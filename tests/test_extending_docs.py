@@ -16,7 +16,7 @@ import pytest
 
 from launcher.study.compare import differences
 from tests.command_line import Call, trackfield
-from tests.running import SPEEDS, kept_up
+from tests.running import SPEEDS, kept_up, until
 from trackfield.drivers.ports import HOLD_NS, Port
 
 __all__ = ["trackfield"]
@@ -26,7 +26,7 @@ DOCS: Final = (ROOT / "docs" / "extending.md").read_text()
 EXAMPLES: Final = dict(re.findall(r"`(\w+\.py)`:\n\n```python\n(.*?)```", DOCS, re.DOTALL))
 PROMISED: Final = {name: ast.literal_eval(said) for name, said in re.findall(r"python (\w+\.py) +# (\{.*?\})", DOCS)}
 
-PRINTED: Final = {"kalman.py", "sonar.py", "strength.py", "two_centres.py", "base_node.py", "console.py"}
+PRINTED: Final = {"kalman.py", "sonar.py", "strength.py", "two_centres.py", "base_node.py", "console.py", "display.py"}
 
 TOGETHER: Final = """
 import sys
@@ -100,6 +100,26 @@ def test_a_class_of_the_main_program_is_refused_before_anything_starts(folder: P
     assert said.returncode == 1
     assert "ScenarioError: tracker 'kalman': is defined in the main program, where other processes " in said.stderr
     assert not (folder / "runs").exists()
+
+
+def test_a_program_reads_the_tracks_that_go_to_a_device(folder: Path) -> None:
+    """The display's emulated process would publish them: both trackers', of all steps."""
+    (reader,) = re.findall(r"`reader.py` is the program at the other end:\n\n```python\n(.*?)```", DOCS, re.DOTALL)
+    (folder / "reader.py").write_text(reader)
+    short = '"architecture.kind": "with-display", "target.steps": 6, "field.nodes": 16'
+    code = EXAMPLES["display.py"].replace('"architecture.kind": "with-display"', short)
+    (folder / "display.py").write_text(code)
+    paths = os.pathsep.join(filter(None, (os.environ.get("PYTHONPATH", ""), str(ROOT))))
+    environment = {**os.environ, "PYTHONPATH": paths}
+    command = [sys.executable, "display.py", "pty"]
+    with subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as field:
+        link = until(lambda: next(folder.glob("runs/*/display.tty"), None), 60)
+        said = python(folder, "reader.py", str(link), PYTHONPATH=paths)
+        assert said.returncode == 0, said.stderr
+        assert ast.literal_eval(field.communicate()[0]) == {"fusion": 6}
+    shown = re.findall(r"^(\d)\.0 s: tracker ([01]), \d+ reports$", said.stdout, re.MULTILINE)
+    assert len(shown) == said.stdout.count("\n")
+    assert {("4", "0"), ("4", "1"), ("5", "0"), ("5", "1")} <= set(shown)  # it may come late
 
 
 def test_installed_they_are_there_by_name(folder: Path) -> None:

@@ -13,7 +13,9 @@ from typing import Any
 import psutil
 import pytest
 
+from launcher.plan.architectures import ARCHITECTURES
 from launcher.plan.prepare import checked, planned, warned
+from tests.criers import Crying
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.scenario.keys import Kinds, sections_of_file
@@ -111,7 +113,16 @@ def scenario(section: str, kind: str, values: dict[str, Any]) -> dict[str, Any]:
         whole.setdefault("id", "second")
     if section == "sensors":
         base["fusion"] = {"trackers": ["ekf", "ukf"]}
+    if section in ("backbone", "serial"):  # which needs processes that have it
+        base["architecture"] = {"kind": "crying", "medium": section}
     return base | {section: [whole] if about.many else whole}
+
+
+@pytest.fixture(autouse=True)
+def crying() -> Iterator[None]:
+    ARCHITECTURES.register("crying", Crying)
+    yield
+    ARCHITECTURES.registered.clear()
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from launcher.record.bounds import run_bounds
+from launcher.record.figures.bounds import run_bounds
 from launcher.record.ledger import Ledger, Published
 from launcher.record.metrics import run_metrics
 from launcher.record.tables import TrackRow, track_rows, write_tracks

@@ -95,6 +95,17 @@ def test_a_forgery_under_a_name_of_the_field_is_told(kinds: tuple[str, ...], tmp
     assert (result.run.code, result.run.alarming > 0) == (1, True)
 
 
+def test_forgeries_in_a_tree_are_told_and_nobody_falls(tmp_path: Path) -> None:
+    """Ways that do not exist, messages of anything, acknowledgements of what is under way."""
+    names = ("forged beacon", "forged hop", "forged acknowledgement")
+    attack = Attack([ALL[name] for name in names], seed=2, scenario_seed=field.TREE_SEED)
+    result = attacked(attack, tmp_path)
+    assert result.wrong == []
+    put_all_of(result, attack)
+    assert result.run is not None
+    assert (result.run.code, result.run.alarming > 0) == (1, True)
+
+
 @pytest.mark.long
 @pytest.mark.alone
 def test_a_flood_of_refused_samples_is_a_few_lines(tmp_path: Path) -> None:
@@ -122,15 +133,19 @@ def test_the_parts_of_a_run_refuse_what_is_bad_by_one_error() -> None:
     assert list(feed(1, 6 * BLOCK)) == []
 
 
-def test_the_parts_that_are_fed_live() -> None:
-    """They send, hear, track and refuse."""
-    draw = Draw(1)
-    draw.known = field.known_of(field.plan_of(1))
-    parts = Parts(b"a secret")
+@pytest.mark.parametrize(
+    ("seed", "kinds"),
+    [(1, {"doa", "sync-request", "sync-reply", "threshold"}), (field.TREE_SEED, {"route", "hop", "hop-ack"})],
+)
+def test_the_parts_that_are_fed_live(seed: int, kinds: set[str]) -> None:
+    """They send, hear, hand on and refuse, and track if no tree has to be built first."""
+    draw, plan = Draw(1), field.plan_of(seed)
+    draw.known = field.known_of(plan)
+    parts = Parts(plan, b"a secret")
     assert parts.attacked(draw) == []
     ledger = parts.listener.ledger
-    assert set(ledger.sent_kinds) >= {"doa", "sync-request", "sync-reply", "threshold"}
-    assert ledger.estimates()
+    assert set(ledger.sent_kinds) >= kinds
+    assert ledger.estimates() or seed == field.TREE_SEED
     assert len(ledger.refused) > 5
     assert all(process.record()["delivered"] for process in parts.processes[:2])
 

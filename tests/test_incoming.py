@@ -16,7 +16,7 @@ from trackfield.drivers.engine.frames import Frame
 from trackfield.drivers.exchange.incoming import Incoming
 from trackfield.drivers.exchange.versions import Digest, digest
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.link.fate import Fate
+from trackfield.link.fate import Fate, Transmission
 from trackfield.role import NS, Effect, Event, Received, Send, SetTimer, Started, Timer
 from trackfield.wire.codec import decode, encode
 from trackfield.wire.envelope import Envelope
@@ -31,8 +31,8 @@ class Sized:
     def __init__(self, lost: dict[int, str]) -> None:
         self.lost = lost
 
-    def fate(self, src: str, dst: str, kind: str, sent_ns: int, copy: int, size: int, *_: Any) -> Fate:
-        return Fate(self.lost.get(size), delay_ns=size * MS)
+    def fate(self, frame: Transmission) -> Fate:
+        return Fate(self.lost.get(frame.size), delay_ns=frame.size * MS)
 
     def reception(self, *_: Any) -> float:
         return 1.0

@@ -31,7 +31,7 @@ def processes() -> list[ProcessSpec]:
 
 
 def ledger(link: dict[str, Any] = IDEAL) -> Ledger:
-    return Ledger(RunSpec("r", 1, END, link), processes())
+    return Ledger(RunSpec("r", 1, END, link, media={"backbone": IDEAL}), processes())
 
 
 def frame(t_ms: float, src: str = "a", to: str = "b", *, copy: int = 0, payload: bytes | None = None) -> Frame:

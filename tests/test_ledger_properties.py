@@ -17,6 +17,7 @@ from tests.simulated import simulated, spcpf
 from trackfield.drivers.engine.frames import Frame, Refused, Told, Undone
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.drivers.virtual import Virtual
+from trackfield.link.fate import Transmission
 from trackfield.link.models import make_link
 from trackfield.role import (
     NEIGHBOURHOOD,
@@ -84,7 +85,7 @@ def book_of(story: Story) -> Ledger:
         book.sent(frame)
         for id in IDS:
             if number in story.refusals:
-                delay = link.fate(frame.src, id, frame.kind, frame.sent_ns, frame.copy, 1).delay_ns
+                delay = link.fate(Transmission(frame.src, id, frame.kind, frame.sent_ns, frame.copy, 1)).delay_ns
                 book.told(id, Refused(frame.key(frame.sent_ns + delay), story.refusals[number]))
     book.end(story.end_ns)
     return book
@@ -95,7 +96,7 @@ def plainly(story: Story, number: int, id: str) -> str:
     frame = story.frames[number]
     if frame.sent_ns >= END:
         return "in_flight"  # not due in this run, whatever the link would do; a peer may write any time
-    fate = make_link(story.link, 1).fate(frame.src, id, frame.kind, frame.sent_ns, frame.copy, 1)
+    fate = make_link(story.link, 1).fate(Transmission(frame.src, id, frame.kind, frame.sent_ns, frame.copy, 1))
     due = frame.sent_ns + fate.delay_ns
     if fate.cause:
         return fate.cause

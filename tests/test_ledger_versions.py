@@ -160,7 +160,7 @@ def test_what_a_process_tells_late_for_the_first_time_is_no_correction() -> None
     for t_ms in (30, 40):
         book.told("b", told(t_ms, Note(f"at {t_ms}")))
     assert [e.effect for e in book.settle(5 * NS)[1]] == [Note("at 30"), Note("at 40")]
-    assert [o.effect for o in book.diaries["b"].radio] == [Radio(False)]
+    assert [effect for _, effect in book.diaries["b"].radio] == [Radio(False)]
     assert len(book.complaints()) == 1
 
 

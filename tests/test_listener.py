@@ -29,7 +29,7 @@ NOW = 5 * NS
 REPORT = encode(Doa(1, 90.0, 60.0))
 FINAL = {
     "sent": 1, "sent_hash": 0, "heard": 0, "heard_hash": 0, "puts": 1, "retractions": 0, "told": 1,
-    "incarnation": 0, "stored": b"", "activity": [0] * 5, "inherited": [0] * 5, "metered_ns": 0,
+    "incarnation": 0, "stored": b"", "activity": {"field": [0] * 5}, "inherited": {}, "metered_ns": 0,
     "slip": {}, "latency": {}, "lag": {}, "cpu_s": 0.1,
 }  # fmt: skip
 
@@ -90,7 +90,7 @@ def test_a_frame_may_say_that_it_leaves_after_the_end(listener: Listener) -> Non
     """It waited for its radio, and is counted as in flight."""
     end_ns = listener.plan.run.end_ns
     assert refused(report, listener, end_ns) == "future"
-    key, queue = "data/field/to/fusion/n060/doa", (listener.plan.run.queue + 1) * 10 * NS
+    key, queue = "data/field/to/fusion/n060/doa", (listener.plan.run.queue() + 1) * 10 * NS
     assert refused(listener.take, key, REPORT, Envelope(end_ns + queue + 1).pack(), end_ns) == "future"
     listener.take(key, REPORT, Envelope(end_ns + queue).pack(), end_ns)
     assert sent_by(listener) == {"n060": 1}

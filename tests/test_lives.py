@@ -72,7 +72,7 @@ def lives(spec: ProcessSpec, *spans: tuple[int, int | None]) -> list[ProcessSpec
 def played(
     processes: Iterable[ProcessSpec], *, link: dict[str, Any] = IDEAL, cuts: Any = (), queue: int = 32
 ) -> tuple[Virtual, Ledger]:
-    run = RunSpec("r", 1, END, link, partitions=cuts, queue=queue)
+    run = RunSpec("r", 1, END, link, partitions=cuts, queues={"field": queue})
     processes = list(processes)
     book = Ledger(run, processes)
     virtual = Virtual(run, processes, book)

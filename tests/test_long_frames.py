@@ -11,6 +11,7 @@ import pytest
 from tests.test_drivers_agree import both, toy_plan
 from trackfield.draw import uniform
 from trackfield.drivers.spec import ProcessSpec, RunSpec, link_of, places_of
+from trackfield.link.fate import Transmission
 from trackfield.link.radios import RADIOS
 from trackfield.role import NS, Effect, Event, Ignored, Publish, Received, Send, SetTimer, Started, Timer, TrackPoint
 from trackfield.wire.codec import decode, encode
@@ -72,7 +73,7 @@ def pair() -> tuple[RunSpec, list[ProcessSpec]]:
 def test_it_is_fragmented_by_the_link() -> None:
     run, processes = pair()
     radio = RADIOS["802154-0dbm"](9)
-    fate = link_of(run, places_of(processes)).fate("a", "b", "handover", NS, 0, SIZE)
+    fate = link_of(run, processes).fate(Transmission("a", "b", "handover", NS, 0, SIZE))
     fragments = -(-SIZE // radio.payload_bytes)
     assert fragments > 30
     assert fate.attempts >= fragments

@@ -31,13 +31,15 @@ trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_
 trackers.<name>.gap.{rmse,steps} trackers.<name>.association
 trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id> trackers.<name>.views.<view>
 bound.{position,trajectory}
-processes.{started,ready_s,died,stopped,pss_mb_per_node}
+processes.{started,ready_s,died,stopped,pss_mb_per_node,unwritten}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
 frames.{host_lost,host_late} frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
 frames.by_role.<role>.{delivered,ignored}
 bytes.{payload,on_air}
+channel.{use_mean,use_peak,overlapped_share,captured_share,deaf_share,spared_share}
 latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
+latency_ms.hops.<hops>.{n,p50,p95}
 host_latency_ms.{p50,p99}
 timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late,retractions}
 timing.lag_ms.{p50,p99,max} timing.{unsettled,foreign_corrections}
@@ -48,8 +50,11 @@ lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens,questions}
 """
-BY_ROLE = {f"frames.by_role.<role>.{what}" for what in ("delivered", "ignored")}
-"""Of processes with several roles only (``test_hosted_processes.py``)."""
+SOMETIMES = {
+    *(f"frames.by_role.<role>.{what}" for what in ("delivered", "ignored")),
+    *(f"latency_ms.hops.<hops>.{what}" for what in ("n", "p50", "p95")),
+}
+"""Of processes with several roles only (``test_hosted_processes.py``), or with a tree (``test_multihop.py``)."""
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),
     *("steps_expected", "steps_tracked", "share_within", "longest_blackout_s", "gap"),
@@ -93,7 +98,7 @@ def test_every_key_is_there_and_no_other() -> None:
     ledger, tracks = simulated(plan)
     ledger.refuse("data/field/to/fusion/nobody/doa", "sender")
     metrics = run_metrics(plan, ledger, tracks)
-    assert set(paths(metrics)) == set(expanded(KEYS)) - BY_ROLE
+    assert set(paths(metrics)) == set(expanded(KEYS)) - SOMETIMES
     assert metrics["trackers"].keys() == {"imm-ukf", "spcpf"}
     assert metrics["frames"]["by_kind"].keys() == {"doa"}
     for tracker in metrics["trackers"].values():
@@ -107,7 +112,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     metrics = run_metrics(plan, Ledger(plan.run, plan.processes), [])
     named = set(expanded("trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id>"))
     by_kind = set(expanded("frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}"))
-    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind - BY_ROLE
+    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind - SOMETIMES
     assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
     nothing = {
@@ -133,7 +138,8 @@ def test_the_document_tells_each_key_in_their_order() -> None:
     for key, unit, meaning in rows:
         assert meaning
         suffix = key.partition(".")[0].rpartition("_")[2]
-        assert unit in {"s": ("s", ""), "ms": ("ms",), "j": ("J",)}.get(suffix, (unit,))
+        units = {"s": ("s", ""), "ms": ("ms",), "j": ("J",)}.get(suffix, (unit,))
+        assert unit in units or key.endswith(".n"), "a number of messages stands beside their times"
 
 
 @pytest.mark.parametrize(("file", "which"), [("messages.parquet", "messages"), ("tracks.parquet", "tracks")])
@@ -219,6 +225,7 @@ def test_a_whole_tiny_run() -> None:
         # Step 1 was told at 1300 ms: 300 and 260 ms after its reports in time were sent.
         "to_filter": pytest.approx({"p50": 280.0, "p95": 298.0, "p99": 299.6, "max": 300.0}),
         "to_track": pytest.approx({"p50": 300.5, "p95": 300.95, "p99": 300.99, "max": 301.0}),
+        "hops": {},
     }
     assert metrics["timing"] == {
         "speed": 2.0, "slip_ms": pytest.approx({"p50": 2.0, "p99": 2.0}, rel=0.026), "inversions": 3, "host_late": 3,

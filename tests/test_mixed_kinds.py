@@ -16,7 +16,7 @@ import pytest
 
 import trackfield as tf
 from launcher.plan.prepare import planned
-from launcher.record.bounds import run_bounds
+from launcher.record.figures.bounds import run_bounds
 from launcher.study.compare import differences
 from tests.rrd import read
 from tests.running import SPEEDS, kept_up

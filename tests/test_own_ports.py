@@ -163,6 +163,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "device": ({"tty": tf.Port(device=3)}, "herald.ports.tty.device: is 3; expected the path of a device, or ''"),  # type: ignore[arg-type]
     "control": ({"tty": tf.Port(device="a\0b")}, "herald.ports.tty.device: is 'a\\x00b'; expected the path"),
     "hold": ({"tty": tf.Port(hold_ns=-1)}, "herald.ports.tty.hold_ns: is -1; expected whole nanoseconds of wall time"),
+    "baud": ({"tty": tf.Port(baud=0)}, "herald.ports.tty.baud: is 0; expected bits per second, a whole number from 50"),
     "too much": ({"tty": tf.Port(((0, bytes(2**24)), (1, b"x")))}, "herald.ports: 16777217 bytes come in there; exp"),
 }  # fmt: skip
 

@@ -209,10 +209,10 @@ def test_nodes_listen_for_commands_as_long_as_they_may_take(settings: list[str],
 
 def test_a_queue_is_the_processes_and_acknowledgements_are_the_links() -> None:
     plan = planned(load("spcpf", settings=["link.queue=3", "link.acks={doa = 5, sync-reply = 0}"]))
-    assert plan.run.queue == 3
+    assert plan.run.queue() == 3
     assert "queue" not in plan.run.link
     assert plan.run.link["acks"] == {"doa": 5, "sync-reply": 0}
-    assert made().run.queue == 32
+    assert made().run.queue() == 32
     message = refused("link={model='csma154', acks={daa = 5}}")
     assert message.startswith(
         "link.acks: there is no message 'daa'; did you mean doa?; expected names of messages: doa"
@@ -295,3 +295,9 @@ def test_a_plan_tells_the_timeline_how_well_reports_get_through() -> None:
     plan = planned(load("spcpf"))
     assert {(src, dst): share for src, dst, share in plan.info.receptions} == receptions(plan)["doa"]
     assert made("field.nodes=3000").info.receptions == ()
+
+
+@pytest.mark.parametrize(("setting", "name"), [("backbone.model=ideal", "backbone"), ("serial.baud=9600", "serial")])
+def test_a_medium_that_no_process_has_needs_no_section(setting: str, name: str) -> None:
+    what = f"{name}: is given, and no process of architecture centralised has this medium; expected an architecture"
+    assert refused(setting).startswith(what)

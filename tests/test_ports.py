@@ -20,8 +20,9 @@ from tests.puppet import MS, arrival, caught_up, core_of, run, script
 from tests.running import until
 from tests.test_drivers_agree import both, toy_plan
 from tests.toys import Request, party
+from trackfield.drivers.devices import Devices
 from trackfield.drivers.engine.frames import PortInput, Told, Undone
-from trackfield.drivers.ports import Devices, Port, inputs
+from trackfield.drivers.ports import Port, inputs
 from trackfield.drivers.spec import ProcessSpec, RunSpec, build_core, link_of
 from trackfield.role import (
     NS,
@@ -84,7 +85,7 @@ def test_what_comes_to_a_frozen_process_waits() -> None:
     ports = {"tty": Port(((2 * MS, b"x"),))}
     spec = ProcessSpec("hub", "hub", "tests.test_ports:Echo", freezes=((MS, 5 * MS),), ports=ports)
     run_spec = RunSpec("r", 1, NS, {"model": "ideal"})
-    core = build_core(run_spec, spec, link_of(run_spec, {}))
+    core = build_core(run_spec, spec, link_of(run_spec, []))
     run(core, 4 * MS)
     assert core.state == 0
     run(core, 5 * MS)
@@ -139,15 +140,15 @@ def line() -> Iterator[Line]:
 KEY, LATER = (5 * MS, 3, 5 * MS, "t"), (7 * MS, 3, 7 * MS, "t")
 
 
-def devices(line: Line) -> Devices:
-    made = Devices({"tty": Port((), line.path, 100)}, lambda port, data: None)
-    made.open()
-    until(lambda: made._files)
-    return made
+@pytest.fixture
+def at(line: Line) -> Iterator[Devices]:
+    with closing(Devices({"tty": Port((), line.path, 100)}, lambda port, data: None)) as made:
+        made.open()
+        until(lambda: made.there)
+        yield made
 
 
-def test_a_device_gets_what_was_written_after_the_hold(line: Line) -> None:
-    at = devices(line)
+def test_a_device_gets_what_was_written_after_the_hold(at: Devices, line: Line) -> None:
     at.write(KEY, Write("tty", b"abc"), 1000)
     assert at.next_ns(0) == 1100
     at.release(1099, 0)
@@ -157,8 +158,7 @@ def test_a_device_gets_what_was_written_after_the_hold(line: Line) -> None:
     assert at.next_ns(9) == 9
 
 
-def test_what_is_undone_within_the_hold_never_leaves(line: Line) -> None:
-    at = devices(line)
+def test_what_is_undone_within_the_hold_never_leaves(at: Devices, line: Line) -> None:
     at.write(KEY, Write("tty", b"abc"), 1000)
     at.write(LATER, Write("tty", b"def"), 1000)
     at.undo((6 * MS,))
@@ -167,16 +167,14 @@ def test_what_is_undone_within_the_hold_never_leaves(line: Line) -> None:
     assert at.mistaken(NS) == 0
 
 
-def test_what_first_appears_in_a_replay_leaves(line: Line) -> None:
-    at = devices(line)
+def test_what_first_appears_in_a_replay_leaves(at: Devices, line: Line) -> None:
     at.undo((2 * MS,))
     at.write(KEY, Write("tty", b"abc"), 1000)
     at.release(2000, 0)
     assert until(line.read) == b"abc"
 
 
-def test_what_has_left_is_not_written_twice_and_counted_if_it_should_not_have(line: Line) -> None:
-    at = devices(line)
+def test_what_has_left_is_not_written_twice_and_counted_if_it_should_not_have(at: Devices, line: Line) -> None:
     at.write(KEY, Write("tty", b"abc"), 1000)
     at.write(LATER, Write("tty", b"def"), 1000)
     at.release(2000, 0)
@@ -192,24 +190,25 @@ def test_what_has_left_is_not_written_twice_and_counted_if_it_should_not_have(li
 
 
 def test_a_device_that_is_not_there_stops_nothing(tmp_path: Path) -> None:
-    at = Devices({"tty": Port((), str(tmp_path / "none"))}, lambda port, data: None)
-    at.open()
-    at.write(KEY, Write("tty", b"abc"), 0)
-    at.release(10**12, 0)
-    assert at.mistaken(NS) == 0
+    with closing(Devices({"tty": Port((), str(tmp_path / "none"))}, lambda port, data: None)) as at:
+        at.open()
+        at.write(KEY, Write("tty", b"abc"), 0)
+        at.release(10**12, 0)
+        assert at.mistaken(NS) == 0
+        assert at.lost == 1
 
 
 def test_a_device_is_left_alone_until_its_process_lives(line: Line) -> None:
     """A process that lives again would else take what is for the life before it."""
     came: list[bytes] = []
-    at = Devices({"tty": Port((), line.path)}, lambda port, data: came.append(data))
-    time.sleep(0.05)
-    assert at._files == {}
-    at.open()
-    at.open()
-    until(lambda: at._files)
-    os.write(line.end, b"abc")
-    assert until(lambda: b"".join(came)) == b"abc"
+    with closing(Devices({"tty": Port((), line.path)}, lambda port, data: came.append(data))) as at:
+        time.sleep(0.05)
+        assert not at.there
+        at.open()
+        at.open()
+        until(lambda: at.there)
+        os.write(line.end, b"abc")
+        assert until(lambda: b"".join(came)) == b"abc"
 
 
 def test_a_real_device_talks_with_a_process(line: Line, tmp_path: Path) -> None:

@@ -14,17 +14,17 @@ import psutil
 import pytest
 
 from launcher.record.ledger import Ledger
-from launcher.records import Plan
+from launcher.records import MessageRow, Plan
 from tests.protocols import study
 from tests.protocols.agreement import Compared, Stalls, in_time
 from tests.protocols.hardships import DEEDS, hard
-from tests.protocols.parties import PARTIES
+from tests.protocols.parties import KINDS, PARTIES
 from tests.protocols.study import Tally
 from tests.running import until
 from tests.simulated import simulated
 from tests.test_drivers_agree import toy_plan
 from trackfield.drivers.engine.frames import Died
-from trackfield.drivers.spec import make_role
+from trackfield.drivers.spec import role_of
 from trackfield.role import NS, Received
 from trackfield.wire.codec import decode
 
@@ -89,14 +89,40 @@ def test_pairs_talk_at_once_and_by_radio() -> None:
     assert all(src != dst for src, dst, *_ in asked + answered)
 
 
+def test_a_sleeper_hears_a_preamble_as_long_as_its_interval_and_seldom_a_short_one() -> None:
+    calls = [(row, row.outcome) for row in virtual("dozing").rows if row.kind == "call" and row.outcome != "radio"]
+    assert {"delivered", "asleep"} <= {outcome for _, outcome in calls}
+    lost = Counter(r.outcome for r in virtual("dozing").rows)
+    assert lost["asleep"] > 10
+    assert lost["radio"] > 1
+    assert len(words(virtual("dozing"), "news")) > 10
+
+
+def test_a_field_talks_over_several_hops_and_is_answered() -> None:
+    ledger = virtual("collection")
+    hops = [(dst, outcome, hop) for _, dst, outcome, hop in words(ledger, "hop")]
+    up = {(hop.origin, hop.number): hop.hops + 1 for dst, _, hop in hops if dst == "base" and not hop.to}
+    made = {(hop.origin, hop.number) for _, _, hop in hops if not hop.to}
+    back = {(hop.number, dst) for dst, outcome, hop in hops if hop.to == dst.encode() and outcome == "delivered"}
+    assert len(made) > 150
+    assert len(up) > 0.95 * len(made)
+    assert max(up.values()) >= 3, "the field is several hops wide"
+    assert len(back) > 0.95 * len(up)
+
+
+def _way(row: MessageRow) -> tuple[str, bytes | None]:
+    """What two messages have in common whose order matters: their kind, and in a tree where they go."""
+    return row.kind, getattr(decode(row.payload), "to", None)
+
+
 @pytest.mark.parametrize("protocol", PARTIES)
 def test_the_order_of_two_messages_changes_all_that_follows(protocol: str) -> None:
     """What makes a run of these a test at all: a state after two frames is another one if they came the other way."""
     ledger = virtual(protocol)
     for process in PARTIES[protocol](1)[1]:
-        role = make_role(process.factory, process.config, process.id)
-        got = [r for r in ledger.rows if r.dst == process.id and r.delivered]
-        first, second = got[0], next(r for r in got if r.kind == got[0].kind and r.payload != got[0].payload)
+        role = role_of(process)
+        got = [r for r in ledger.rows if r.dst == process.id and r.delivered and r.kind in KINDS[protocol]]
+        first, second = got[0], next(r for r in got if r.payload != got[0].payload and _way(r) == _way(got[0]))
         states = []
         for pair in ((first, second), (second, first)):
             state = role.begin()

@@ -138,8 +138,9 @@ def test_a_scenario_never_changes() -> None:
 
 def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
-    sections = {"field", "sensor", "sensors", "target", "targets", "link", "architecture", "fusion", "clock", "energy"}
-    assert properties.keys() == {"name", "seed", "restart", "run", "score", "faults"} | sections
+    sections = {"field", "sensor", "sensors", "target", "targets", "architecture", "fusion", "clock", "energy"}
+    links = {"link", "backbone", "serial"}
+    assert properties.keys() == {"name", "seed", "restart", "radio", "run", "score", "faults"} | sections | links
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
     layouts = {"grid", "jittered", "random", "ring", "along-path", "beside", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
@@ -198,6 +199,10 @@ def test_a_value_of_the_wrong_type_or_range(section: str, key: str, value: Any, 
         ({"model": "gilbert_elliott", "loss_bad": 2}, "loss_bad", "from 0 to 1"),
         ({"model": "gilbert_elliott", "jitter_ms": -1}, "jitter_ms", "from 0 to 3600000"),
         ({"model": "ideal", "range_m": 0}, "range_m", "from 0.001 to 10000000"),
+        ({"model": "ideal", "burst_loss": 0}, "burst_loss", "above 0"),
+        ({"model": "ideal", "burst_loss": 1}, "burst_loss", "at most 0.99"),
+        ({"model": "ideal", "burst_loss": 0.1, "burst_s": 0}, "burst_s", "from 0.001 to 1e+09"),
+        ({"model": "ideal", "burst_s": 2}, "burst_s", "and burst_loss is unset; expected burst_loss as well"),
         ({"model": "ethernet", "delay_ms": 0.5}, "delay_ms", "from 1 to 3600000"),
         ({"model": "lognormal_prr", "radio": "802154-10dbm"}, "radio", "did you mean 802154-0dbm?; expected one of"),
         ({"model": "lognormal_prr", "channel": "uscc"}, "channel", "did you mean usc?; expected one of castalia"),
@@ -249,7 +254,7 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         ("field", {"layout": "ring", "jitter": 0.1}, "field.jitter: belongs to layout jittered, not to ring"),
         ("field", {"layout": "rnadom"}, "field.layout: unknown layout 'rnadom'; did you mean random?; expected one of"),
         ("sensor", {"position_error": 5}, "sensor.position_error: unknown; did you mean position_error_m?"),
-        ("lnik", {}, "lnik: unknown; did you mean link?; expected one of name, seed, restart, field"),
+        ("lnik", {}, "lnik: unknown; did you mean link?; expected one of name, seed, restart, radio, field"),
         (
             "sensor",
             {"alhpa": 2.0},
@@ -358,8 +363,8 @@ delay_ms = 0.1
         f"{file}:10: sensor.alpha: is 0; expected a number from 0.5 to 20",
         f"{file}:15: link.delay_ms: is 0.1; expected a number from 1 to 3600000",
         f"{file}:17: lnik: unknown; did you mean link?; "
-        "expected one of name, seed, restart, field, sensor, sensors, target, targets, link, architecture, fusion, "
-        "clock, energy, run, score, faults",
+        "expected one of name, seed, restart, radio, field, sensor, sensors, target, targets, link, backbone, serial, "
+        "architecture, fusion, clock, energy, run, score, faults",
         f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, id, step_s, steps",
         f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]

@@ -93,7 +93,9 @@ def test_naming_a_key_of_one_model_chooses_the_model() -> None:
     assert spcpf.set("link.loss", 1).plain()["link"] == {"model": "fixed", "loss": 1.0, "delay_ms": 5.0}
     assert spcpf.set("link.bad_s", 9).plain()["link"]["model"] == "gilbert_elliott"
     assert spcpf.set("link.radio", "wifi11b").plain()["link"]["model"] == "lognormal_prr"
-    assert spcpf.set("link.file", "/a.csv").plain()["link"] == {"model": "trace", "file": "/a.csv"}
+    trace = spcpf.set("link.file", "/a.csv").plain()["link"]
+    assert (trace["model"], trace["file"], trace["ack"]) == ("trace", "/a.csv", spcpf.plain()["link"]["ack"])
+    assert "radio" not in trace
     assert spcpf.set("field.within_m", 80).field.layout == "along-path"
     assert spcpf.set("field.jitter", 0.1).plain()["field"] == {
         "layout": "jittered",

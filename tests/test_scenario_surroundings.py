@@ -126,7 +126,10 @@ def test_a_value_out_of_range(key: str, value: Any, expected: str) -> None:
         ({"clock.synch": True}, "clock.synch: unknown; did you mean sync?; expected one of offset_ms, drift_ppm"),
         ({"energy.battery": 3}, "energy.battery: unknown; did you mean battery_j?"),
         ({"fault": []}, "fault: unknown; did you mean faults?"),
-        ({"link": {"model": "ideal", "queue": 3}}, "link.queue: belongs to model lognormal_prr or csma154, not to ide"),
+        (
+            {"link": {"model": "ideal", "queue": 3}},
+            "link.queue: belongs to model lognormal_prr or csma154 or serial or trace, not to ide",
+        ),
         ({"fusion": {"path": [[0, 1, 2], [0, 3, 4]]}}, "fusion.path: its times do not increase (0 s follows 0 s); "),
         (
             {"fusion": {"path": [[0, 1, 2], [1, 3, 4]], "y_m": 3}},

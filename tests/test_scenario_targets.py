@@ -111,6 +111,16 @@ def test_without_target_the_first_of_them_is_kept_as_the_target(tmp_path: Path) 
     assert {file.name for file in (tmp_path / "run").iterdir()} == {"scenario.toml", "target.csv", "target-b.csv"}
 
 
+def test_the_file_of_a_backbone_is_kept_as_well(tmp_path: Path) -> None:
+    (tmp_path / "wire.csv").write_text("src,dst,t_s,received,delay_ms\n")
+    (tmp_path / "run").mkdir()
+    text = 'name = "mine"\ntarget.path = "s1"\nbackbone = {model = "trace", file = "wire.csv"}\n'
+    (tmp_path / "mine.toml").write_text(text)
+    keep(Scenario.load(tmp_path / "mine.toml"), tmp_path / "run")
+    kept = Scenario.load(tmp_path / "run" / "scenario.toml").plain()["backbone"]["file"]
+    assert kept == str(tmp_path / "run" / "backbone.csv")
+
+
 def test_tracks_on_the_globe_share_the_plane_of_the_first(tmp_path: Path) -> None:
     files = track(tmp_path / "a.csv", 50.0), track(tmp_path / "b.csv", 50.01)
     first, other = ({"id": id, "path": "file", "file": file} for id, file in zip("ab", files, strict=True))

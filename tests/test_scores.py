@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from launcher.record.figures.scores import scored
 from launcher.record.metrics import tracker_metrics
-from launcher.record.scores import scored
 from launcher.record.tables import TrackRow
 from launcher.records import Plan
 from tests.command_line import Call, trackfield

@@ -11,7 +11,7 @@ import pytest
 
 import trackfield as tf
 from launcher.plan.prepare import load, planned
-from launcher.record.bounds import run_bounds
+from launcher.record.figures.bounds import run_bounds
 from tests.simulated import simulated
 from trackfield.filters.metrics import nees, nees_band
 from trackfield.filters.types import Array

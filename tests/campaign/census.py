@@ -11,7 +11,7 @@ from tests.campaign.cases import TALKERS, Case
 from tests.campaign.fields import OF_SENSORS
 from tests.campaign.verdicts import Run
 from tests.protocols.parties import KINDS
-from trackfield.role import Corrected, Store
+from trackfield.role import Corrected, Listen, Store
 
 MODELS: Final = ("ideal", "fixed", "gilbert_elliott", "lognormal_prr", "csma154")
 PROVOKED: Final = frozenset(
@@ -23,6 +23,10 @@ PROVOKED: Final = frozenset(
         *(f"a sensor: {fault}" for fault in OF_SENSORS),
         "a frame used late",
         "a frame ignored",
+        "a frame on another medium",
+        "a link with bursts",
+        "a radio of its own power",
+        "a receiver in windows",
         "a track",
         "a clock set",
         "a clock that jumps",
@@ -47,6 +51,14 @@ def happened(case: Case, run: Run) -> Iterator[str]:
             yield f"a lost {row.kind}"
         elif row.outcome in ("late", "ignored"):
             yield "a frame used late" if row.outcome == "late" else "a frame ignored"
+    if any(row.medium != "field" for row in run.ledger.rows):
+        yield "a frame on another medium"
+    if "burst_loss" in run.plan.run.link:
+        yield "a link with bursts"
+    if any(p.tx_dbms for p in run.plan.processes):
+        yield "a radio of its own power"
+    if any(isinstance(effect, Listen) for diary in run.ledger.diaries.values() for _, effect in diary.radio):
+        yield "a receiver in windows"
     if any(row.point.mean for row in run.tracks):
         yield "a track"
     for diary in run.ledger.diaries.values():

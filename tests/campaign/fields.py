@@ -30,7 +30,7 @@ SENSING: Final[dict[str, Callable[[Draw], dict[str, Any]]]] = {
     "energy": lambda draw: {
         "range_m": draw.choice([60.0, 100.0]),
         "window_s": draw.choice([0.0, 1.0, 3.0]),
-        "sound_m_s": draw.choice([0.0, 200.0]),
+        "sound_m_s": draw.choice([0.0, 1000.0]),
     },
 }
 """What sensors measure, and the options of that."""
@@ -80,8 +80,15 @@ def surroundings(draw: Draw, side: int, steps: int) -> Iterator[tuple[str, Any]]
     yield "fusion.prior", draw.choice(["paper", "none"])
     for path in draw.maybe(0.2, lambda: route(draw, extent, steps)):
         yield "fusion.path", path
-    for key, value in LINKS[draw.choice(sorted(LINKS))](draw).items():
+    link = LINKS[draw.choice(sorted(LINKS))](draw)
+    for loss in draw.maybe(0.2, lambda: draw.number(0.05, 0.4)):
+        link |= {"burst_loss": loss, "burst_s": draw.choice([0.5, 3.0])}
+    for key, value in link.items():
         yield f"link.{key}", value
+    if link["model"] == "lognormal_prr":
+        for name in ("node", "fusion"):
+            for tx_dbm in draw.maybe(0.3, lambda: draw.choice([-10.0, -3.0, 0.0])):
+                yield f"radio.{name}.tx_dbm", tx_dbm
     if draw.random() < 0.6:
         yield "clock.offset_ms", draw.choice([0.5, 20.0, 400.0, 3000.0])
         yield "clock.drift_ppm", draw.choice([0.0, 20.0, 500.0])

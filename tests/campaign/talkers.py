@@ -11,7 +11,14 @@ from tests.protocols.hardships import DEEDS, befallen, cut, off
 from tests.protocols.parties import PARTIES
 from tests.test_drivers_agree import toy_plan
 
-SIZES: Final = {"election": (3, 16), "relay": (2, 6), "ring": (2, 9), "hosted": (2, 4)}
+SIZES: Final = {
+    "election": (3, 16),
+    "relay": (2, 6),
+    "ring": (2, 9),
+    "hosted": (2, 4),
+    "dozing": (2, 6),
+    "collection": (2, 12),
+}
 """The fewest and the most processes of each protocol."""
 
 
@@ -23,7 +30,7 @@ def plan(protocol: str, seed: int) -> Plan:
     size, seconds = draw.randint(*SIZES[protocol]), draw.randint(5, 12)
     run, processes = PARTIES[protocol](seed, size=size, seconds=seconds, loss=loss, **naps)
     for link in draw.maybe(0.5, lambda: LINKS[draw.choice(sorted(LINKS))](draw)):
-        run = replace(run, queue=link.pop("queue", run.queue), link=link)
+        run = replace(run, queues={"field": link.pop("queue", run.queue())}, link=link)
     if draw.random() < 0.6:
         processes = [off(process, draw) for process in processes]
     party = befallen((run, processes), draw, draw.choices(list(DEEDS), k=draw.randint(0, 6)))

@@ -90,10 +90,10 @@ def _lives(run: Run) -> Iterator[str]:
     for row in run.ledger.rows:
         sent.setdefault(life_name(row.src, row.incarnation), set()).add(row.sent_ns)
     for name, diary in run.ledger.diaries.items():
-        told = [o for o in (*diary.told, *diary.radio) if not isinstance(o.effect, Charge | Died)]
+        told = [o for o in diary.told if not isinstance(o.effect, Charge | Died)]
         left = sent.get(name, set())
         at_once = left - {o.effect.sent_ns for o in told if isinstance(o.effect, Queued)}
-        acts = sorted({o.key[0] for o in told} | at_once)
+        acts = sorted({o.key[0] for o in told} | {key[0] for key, _ in diary.radio} | at_once)
         for t_ns in sorted(left.union(acts)):
             if not diary.owns(t_ns):
                 yield f"{name} acts at {t_ns / NS:.6f} s, outside of its life"

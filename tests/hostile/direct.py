@@ -20,6 +20,7 @@ from launcher.processes.registry import Registry
 from launcher.record.listener import Listener
 from launcher.record.metrics import run_metrics
 from launcher.record.tables import track_rows
+from launcher.records import Plan
 from tests.hostile import field
 from tests.hostile.loopback import Loopback, came
 from tests.hostile.mixes import HARMLESS, OTHERS
@@ -56,21 +57,21 @@ def feed(seed: int, count: int) -> Iterator[str]:
 def _block(seed: int) -> list[str]:
     """What is wrong after the samples of a seed."""
     draw = Draw(seed)
-    plan = field.plan_of(1)
+    plan = field.plan_of(field.TREE_SEED if seed % 3 == 0 else 1)
     draw.known = field.known_of(plan)
     try:
-        return Parts(b"a secret" if seed % 2 else b"").attacked(draw)
+        return Parts(plan, b"a secret" if seed % 2 else b"").attacked(draw)
     except Exception:  # noqa: BLE001  whatever it is, it is what the peer is after
         return [traceback.format_exc(limit=-4)]
 
 
 class Parts:
-    """The parts of a run in this process, with a ``token`` or without."""
+    """The parts of a run of this plan in this process, with a ``token`` or without."""
 
-    def __init__(self, token: bytes) -> None:
+    def __init__(self, plan: Plan, token: bytes) -> None:
         self.loopback = Loopback()
         session: Any = cast("Any", self.loopback)
-        self.plan = field.plan_of(1)
+        self.plan = plan
         self.launcher = Seal(token)
         self.registry = Registry(self.plan, Seal(token), Alarms())
         self.registry.declare(session)

@@ -12,9 +12,11 @@ import msgpack
 from tests.hostile.samples import ALARM, EITHER, REFUSED, Draw, Means, Sample, bad
 from trackfield.role import NS
 from trackfield.wire import Doa, Envelope, Threshold, encode
-from trackfield.wire.messages import Measurement, SyncReply, SyncRequest, Track
+from trackfield.wire.messages import NOWHERE, Hop, HopAck, Measurement, Route, SyncReply, SyncRequest, Track
 
 DATA = "data"
+CELL = "x0_y0"
+"""The field that is attacked is within one."""
 
 
 def report(draw: Draw) -> bytes:
@@ -28,6 +30,11 @@ def stamp(draw: Draw, sent_ns: int | None = None, incarnation: int = 0, copy: in
     if sent_ns is None:
         sent_ns = max(draw.known.now_ns - draw.randrange(NS // 2), 0)
     return Envelope(sent_ns, incarnation, copy, draw.randrange(1000), time.monotonic_ns()).pack()
+
+
+def aloud(src: str, kind: str, cell: str = CELL) -> str:
+    """The key of a broadcast."""
+    return f"data/field/all/{cell}/{src}/{kind}"
 
 
 def inbox(src: str, dst: str, kind: str = "doa", medium: str = "field") -> str:
@@ -155,8 +162,7 @@ def medium_that_nobody_has(draw: Draw) -> Sample:
 
 @bad(DATA, REFUSED)
 def broadcast_of_a_stranger(draw: Draw) -> Sample:
-    key = f"data/field/all/{draw.choice(['c0', 'c9', 'all'])}/{draw.stranger()}/doa"
-    return Sample(key, report(draw), stamp(draw))
+    return Sample(aloud(draw.stranger(), "doa", draw.choice([CELL, "x9_y9", "all"])), report(draw), stamp(draw))
 
 
 @bad(DATA, REFUSED)
@@ -291,3 +297,31 @@ def forged_time(draw: Draw) -> Sample:
 def forged_question_for_the_time(draw: Draw) -> Sample:
     request = SyncRequest(draw.randrange(65536), draw.randrange(10**9))
     return Sample(inbox(draw.node(), draw.known.centre, "sync-request"), encode(request), stamp(draw))
+
+
+@bad(DATA, ALARM)
+def forged_beacon(draw: Draw) -> Sample:
+    """A node says that it is the best way, or none, or that its parent is whatever comes to mind."""
+    parent = draw.choice([draw.anyone(), draw.stranger(), ""]).encode()
+    route = Route(draw.randrange(65536), draw.choice([0.0, 1.0, draw.uniform(0, 100), NOWHERE]), 1, parent)
+    return Sample(aloud(draw.node(), "route"), encode(route), stamp(draw))
+
+
+@bad(DATA, ALARM)
+def forged_hop(draw: Draw) -> Sample:
+    """A message of somebody, or nobody, to anywhere, that has come any way and holds anything."""
+    origin, to = (draw.choice([draw.anyone(), draw.stranger()]).encode() for _ in range(2))
+    message = draw.choice([report(draw), draw.junk(), b""])
+    hops, cost = draw.choice([0, 1, 63, 64, 255]), draw.choice([0.0, 1.0, NOWHERE])
+    hop = Hop(origin, draw.randrange(65536), hops, cost, draw.choice([b"", to]), message)
+    return Sample(inbox(draw.node(), draw.anyone(), "hop"), encode(hop), stamp(draw))
+
+
+@bad(DATA, ALARM)
+def forged_acknowledgement(draw: Draw) -> Sample | None:
+    """Of a message that is under way, if one was heard."""
+    heard = [sample for sample in frames_heard(draw) if sample.key.endswith("/hop") and sample.payload]
+    if not heard:
+        return None
+    _, _, origin, number, *_ = msgpack.unpackb(draw.choice(heard).payload)
+    return Sample(inbox(draw.node(), draw.node(), "hop-ack"), encode(HopAck(origin, number)), stamp(draw))
