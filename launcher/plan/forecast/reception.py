@@ -42,8 +42,11 @@ def hops(plan: Plan) -> dict[str, Shares]:
 
 def varies(plan: Plan) -> bool:
     """Whether links change during the run: a process moves, or a trace is replayed."""
-    links = [plan.run.link, *plan.run.media.values()]
-    return any(link["model"] == "trace" for link in links) or any(p.legs for p in plan.processes)
+    return _replayed(plan) or any(p.legs for p in plan.processes)
+
+
+def _replayed(plan: Plan) -> bool:
+    return any(link["model"] == "trace" for link in [plan.run.link, *plan.run.media.values()])
 
 
 def shares_of(plan: Plan, flow: Flow, when: Mapping[str, Sequence[int]] | None) -> Shares:
@@ -53,12 +56,13 @@ def shares_of(plan: Plan, flow: Flow, when: Mapping[str, Sequence[int]] | None) 
         return {pair: tree.share(*pair) for pair in concerned}
     link = link_of(plan.run, plan.processes, cut=False)
     kind, size = kind_of(flow.message).name, len(encode(flow.message))
-    changing = varies(plan)  # looks at every process
-    always = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)] if changing else [0]
+    replayed, moving = _replayed(plan), {process.id for process in plan.processes if process.legs}
+    always = [plan.run.end_ns * k // INSTANTS for k in range(INSTANTS)]
     shares: Shares = {}
     for src, dst in flow.pairs:
         times = always if when is None else when.get(src, when.get(dst, ()))
-        some = times[:: -(-len(times) // INSTANTS) or 1] if changing else times[:1]
+        changes = replayed or src in moving or dst in moving
+        some = times[:: -(-len(times) // INSTANTS) or 1] if changes else times[:1]
         if some:
             shares[src, dst] = sum(link.reception(src, dst, size, kind, at, flow.medium) for at in some) / len(some)
     return shares
