@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from trackfield.link.fate import FIELD, Fate, Transmission
-from trackfield.link.radios import RADIOS, Radio
-from trackfield.link.transfer import OnAir, Transfer
+from trackfield.link.fate import FIELD, Transmission
+from trackfield.link.radios import RADIOS
+from trackfield.link.transfer import ByRadio, Prr, Transfer
 
 
 @dataclass(frozen=True)
-class Csma154:
+class Csma154(ByRadio):
     """An 802.15.4 radio at short range; ``busy``, ``ack`` and ``acks`` as in ``Transfer``."""
 
     seed: int
@@ -24,22 +24,8 @@ class Csma154:
         radio = RADIOS["802154-0dbm"](0)
         object.__setattr__(self, "_transfer", Transfer(self.seed, radio, self.busy, self.ack, self.acks))
 
-    def fate(self, frame: Transmission) -> Fate:
-        """See ``Link.fate``."""
-        return self._transfer.fate(frame, _always, _always)
-
-    @property
-    def radio(self) -> Radio:
-        """Its radio."""
-        return self._transfer.radio
-
-    def tries(self, frame: Transmission) -> int:
-        """How often each fragment of a frame is sent at most."""
-        return self._transfer.tries(frame)
-
-    def on_air(self, frame: Transmission) -> tuple[OnAir, ...]:
-        """The transmissions of which the fate of a frame is made."""
-        return self._transfer.on_air(frame, _always, _always)
+    def _prrs(self, frame: Transmission) -> tuple[Prr, Prr]:
+        return _always, _always
 
     def reception(
         self, src: str, dst: str, size: int, kind: str | None = None, at_ns: int = 0, medium: str = FIELD

@@ -9,11 +9,11 @@ from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Final, TypeVar
 
-from trackfield.link.fate import FIELD, Fate, Transmission
+from trackfield.link.fate import FIELD, Transmission
 from trackfield.link.places import Places, moves
 from trackfield.link.radios import RADIOS, Radio
 from trackfield.link.shadowing import CHANNELS
-from trackfield.link.transfer import OnAir, Prr, Transfer
+from trackfield.link.transfer import ByRadio, Prr, Transfer
 
 T = TypeVar("T")
 
@@ -25,7 +25,7 @@ WEAKEST_DB: Final = 60.0
 """No radio receives a signal so far below the noise."""
 
 
-class LognormalPrr:
+class LognormalPrr(ByRadio):
     """``radio`` and ``channel`` are names in ``RADIOS`` and ``CHANNELS``, ``sf`` is LoRa's spreading factor.
 
     Parameters that are None take the radio's value, those of the path loss the channel's; ``tx_dbms`` are the transmit
@@ -50,7 +50,8 @@ class LognormalPrr:
         acks: Mapping[str, int] = MappingProxyType({}),
         tx_dbms: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        self.radio = _radio(radio, 9 if sf is None else sf)
+        own_radio = _radio(radio, 9 if sf is None else sf)
+        self._transfer = Transfer(seed, own_radio, busy, own_radio.ack if ack is None else ack, acks)
         own = {"pl0_db": pl0_db, "exponent": exponent, "sigma_db": sigma_db, "asymmetry_db": asymmetry_db}
         named = _named("channel", self.radio.channel if channel is None else channel, CHANNELS)
         self.channel = replace(named, **{key: value for key, value in own.items() if value is not None})
@@ -58,25 +59,12 @@ class LognormalPrr:
         self.tx_dbms = tx_dbms
         self.noise_dbm = self.radio.noise_dbm if noise_dbm is None else noise_dbm
         self._seed, self._places = seed, places
-        self._transfer = Transfer(seed, self.radio, busy, self.radio.ack if ack is None else ack, acks)
         self._moving = frozenset(id for id, place in places.items() if moves(place))
         # Cache for links whose ends do not move, by sender: a few entries per link in use.
         self._prr: defaultdict[tuple[str, int, str], dict[str, float]] = defaultdict(dict)
 
-    def fate(self, frame: Transmission) -> Fate:
-        """See ``Link.fate``."""
-        return self._transfer.fate(frame, *self._prrs(frame))
-
-    def tries(self, frame: Transmission) -> int:
-        """How often each fragment of a frame is sent at most."""
-        return self._transfer.tries(frame)
-
-    def on_air(self, frame: Transmission) -> tuple[OnAir, ...]:
-        """The transmissions of which the fate of a frame is made."""
-        return self._transfer.on_air(frame, *self._prrs(frame))
-
     def _prrs(self, frame: Transmission) -> tuple[Prr, Prr]:
-        """The reception in the direction of a frame, and of its acknowledgements."""
+        """See ``ByRadio``."""
         ends = (frame.src, frame.dst), (frame.dst, frame.src)
         there, back = (partial(self.prr, *two, at_ns=frame.sent_ns, medium=frame.medium) for two in ends)
         return there, back

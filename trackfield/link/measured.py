@@ -9,17 +9,17 @@ from math import fsum
 from types import MappingProxyType
 from typing import Final
 
-from trackfield.link.fate import FIELD, Fate, Transmission
+from trackfield.link.fate import FIELD, Transmission
 from trackfield.link.k7 import Burst, Recording
-from trackfield.link.radios import RADIOS, Radio
-from trackfield.link.transfer import OnAir, Prr, Transfer
+from trackfield.link.radios import RADIOS
+from trackfield.link.transfer import ByRadio, Prr, Transfer
 from trackfield.words import quoted
 
 RADIO: Final = "802154-0dbm"
 """The radio that sends: k7 files are of IEEE 802.15.4."""
 
 
-class Measured:
+class Measured(ByRadio):
     """Each transmission is received with the ratio that was measured on its link.
 
     A burst's ratios hold from its begin until its sender's next one on the same channel; the first ones hold before
@@ -51,25 +51,8 @@ class Measured:
         # When which ratio begins to hold, of links in use; (times ns, ratios), the first time is before all.
         self._windows: dict[tuple[str, str], tuple[list[int], list[float]]] = {}
 
-    def fate(self, frame: Transmission) -> Fate:
-        """See ``Link.fate``; the ratios at the instant of sending count for all of a frame's repeats."""
-        return self._transfer.fate(frame, *self._prrs(frame))
-
-    @property
-    def radio(self) -> Radio:
-        """Its radio."""
-        return self._transfer.radio
-
-    def tries(self, frame: Transmission) -> int:
-        """How often each fragment of a frame is sent at most."""
-        return self._transfer.tries(frame)
-
-    def on_air(self, frame: Transmission) -> tuple[OnAir, ...]:
-        """The transmissions of which the fate of a frame is made."""
-        return self._transfer.on_air(frame, *self._prrs(frame))
-
     def _prrs(self, frame: Transmission) -> tuple[Prr, Prr]:
-        """The reception in the direction of a frame, and of its acknowledgements."""
+        """See ``ByRadio``; the ratios at the instant of sending count for all of a frame's repeats."""
         ends = (frame.src, frame.dst), (frame.dst, frame.src)
         there, back = (partial(self._share, self.ratio(*two, frame.sent_ns)) for two in ends)
         return there, back

@@ -125,5 +125,32 @@ class Transfer:
         return [part + self.radio.overhead_bytes for part in parts]
 
 
+class ByRadio:
+    """A link model whose payloads go by its ``_transfer``; it says how well frames are received (``_prrs``)."""
+
+    _transfer: Transfer
+
+    @property
+    def radio(self) -> Radio:
+        """Its radio."""
+        return self._transfer.radio
+
+    def fate(self, frame: Transmission) -> Fate:
+        """See ``Link.fate``."""
+        return self._transfer.fate(frame, *self._prrs(frame))
+
+    def tries(self, frame: Transmission) -> int:
+        """How often each fragment of a frame is sent at most."""
+        return self._transfer.tries(frame)
+
+    def on_air(self, frame: Transmission) -> tuple[OnAir, ...]:
+        """The transmissions of which the fate of a frame is made."""
+        return self._transfer.on_air(frame, *self._prrs(frame))
+
+    def _prrs(self, frame: Transmission) -> tuple[Prr, Prr]:
+        """The reception in the direction of a frame, and of its acknowledgements."""
+        raise NotImplementedError
+
+
 def _draw(seed: int, sender: tuple[str | int, ...], number: int, attempt: int, purpose: str, k: int) -> float:
     return uniform(seed, purpose, *sender, number, attempt, k)
