@@ -88,7 +88,7 @@ def test_a_path_goes_through_its_fixes_and_never_overshoots_them(
     steps: list[tuple[float, float, float]],
 ) -> None:
     t, x, y = np.cumsum([(0.0, 0.0, 0.0), *steps], axis=0).T
-    path = tracks._through(t, np.column_stack([x, y]), np.zeros(len(t) - 1, bool))
+    path = tracks._through(t, np.column_stack([x, y]), *np.zeros((2, len(t) - 1), bool))
     for i in range(len(t)):
         assert path.at(t[i])[:2] == pytest.approx((x[i], y[i]))  # type: ignore[index]
     for i in range(len(t) - 1):

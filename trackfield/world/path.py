@@ -25,8 +25,9 @@ class Path:
     """A target's path: knots at times ``t`` (s since the start of the run), never decreasing.
 
     ``x, y`` are metres east and north, ``vx, vy`` metres per second; one entry per knot. ``gaps`` are the
-    (from s, to s) for which there was no data and a straight line stands in. ``missing`` are the numbers
-    of the stretches between knots that a ``cut`` left out. Raises ``ValueError`` for columns that are empty or of
+    (from s, to s) for which there was no data and a straight line stands in, ``jumps`` those between two fixes of which
+    the recording is at fault: no target moved like that. ``missing`` are the numbers of the stretches between knots
+    that a ``cut`` left out. Raises ``ValueError`` for columns that are empty or of
     unequal length, for decreasing times, and for a target at two places at once.
     """
 
@@ -36,6 +37,7 @@ class Path:
     vx: tuple[float, ...]
     vy: tuple[float, ...]
     gaps: tuple[Interval, ...] = ()
+    jumps: tuple[Interval, ...] = ()
     missing: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
@@ -46,10 +48,10 @@ class Path:
                 raise ValueError(f"a path's knots go forward in time, or are at one place: {b} follows {a}")
 
     @classmethod
-    def of(cls, knots: Iterable[Knot], gaps: Iterable[Interval] = ()) -> Self:
+    def of(cls, knots: Iterable[Knot], gaps: Iterable[Interval] = (), jumps: Iterable[Interval] = ()) -> Self:
         """The path through these (t, x, y, vx, vy)."""
         t, x, y, vx, vy = zip(*knots, strict=True)
-        return cls(t, x, y, vx, vy, tuple(gaps))
+        return cls(t, x, y, vx, vy, tuple(gaps), tuple(jumps))
 
     @property
     def start_s(self) -> float:
@@ -83,13 +85,30 @@ class Path:
         return max(hypot(vx, vy) for *_, vx, vy in (*knots, *middles))
 
     def interpolated(self, t_s: float) -> bool:
-        """Whether this time lies inside a gap, where a straight line stands in for the truth."""
-        return any(begin < t_s < end for begin, end in self.gaps)
+        """Whether this time lies inside a gap, where a straight line stands in for the truth, or in a jump.
+
+        The ends of a gap are fixes, and count as truth. Those of a jump do not: it is not known which of them is wrong.
+        """
+        return self.jumping(t_s) or any(begin < t_s < end for begin, end in self.gaps)
+
+    def jumping(self, t_s: float) -> bool:
+        """Whether this time lies in a jump, its ends included."""
+        return any(begin <= t_s <= end for begin, end in self.jumps)
 
     @property
     def gaps_inside(self) -> tuple[Interval, ...]:
         """The gaps, as far as the path reaches; one that was clipped has no fix at that end."""
-        return tuple((max(a, self.start_s), min(b, self.end_s)) for a, b in self.gaps)
+        return self._as_far(self.gaps)
+
+    @property
+    def jumps_inside(self) -> tuple[Interval, ...]:
+        """The jumps, as far as the path reaches."""
+        return self._as_far(self.jumps)
+
+    @property
+    def guessed_inside(self) -> tuple[Interval, ...]:
+        """Gaps and jumps, as far as the path reaches, in order."""
+        return tuple(sorted(self.gaps_inside + self.jumps_inside))
 
     def clip(self, from_s: float, to_s: float) -> Path:
         """The part of a whole path between two times, with knots at its ends; a gap that it cuts stays whole.
@@ -105,7 +124,8 @@ class Path:
             knots.insert(0, (lo, *first))
         if knots[-1][0] < hi:
             knots.append((hi, *last))
-        return Path.of(knots, ((a, b) for a, b in self.gaps if a < hi and b > lo))
+        jumps = ((a, b) for a, b in self.jumps if a <= hi and b >= lo)
+        return Path.of(knots, ((a, b) for a, b in self.gaps if a < hi and b > lo), jumps)
 
     def shifted(self, seconds: float) -> Path:
         """A whole path, later by ``seconds``, in whole nanoseconds; 0 returns the path itself.
@@ -123,7 +143,8 @@ class Path:
             knot = (later(t), *self._knot(i)[1:])
             if not knots or knot[0] > knots[-1][0] or knot[:3] == knots[-1][:3]:
                 knots.append(knot)
-        return Path.of(knots, ((later(a), later(b)) for a, b in self.gaps))
+        gaps, jumps = (((later(a), later(b)) for a, b in some) for some in (self.gaps, self.jumps))
+        return Path.of(knots, gaps, jumps)
 
     def cut(self, intervals: Iterable[Interval]) -> Path:
         """The part of the path that gives the same ``at`` inside these (from s, to s), bit for bit, as the whole.
@@ -144,6 +165,7 @@ class Path:
         return {
             "knots": [list(column) for column in (self.t, self.x, self.y, self.vx, self.vy)],
             "gaps": [list(gap) for gap in self.gaps],
+            "jumps": [list(jump) for jump in self.jumps],
             "missing": list(self.missing),
         }
 
@@ -151,7 +173,11 @@ class Path:
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``to_plain``."""
         t, x, y, vx, vy = map(tuple, plain["knots"])
-        return cls(t, x, y, vx, vy, tuple((a, b) for a, b in plain["gaps"]), tuple(plain["missing"]))
+        gaps, jumps = (tuple((a, b) for a, b in plain[name]) for name in ("gaps", "jumps"))
+        return cls(t, x, y, vx, vy, gaps, jumps, tuple(plain["missing"]))
+
+    def _as_far(self, intervals: Iterable[Interval]) -> tuple[Interval, ...]:
+        return tuple((max(a, self.start_s), min(b, self.end_s)) for a, b in intervals)
 
     def _knot(self, i: int) -> Knot:
         return self.t[i], self.x[i], self.y[i], self.vx[i], self.vy[i]

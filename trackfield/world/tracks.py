@@ -3,7 +3,8 @@
 Latitude and longitude become metres east and north of the window's first fix, on the plane that touches the
 ellipsoid there (heights are left out). Between two fixes the position follows a shape-preserving cubic
 (Fritsch and Carlson 1980), so it never overshoots them. Where fixes are missing for longer, the target
-moves in a straight line at constant speed, and the stretch is listed in ``Path.gaps``.
+moves in a straight line at constant speed, and the stretch is listed in ``Path.gaps``; so it does where the recording
+jumps (``jumps.py``), which ``Path.jumps`` lists.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ from typing import Final
 import numpy as np
 import pymap3d
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from trackfield.errors import ScenarioError
 from trackfield.files import LONG_S
 from trackfield.words import quoted
 from trackfield.world.fixes import ISO, Array, Fixes, moment, read_fixes
+from trackfield.world.jumps import Mask, jumps
 from trackfield.world.path import Interval, Knot, Path
 from trackfield.world.rows import number
 
@@ -50,11 +51,19 @@ def read_track(
     """
     fixes = read_fixes(file)
     (from_s, to_s), first, last = _inside(file, fixes, start, end, key)
-    around = slice(max(first - 1, 0), last + 2)
     zero = fixes.points[first] if origin is None else origin
-    xy = plane(fixes.points[around], zero) if fixes.geodetic else fixes.points[around]
-    t = fixes.t[around]
-    return _through(t - from_s, xy, _gaps(fixes.t)[around.start : around.start + len(t) - 1]).clip(0.0, to_s - from_s)
+    xy = plane(fixes.points, zero) if fixes.geodetic else fixes.points
+    gap = _gaps(fixes.t)
+    jump = jumps(fixes.t, xy, gap)
+    around = slice(max(first - 1, 0), last + 2)
+    between = slice(around.start, min(around.stop, len(fixes.t)) - 1)
+    return _through(fixes.t[around] - from_s, xy[around], gap[between], jump[between]).clip(0.0, to_s - from_s)
+
+
+def path_through(t: Array, xy: Array) -> Path:
+    """The path through fixes ``xy`` (n, 2) in metres at increasing times ``t`` (n,), at least two."""
+    gap = _gaps(t)
+    return _through(t, xy, gap, jumps(t, xy, gap))
 
 
 def track_origin(
@@ -67,6 +76,18 @@ def track_origin(
     fixes = read_fixes(file)
     _, first, _ = _inside(file, fixes, start, end, key)
     return fixes.points[first] if fixes.geodetic else None
+
+
+def track_start(
+    file: FilePath, start: str | None = None, end: str | None = None, *, key: str = "target"
+) -> tuple[datetime | None, float]:
+    """The time of the path's t=0: seconds after a time, or as the file counts them, and then None.
+
+    Takes and raises what ``read_track`` does.
+    """
+    fixes = read_fixes(file)
+    (from_s, _), _, _ = _inside(file, fixes, start, end, key)
+    return fixes.zero, from_s
 
 
 def plane(degrees: Array, origin: Array) -> Array:
@@ -84,7 +105,7 @@ def _inside(file: FilePath, fixes: Fixes, start: str | None, end: str | None, ke
     return (from_s, to_s), int(inside[0]), int(inside[-1])
 
 
-def _gaps(t: Array) -> NDArray[np.bool_]:
+def _gaps(t: Array) -> Mask:
     """Which of the intervals (n-1,) between the times ``t`` (n,) of a whole file are gaps."""
     intervals = np.diff(t)
     padded = np.pad(intervals, _AROUND, constant_values=np.nan)
@@ -93,23 +114,25 @@ def _gaps(t: Array) -> NDArray[np.bool_]:
     return np.asarray(intervals > np.maximum(GAP_S, 3 * usual))
 
 
-def _through(t: Array, xy: Array, gap: NDArray[np.bool_]) -> Path:
-    """The path through positions ``xy`` (n, 2) at increasing times ``t`` (n,), straight where there is a ``gap``."""
+def _through(t: Array, xy: Array, gap: Mask, jump: Mask) -> Path:
+    """The path through positions ``xy`` (n, 2) at increasing times ``t`` (n,), straight in a ``gap`` and a ``jump``."""
     from scipy.interpolate import PchipInterpolator
 
     knots: list[Knot] = []
-    gaps: list[Interval] = []
-    after = np.flatnonzero(gap) + 1
+    straight: list[Interval] = []
+    after = np.flatnonzero(gap | jump) + 1
     for times, points in zip(np.split(t, after), np.split(xy, after), strict=True):
         if knots:
             ta, xa, ya = knots[-1][:3]
             tb, xb, yb = float(times[0]), float(points[0, 0]), float(points[0, 1])
             velocity = (xb - xa) / (tb - ta), (yb - ya) / (tb - ta)
             knots += [(ta, xa, ya, *velocity), (tb, xb, yb, *velocity)]
-            gaps.append((ta, tb))
+            straight.append((ta, tb))
         velocities = PchipInterpolator(times, points)(times, 1) if len(times) > 1 else np.zeros((1, 2))
         knots += map(tuple, np.column_stack([times, points, velocities]).tolist())
-    return Path.of(knots, gaps)
+    jumped = jump[after - 1].tolist()
+    gaps = [one for one, is_jump in zip(straight, jumped, strict=True) if not is_jump]
+    return Path.of(knots, gaps, [one for one, is_jump in zip(straight, jumped, strict=True) if is_jump])
 
 
 def _window(file: FilePath, fixes: Fixes, start: str | None, end: str | None, key: str) -> Interval:
