@@ -159,7 +159,8 @@ class Plan:
     targets by id, in emulated time. ``tracking`` are the arguments of a ``trackfield.tracking.bank.Bank`` for all
     sensors, ``banks`` in what those of each process that fuses reports differ. ``views`` say which tracks are scored
     together, the headline first; ``flows`` are the links in use by kind of message. ``reaches`` are how far away (m)
-    each sensor reports a target, ``passes`` for which steps it does so by itself, and when (ns), if it does.
+    each sensor reports a target, ``passes`` for which steps it does so by itself, and when (ns), if it does;
+    ``recorded`` says that some play what was recorded.
     ``restart`` says that processes which die unplanned are started again; ``lost`` is
     when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
     ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
@@ -175,6 +176,7 @@ class Plan:
     flows: tuple[Flow, ...] = ()
     reaches: Mapping[str, float] = field(default_factory=dict)
     passes: Mapping[str, Mapping[int, int]] = field(default_factory=dict)
+    recorded: bool = False
     restart: bool = False
     lost: Lost = field(default_factory=Lost)
     deadline_s: float = 0.0
@@ -195,9 +197,17 @@ class Plan:
         return max(self.reaches.values(), default=0.0)
 
     @property
+    def by_themselves(self) -> bool:
+        """Whether all sensors report by themselves."""
+        return bool(self.passes) and len(self.passes) == len(self.reaches)
+
+    @property
     def pass_steps(self) -> set[int] | None:
-        """The steps of passes, if all sensors report by themselves: a track is expected at these alone."""
-        if len(self.passes) < len(self.reaches) or not self.passes:
+        """The steps of passes, if all sensors report by themselves: a track is expected at these alone.
+
+        Not of recorded reports: those of a step may be missing.
+        """
+        if not self.by_themselves or self.recorded:
             return None
         return {step for steps in self.passes.values() for step in steps}
 

@@ -44,11 +44,13 @@ def test_it_is_the_scenario_that_it_starts_from(trackfield: Call, tmp_path: Path
     mine, theirs = Scenario.load(tmp_path / "mine.toml").plain(), Scenario.load(name).plain()
     assert mine.pop("name") == "mine"
     theirs.pop("name")
-    if "file" in theirs["target"]:
-        copy, original = (Path(one["target"].pop("file")) for one in (mine, theirs))
-        assert copy == tmp_path / f"mine-target{original.suffix}"
-        assert copy.read_bytes() == original.read_bytes()
-        assert f"wrote {copy.name}\n" in said.err
+    files = (("target", "file", "target"), ("field", "file", "sensors"), ("sensor", "recording", "recording"))
+    for section, key, called in files:
+        if key in theirs[section]:
+            copy, original = (Path(one[section].pop(key)) for one in (mine, theirs))
+            assert copy == tmp_path / f"mine-{called}{original.suffix}"
+            assert copy.read_bytes() == original.read_bytes()
+            assert f"wrote {copy.name}\n" in said.err
     assert mine == theirs
 
 

@@ -258,12 +258,12 @@ def test_a_layout_out_of_range(field: dict[str, Any], key: str, expected: str) -
         (
             "sensor",
             {"alhpa": 2.0},
-            "sensor.alhpa: unknown; did you mean alpha?; expected one of kind, nodes, share, position_error_m,",
+            "sensor.alhpa: unknown; did you mean alpha?; expected one of kind, nodes, share, recording, play,",
         ),
         (
             "sensor",
             {"zzz": 2.0},
-            "sensor.zzz: unknown; expected one of kind, nodes, share, position_error_m, level_db,",
+            "sensor.zzz: unknown; expected one of kind, nodes, share, recording, play, position_error_m, level_db,",
         ),
         ("sensor", 3, "sensor: is 3; expected a section [sensor]"),
         (
@@ -386,7 +386,7 @@ def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
 
 
 def test_an_unknown_scenario_brings_the_nearest_name() -> None:
-    expected = "expected one of bus, radar, zhai-spcpf, or a TOML file"
+    expected = "expected one of bus, hall, radar, zhai-spcpf, or a TOML file"
     assert failure("zhai-spcfp") == f"unknown scenario 'zhai-spcfp'; did you mean zhai-spcpf?; {expected}"
     assert failure("zzzzz") == f"unknown scenario 'zzzzz'; {expected}"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from math import exp, inf, log
 from pathlib import Path as FilePath
 from statistics import fmean
@@ -60,7 +60,8 @@ def numbers(readings: Sequence[Reading | None]) -> list[float]:
 def test_sections_have_the_options_of_their_classes_and_their_defaults(name: str) -> None:
     section = SECTIONS[name]()
     own: Any = SENSORS[name]
-    assert dict(section.options) == {one.name: one.default for one in fields(own)}
+    defaults = ((one.name, one.default, one.default_factory) for one in fields(own))
+    assert dict(section.options) == {name: one if made is MISSING else made() for name, one, made in defaults}
     assert section.sensing.own == own()
 
 

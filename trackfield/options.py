@@ -82,6 +82,8 @@ def _fits(value: object, hint: Any) -> bool:
         return any(value == one and type(value) is type(one) for one in get_args(hint))
     if get_origin(hint) in (Union, UnionType):
         return any(_fits(value, one) for one in get_args(hint) if one is not NoneType)
+    if get_origin(hint) is Mapping:
+        return isinstance(value, Mapping) and all(_fits(one, get_args(hint)[1]) for one in value.values())
     if hint is float:
         return type(value) in (int, float) and math.isfinite(value)  # type: ignore[arg-type]
     return type(value) is hint if hint in _WORDS else True
@@ -100,4 +102,6 @@ def _words(hint: Any) -> str:
         return f"one of {', '.join(map(str, get_args(hint)))}"
     if get_origin(hint) in (Union, UnionType):
         return " or ".join(_words(one) for one in get_args(hint) if one is not NoneType)
+    if get_origin(hint) is Mapping:
+        return f"a table by sensor, each {_words(get_args(hint)[1])}"
     return _WORDS[hint]

@@ -27,6 +27,7 @@ from trackfield.filters.metrics import Lost
 from trackfield.link.fate import FIELD
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site, survey
+from trackfield.sensing.kinds import own_options
 from trackfield.world.path import Path
 
 TRUTH_SAMPLES: Final = 4
@@ -66,6 +67,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         flows,
         {id: kind.report_m for id, kind in site.sensing.items()},
         site.passes,
+        bool(site.played),
         scenario.restart == "on-death",
         lost_of(scenario),
         scenario.fusion.deadline_s,
@@ -128,7 +130,8 @@ def _info(field: Built, spec: RunSpec, faults: Faults) -> FieldInfo:
 def _drawn(site: Site) -> dict[str, dict[str, Any]]:
     """The kind and options of the sensors whose kind says what is drawn of a reading, by their ids."""
     known = {name: section.plain for name, section in site.sections.items() if hasattr(section.sensing.own, "drawn")}
-    return {site.sensors[i][0]: plain for name, plain in known.items() for i in site.kinds[name]}
+    ids = ((site.sensors[i][0], plain) for name, plain in known.items() for i in site.kinds[name])
+    return {id: plain | {"options": own_options(plain["options"], id)} for id, plain in ids}
 
 
 def _truth(site: Site, target: str, path: Path) -> Truth:
@@ -136,4 +139,4 @@ def _truth(site: Site, target: str, path: Path) -> Truth:
     every_s, origin_s = site.step_ns / NS / TRUTH_SAMPLES, site.origin_ns / NS
     times = [k * every_s for k in range(site.steps * TRUTH_SAMPLES + 1)]
     points = ((t, state[0], state[1]) for t in times if (state := path.at(origin_s + t)) is not None)
-    return Truth(target, tuple(points), tuple((a - origin_s, b - origin_s) for a, b in path.gaps_inside))
+    return Truth(target, tuple(points), tuple((a - origin_s, b - origin_s) for a, b in path.guessed_inside))

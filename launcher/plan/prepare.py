@@ -14,6 +14,7 @@ from launcher.plan.extensions import suited
 from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.forecast.foresight import foresee
 from launcher.plan.forecast.graph import check_reach
+from launcher.plan.forecast.played import played_in_part
 from launcher.plan.forecast.reception import receptions
 from launcher.plan.forecast.warnings import warnings
 from launcher.plan.plan import make_plan
@@ -33,6 +34,8 @@ FASTEST: Final = 100.0
 """Emulated seconds in a second."""
 MAX_LINKS: Final = 2000
 """In a field of more places, the reception of links is not worked out for the timeline."""
+JUMPS_TOLD: Final = 3
+"""Of more jumps in a recording, a remark names the times of the first."""
 
 
 def load(name: str, **options: Any) -> Scenario:
@@ -199,27 +202,39 @@ def warned(plan: Plan) -> Plan:
 
 
 def remarks(plan: Plan) -> list[str]:
-    """What a user should know of the plan before it runs: gaps in tracks, and trackers that cannot be smoothed."""
+    """What a user should know of the plan before it runs.
+
+    Gaps and jumps in tracks, trackers that cannot be smoothed, recorded reports that nobody will send.
+    """
     lag, tracks = plan.tracking.get("smooth_lag", 0), plan.info.trackers
     rough = [name for name in plan.tracking["trackers"] if lag and lagged_name(name, lag) not in tracks]
     return [
-        *(text for target, path in plan.paths.items() if (text := _in_gaps(plan, target, path))),
+        *(text for target, path in plan.paths.items() for text in _in_gaps(plan, target, path)),
         *(f"{name} does not report its motion model, so its track is not smoothed" for name in rough),
+        *played_in_part(plan),
     ]
 
 
-def _in_gaps(plan: Plan, target: str, path: TruePath) -> str:
-    """How much of a target's truth is interpolated; empty if nothing is."""
+def _in_gaps(plan: Plan, target: str, path: TruePath) -> Iterator[str]:
+    """How much of a target's truth is interpolated, in gaps and in jumps of the recording; nothing if none is."""
     steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
     there = [t / NS for t in steps if path.at(t / NS) is not None]
-    inside = sum(path.interpolated(t) for t in there)
-    if not inside:
-        return ""
-    begin, end = max(path.gaps_inside, key=lambda gap: gap[1] - gap[0])
-    gaps = "a gap" if len(path.gaps) == 1 else f"{len(path.gaps)} gaps"
-    longest = f"{'' if len(path.gaps) == 1 else 'the longest '}from {begin - plan.origin_ns / NS:.1f} s"
+    jumping = sum(map(path.jumping, there))
+    inside = sum(map(path.interpolated, there)) - jumping
     whose = "" if len(plan.paths) == 1 else f" of {target}"
-    return (
-        f"{inside} of {len(there)} steps lie in {gaps} of the recording{whose} ({longest} for {end - begin:.0f} s): a "
-        "straight line stands in for the truth there, and headline errors leave these steps out"
-    )
+    if inside:
+        begin, end = max(path.gaps_inside, key=lambda gap: gap[1] - gap[0])
+        gaps = "a gap" if len(path.gaps) == 1 else f"{len(path.gaps)} gaps"
+        longest = f"{'' if len(path.gaps) == 1 else 'the longest '}from {begin - plan.origin_ns / NS:.1f} s"
+        yield (
+            f"{inside} of {len(there)} steps lie in {gaps} of the recording{whose} "
+            f"({longest} for {end - begin:.0f} s): "
+            "a straight line stands in for the truth there, and headline errors leave these steps out"
+        )
+    if jumping:
+        at = [f"{begin - plan.origin_ns / NS:.1f} s" for begin, _ in path.jumps_inside]
+        more = f" and {len(at) - JUMPS_TOLD} more" if len(at) > JUMPS_TOLD else ""
+        yield (
+            f"{jumping} of {len(there)} steps lie where the recording{whose} jumps, as no target moves (at "
+            f"{', '.join(at[:JUMPS_TOLD])}{more}): headline errors leave these steps out"
+        )

@@ -90,6 +90,10 @@ def _probe_reading(kind: Kind, values: Any) -> None:
         number = _call(kind, name, method, values)
         if not isinstance(number, Real) or isnan(float(number)):
             raise _wrong(kind, name, number, "a number")
+    for name, own in (("biased", kind.biased), ("corrected", kind.corrected)):
+        values = _numbers(kind, name, _call(kind, name, own, values, "n000"))
+    if not isinstance(possible := _call(kind, "possible", kind.possible, values), bool | np.bool):
+        raise _wrong(kind, "possible", possible, "True or False")
     message = _call(kind, "reading", lambda: kind.reading(values).report(1))
     if not kind.takes(message):
         raise _wrong(kind, "reading", message, f"a reading that reports a {kind.message.__name__}")

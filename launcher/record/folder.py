@@ -26,10 +26,20 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
-from trackfield.scenario.paths import FromFile
+from trackfield.scenario.paths import FromFile, Recorded
+from trackfield.scenario.scenario import FILES
+from trackfield.scenario.sensors import SensorSection
 
-_COPIES: Final = {"target": "target", "targets": "target", "field": "sensors", "link": "link", "backbone": "backbone"}
-"""The sections that can name a ``file``, and what its copy is called; others may have an option of that name."""
+_COPIES: Final = {
+    "target": "target",
+    "targets": "target",
+    "field": "sensors",
+    "sensor": "recording",
+    "sensors": "recording",
+    "link": "link",
+    "backbone": "backbone",
+}
+"""The sections that can name a file, and what its copy is called."""
 
 
 def prepare_folder(out: Path | None, scenario: str, seed: int, below: Path = RUNS) -> Path:
@@ -126,7 +136,7 @@ def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
     for section, name in _COPIES.items():
         part = getattr(scenario, section)
         if isinstance(part, tuple):
-            ends = ["" if one is first else f"-{one.id}" for one in part]
+            ends = ["" if one is first else f"-{getattr(one, 'id', number)}" for number, one in enumerate(part, 1)]
             copied[section] = tuple(
                 _kept(one, folder, prefix + name + end) for one, end in zip(part, ends, strict=True)
             )
@@ -137,13 +147,21 @@ def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
 
 def _kept(part: Any, folder: Path, name: str) -> Any:
     """The section with a copy of its file in the folder; unchanged if it names no file."""
-    if not isinstance(part, FromFile | Surveyed | Trace):
+    key = _file_key(part)
+    if not key:
         return part
-    file = Path(part.file)
+    file = Path(getattr(part, key))
     copy = folder / f"{name}{file.suffix}"
     if not copy.exists() or not copy.samefile(file):  # a study may be run again from its own scenario file
         shutil.copyfile(file, copy)
-    return part.model_copy(update={"file": copy.name})
+    return part.model_copy(update={key: copy.name})
+
+
+def _file_key(part: Any) -> str:
+    """Which key of a section names a file; empty if none does: others may have an option that is called so."""
+    if isinstance(part, FromFile | Surveyed | Trace):
+        return "file"
+    return "recording" if isinstance(part, Recorded | SensorSection) and part.recording else ""
 
 
 def scenario_digest(folder: Path) -> str:
@@ -179,5 +197,5 @@ def _files(settings: dict[str, Any]) -> Iterator[str]:
     for section in _COPIES:
         found = settings.get(section)
         for part in found if isinstance(found, list) else [found]:
-            if isinstance(part, dict) and isinstance(part.get("file"), str):
-                yield part["file"]
+            if isinstance(part, dict):
+                yield from (part[key] for key in FILES[section] if isinstance(part.get(key), str))

@@ -279,7 +279,8 @@ class Ledger:
         """The kind of sensing of a process; None if it has no sensor, or is unknown."""
         if id not in self._kinds:
             sound = self._processes[id].sound if id in self._processes else {}
-            self._kinds[id] = known_kind(sound["kind"], sound["options"]) if sound else None
+            recorded = sound.get("recorded", False)
+            self._kinds[id] = known_kind(sound["kind"], sound["options"], recorded=recorded) if sound else None
         return self._kinds[id]
 
     def _note_tardy(self, way: Way) -> None:

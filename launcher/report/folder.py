@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -205,10 +205,17 @@ class Run:
 
     @cached_property
     def gaps(self) -> tuple[tuple[float, float], ...]:
-        """(from s, to s) of each gap in the data of any target, up to the end; the path is interpolated there."""
-        found = [gap for path in self.site.paths.values() for gap in path.gaps_inside]
+        """(from s, to s) of each gap and jump in the data of any target, up to the end, interpolated there."""
+        return self._so_far(gap for path in self.site.paths.values() for gap in path.guessed_inside)
+
+    @cached_property
+    def jumps(self) -> tuple[tuple[float, float], ...]:
+        """Those of them that are jumps."""
+        return self._so_far(jump for path in self.site.paths.values() for jump in path.jumps_inside)
+
+    def _so_far(self, found: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
         shifted = ((begin - self.origin_s, end - self.origin_s) for begin, end in found)
-        return tuple(gap for gap in shifted if gap[0] < self.metrics["ended_s"])
+        return tuple(one for one in shifted if one[0] < self.metrics["ended_s"])
 
     @property
     def bounded(self) -> bool:

@@ -33,7 +33,10 @@ COLUMNS: Final = (
 
 @dataclass(frozen=True)
 class Course:
-    """The instants at which a track is expected: ``at_ns`` (in order), when any target of ``paths`` is there."""
+    """The instants at which a track is expected: ``at_ns`` (in order), when any target of ``paths`` is there.
+
+    Where nobody knows of any target, there are no ``paths``, and a track is expected at all steps.
+    """
 
     at_ns: tuple[int, ...] = ()
     origin_ns: int = 0
@@ -44,7 +47,7 @@ class Course:
         """The course of a run in which these steps are expected."""
         times = (origin_ns + step * step_ns for step in steps)
         whole = cls(tuple(times), origin_ns, paths)
-        return replace(whole, at_ns=tuple(t for t in whole.at_ns if whole._present(t / NS)))
+        return replace(whole, at_ns=tuple(t for t in whole.at_ns if whole._present(t / NS))) if paths else whole
 
     def truth(self, at_ns: int) -> State | None:
         """Where the only target is; None if there are several, as a missing track is of no particular one."""
@@ -53,7 +56,8 @@ class Course:
     @cached_property
     def interpolated(self) -> frozenset[int]:
         """The instants at which the place of no target was recorded: all that are there lie in gaps of their data."""
-        return frozenset(t for t in self.at_ns if all(path.interpolated(t / NS) for path in self._present(t / NS)))
+        present = {t: self._present(t / NS) for t in self.at_ns}
+        return frozenset(t for t, paths in present.items() if paths and all(p.interpolated(t / NS) for p in paths))
 
     def _present(self, t_s: float) -> list[Path]:
         return [path for path in self.paths.values() if path.at(t_s) is not None]

@@ -165,7 +165,7 @@ def _layout(sensors: Points, ways: Sequence[Way], tracks: Sequence[Overlaid]) ->
     return rrb.Blueprint(
         rrb.Horizontal(
             space("/", ["/field/**"], "Field (E right, N up)", bounds(points), shown),
-            rrb.Vertical(rrb.Tabs(*closeups, active_tab=0), rrb.Tabs(*plots, active_tab=0)),
+            rrb.Vertical(*(rrb.Tabs(*views, active_tab=0) for views in (closeups, plots) if views)),
         ),
         rrb.TimePanel(state="collapsed", timeline=look.TIME, play_state="playing"),
         rrb.BlueprintPanel(state="hidden"),

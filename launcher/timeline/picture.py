@@ -174,7 +174,8 @@ class Picture:
         if sensing is None:
             return values[0]
         try:
-            return float(known_kind(**sensing).drawn(values))
+            kind = known_kind(**sensing)
+            return float(kind.drawn(kind.corrected(values, id)))
         except Exception:  # noqa: BLE001  a user's own method, and numbers from anybody
             return nan
 

@@ -7,8 +7,8 @@ of a written scenario.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final, Literal, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -16,7 +16,7 @@ from trackfield.scenario.architectures import Architecture, Centralised
 from trackfield.scenario.faults import Fault
 from trackfield.scenario.layouts import Grid, Layout
 from trackfield.scenario.links import Ideal, Link, Serial
-from trackfield.scenario.paths import PathSection, Target
+from trackfield.scenario.paths import PathSection, Recorded, Target
 from trackfield.scenario.quantities import Seed
 from trackfield.scenario.radios import EXPECTED, Radios
 from trackfield.scenario.section import ID_WORDS, Section, wrong
@@ -88,7 +88,7 @@ class Contents(Section):
         """At least one target, each with its own id, all with the steps of the first."""
         if "target" not in info.data:  # its own error is reported already
             return targets
-        every = _keyed(info.data["target"], targets)
+        every = _keyed(info.data["target"], targets, _plays(info.data))
         if not every:
             raise wrong("missing", "a section [target], or sections [[targets]]", "target")
         (first_key, first), seen = every[0], set[str]()
@@ -123,7 +123,7 @@ class Contents(Section):
     @property
     def keyed_targets(self) -> tuple[tuple[str, PathSection], ...]:
         """The targets in order, each with its key: ``target``, ``targets[0]``, ..."""
-        return _keyed(self.target, self.targets)
+        return _keyed(self.target, self.targets, any(section.recording for _, section in self.keyed_sensors))
 
     @property
     def every_target(self) -> tuple[PathSection, ...]:
@@ -147,6 +147,17 @@ class Contents(Section):
         return self.fusion.lost_m if beyond_m is None else beyond_m
 
 
-def _keyed(target: PathSection | None, targets: Sequence[PathSection]) -> tuple[tuple[str, PathSection], ...]:
+def _plays(data: Mapping[str, Any]) -> bool:
+    """Whether sensors play a recording, by the sections that are valid."""
+    sections: list[SensorSection | None] = [data.get("sensor"), *data.get("sensors", ())]
+    return any(section.recording for section in sections if section)
+
+
+def _keyed(
+    target: PathSection | None, targets: Sequence[PathSection], plays: bool
+) -> tuple[tuple[str, PathSection], ...]:
+    """Each target with its key; that of a recording, where none is given and sensors play one."""
+    if target is None and not targets and plays:
+        target = Recorded()
     alone = () if target is None else (("target", target),)
     return (*alone, *((f"targets[{i}]", one) for i, one in enumerate(targets)))

@@ -8,7 +8,7 @@ from typing import Final
 ALIASES: Final = {"spcpf": "zhai-spcpf"}
 """Former names, under which packaged scenarios still load."""
 
-_DATA: Final = (".gpx", ".gz")
+_DATA: Final = (".gpx", ".gz", ".csv")
 _FOLDER: Final = Path(__file__).parent
 
 
@@ -25,6 +25,12 @@ def packaged_file(name: str) -> Path:
 def packaged_data(name: str) -> Path | None:
     """The file of this name that comes with the packaged scenarios, such as a recording; None if there is none."""
     return next((file for file in _FOLDER.iterdir() if file.name == name and file.suffix in _DATA), None)
+
+
+def or_packaged(file: Path) -> Path:
+    """The file; one that is not there, but comes with the packaged scenarios, is that one."""
+    packaged = packaged_data(str(file))
+    return file if packaged is None or file.exists() else packaged
 
 
 def summary(name: str) -> str:

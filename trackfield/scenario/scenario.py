@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -20,8 +20,12 @@ from trackfield.scenario.problems import problems, section_of, without
 from trackfield.scenario.toml import check_values, read_toml
 from trackfield.words import quoted
 
-_WITH_FILES: Final = ("field", "target", "targets", "link", "backbone")
-"""Sections that may name a file."""
+FILES: Final = {
+    **dict.fromkeys(("field", "link", "backbone"), ("file",)),
+    **dict.fromkeys(("target", "targets"), ("file", "recording")),
+    **dict.fromkeys(("sensor", "sensors"), ("recording",)),
+}
+"""Sections that may name a file, and the keys that do."""
 
 
 class Scenario(Contents):
@@ -150,21 +154,24 @@ def _exists(file: Path) -> bool:
 
 def _anchored(data: Mapping[str, Any], base: Path) -> dict[str, Any]:
     """The same, with the files that it names as absolute paths."""
-    return {name: _with_file(part, base) if name in _WITH_FILES else part for name, part in data.items()}
+    return {name: _with_files(part, base, FILES.get(name, ())) for name, part in data.items()}
 
 
-def _with_file(part: Any, base: Path) -> Any:
-    """A section, or a list of them, with its file as an absolute path; anything else unchanged.
+def _with_files(part: Any, base: Path, keys: Sequence[str]) -> Any:
+    """A section, or a list of them, with its files as absolute paths; anything else unchanged.
 
     A file that is not there, but comes with Trackfield, is that one.
     """
     if isinstance(part, list | tuple):
-        return [_with_file(one, base) for one in part]
-    if isinstance(part, Mapping) and isinstance(part.get("file"), str) and part["file"]:
-        file = (base / part["file"]).absolute()
-        packaged = packaged_data(part["file"])
-        return {**part, "file": str(file if packaged is None or file.exists() else packaged)}
-    return part
+        return [_with_files(one, base, keys) for one in part]
+    if not isinstance(part, Mapping):
+        return part
+    found = dict(part)
+    for key in keys:
+        if isinstance(name := part.get(key), str) and name:
+            file, packaged = (base / name).absolute(), packaged_data(name)
+            found[key] = str(file if packaged is None or file.exists() else packaged)
+    return found
 
 
 def _tuples(value: Any) -> Any:

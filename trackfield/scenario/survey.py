@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count
 from math import ceil, isinf
@@ -16,12 +16,14 @@ from trackfield.errors import RunFailed, ScenarioError, together
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
+from trackfield.scenario.recordings import plays_of, recordings_of, spell
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sensors import SensorSection
+from trackfield.scenario.sensors.by_sensor import check_tables
 from trackfield.sensing.complete import Kind
 from trackfield.words import quoted
 from trackfield.world.path import Path
-from trackfield.world.placed import Placed
+from trackfield.world.placed import Placed, Played
 from trackfield.world.scene import Scene
 from trackfield.world.windows import Array, Windows, distances, merged, windows
 
@@ -42,7 +44,8 @@ class Site:
     id, in order. ``windows`` hold for each sensor when it may hear any target, in order and disjoint; ``believed``
     are the sensors at the places that the fusion centre assumes. ``sections`` are the kinds of sensors by name, and
     ``kinds`` the indices of those that are of each kind. ``centre`` is the centre's own place (m), and ``route`` its
-    positions over time if it moves: (t ns, x m, y m), with straight lines between them.
+    positions over time if it moves: (t ns, x m, y m), with straight lines between them. ``played`` are the recorded
+    reports by sensor, of those that play any. There are no ``paths`` where no recording says where the target was.
     """
 
     scenario: Scenario
@@ -57,6 +60,7 @@ class Site:
     kinds: Mapping[str, frozenset[int]]
     centre: Point
     route: tuple[Leg, ...] = ()
+    played: Mapping[str, tuple[Played, ...]] = field(default_factory=dict)
 
     @property
     def end_ns(self) -> int:
@@ -90,8 +94,11 @@ class Site:
 
     @property
     def pass_steps(self) -> set[int] | None:
-        """The steps of passes, if all sensors report by themselves: a track is expected at these alone."""
-        if len(self.passes) < len(self.sensors):
+        """The steps of passes, if all sensors report by themselves: a track is expected at these alone.
+
+        Not of recorded reports: those of a step may be missing.
+        """
+        if len(self.passes) < len(self.sensors) or self.played:
             return None
         return {step for steps in self.passes.values() for step in steps}
 
@@ -120,6 +127,8 @@ class Site:
             sensing.threshold,
             self.scenario.seed,
             incarnation,
+            self.played.get(id),
+            section.play == "times",
         )
 
 
@@ -129,20 +138,31 @@ def survey(scenario: Scenario) -> Site:
     Raises ``ScenarioError`` if a file cannot be used, there are no sensors, one has the fusion centre's id, or no
     target comes in range of any of them.
     """
+    recordings = recordings_of(named(scenario))
     steps, found = target_paths(scenario)
     sensors, place = _stand(scenario, tuple(found.values()))
     if len(sensors) * len(found) > MOST_HEARERS:
         what = f"{len(sensors)} sensors may hear {len(found)} targets"
         raise ScenarioError(what, key="targets", expected=f"at most {MOST_HEARERS} pairs of the two")
     kinds = assigned(scenario, sensors)
+    check_tables(scenario.keyed_sensors, [id for id, *_ in sensors])
     sections = {name: section for name, section in named(scenario).items() if name in kinds}
-    check(sections, kinds, sensors, tuple(found.values()))
-    check_speeds(sections, found)
+    simulated = {name: one for name, one in sections.items() if name not in recordings or one.play == "times"}
+    if simulated and not found:
+        what = (
+            f"the recording does not say where the target was, and sensors of kind '{next(iter(simulated))}' sense it"
+        )
+        raise ScenarioError(what, key="target", expected="a path, or sensors that all play what was reported")
+    if simulated:
+        check(simulated, kinds, sensors, tuple(found.values()))
+        check_speeds(simulated, found)
     positions = np.array([place[1:] for place in sensors])
     setup_s = scenario.run.setup_s
     origin_ns = round(setup_s * _NS)
     paths = {id: path.shifted(setup_s) for id, path in found.items()}
-    heard = [_windows(sections, kinds, positions, path) for path in paths.values()]
+    plays = plays_of(scenario, recordings, kinds, [id for id, *_ in sensors], origin_ns)
+    heard = [_windows(simulated, kinds, positions, path) for path in paths.values()]
+    heard.append([spell(plays.get(id, ())) for id, *_ in sensors])
     return Site(
         scenario=scenario,
         paths=paths,
@@ -156,6 +176,7 @@ def survey(scenario: Scenario) -> Site:
         kinds=kinds,
         centre=_centre(scenario, place, positions),
         route=tuple((origin_ns + round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
+        played=plays,
     )
 
 
@@ -254,19 +275,22 @@ def _centre(scenario: Scenario, surveyed: Point | None, positions: Array) -> Poi
 def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     """The number of steps, and each target's path by its id, from the first step to the last at most.
 
+    A target of which nobody knows where it was has none.
+
     Raises ``ScenarioError`` if a file cannot be used, or a target is not present for a whole step.
     """
     step_ns, targets = _step_ns(scenario), scenario.keyed_targets
     origin = origin_of(targets) if len(targets) > 1 else None  # a single target decides the origin itself
-    course = partial(Course, scenario.seed, step_ns, scenario.steps, origin)
+    recordings = tuple(recordings_of(named(scenario)).values())
+    course = partial(Course, scenario.seed, step_ns, scenario.steps, origin, recordings=recordings)
     followed = 0
 
-    def run(key: str, target: PathSection) -> tuple[int, Path]:
+    def run(key: str, target: PathSection) -> tuple[int, Path | None]:
         nonlocal followed
         if followed > MOST_POINTS:
             what = f"the paths of {len(targets)} targets have more than {MOST_POINTS} steps in all"
             raise ScenarioError(what, key="targets", expected="fewer targets, or fewer or longer steps")
-        steps, path = target.run(course(key))
+        steps, path = target.run(course(key=key))
         followed += steps
         return steps, path
 
@@ -278,11 +302,12 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
         raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, the highest step that a report can hold")
     end_s = steps * step_ns / _NS
     for (key, _), (there_for, path) in zip(targets, runs, strict=True):
-        if there_for < 1 or path.start_s > end_s:
+        if path is not None and (there_for < 1 or path.start_s > end_s):
             there = f"{path.start_s:g} s to {path.end_s:g} s"
             what = f"the target is present from {there}, but the run ends after {end_s:g} s"
             raise ScenarioError(what, key=f"{key}.steps", expected="at least one step at which it is present")
-    return steps, {target.id: path.clip(0.0, end_s) for (_, target), (_, path) in zip(targets, runs, strict=True)}
+    found = ((target.id, path) for (_, target), (_, path) in zip(targets, runs, strict=True))
+    return steps, {id: path.clip(0.0, end_s) for id, path in found if path is not None}
 
 
 def check(

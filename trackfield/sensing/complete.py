@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from copy import copy
 from functools import partial
 from math import dist, inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
@@ -31,7 +32,10 @@ FIELD: Final = 4
 """The arguments of ``simulate`` for a kind that gets the whole scene."""
 NEAREST: Final = 3
 """The same for a kind that gets the nearest target alone."""
-METHODS: Final = ("residual", "loudness", "level", "z", "reading", "values", "words", "drawn", "longest", "event")
+METHODS: Final = (
+    *("residual", "loudness", "level", "z", "reading", "values", "words", "drawn", "longest", "event"),
+    *("biased", "corrected", "possible"),
+)
 """Methods that a class may have; there are defaults for them."""
 METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented")
 """The same, without a default."""
@@ -45,7 +49,8 @@ class Kind:
     """The kind ``name`` as ``own`` has it, with defaults for what it lacks; the members of ``sensing.Full``.
 
     ``variance``, ``log_clutter``, ``fix`` and ``invented`` are None where there is none. Of the ``n`` numbers of a
-    reading ``h`` predicts the first ``m``.
+    reading ``h`` predicts the first ``m``. One that is ``recorded`` is of sensors that play what real ones reported:
+    they report by themselves, whatever the level, in messages that say when the reading was made.
     """
 
     simulate: Callable[[Scene, int, Point, tuple[float, ...]], Numbers | None]
@@ -65,9 +70,12 @@ class Kind:
     drawn: Callable[[Numbers], float]
     longest: Callable[[], Any]
     event: Callable[[Scene, tuple[int, int], Point], int | Iterable[int] | None]
+    biased: Callable[[Numbers, str], Numbers]
+    corrected: Callable[[Numbers, str], Numbers]
+    possible: Callable[[Numbers], bool]
 
-    def __init__(self, name: str, own: Any) -> None:
-        self.name, self.own = name, own
+    def __init__(self, name: str, own: Any, *, recorded: bool = False) -> None:
+        self.name, self.own, self.recorded = name, own, recorded
         has: Callable[[str, Any], Any] = partial(getattr, own)
         self.range_m = float(own.range_m)
         self.sd, self.resolution = tuple(own.sd), tuple(own.resolution)
@@ -86,12 +94,31 @@ class Kind:
         self.rhythm: str = has("rhythm", "steps")
         self.draws: tuple[str, ...] | None = has("draws", None)
         self.colour: Colour | None = has("colour", None)
+        self.missing = float(has("missing", 0.0))
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
         for method in METHODS:
             setattr(self, method, has(method, None) or getattr(self, f"_{method}"))
         for method in METHODS_OR_NONE:
             setattr(self, method, has(method, None))
+        if recorded:
+            self._play()
+
+    def _play(self) -> None:
+        """Sensors report by themselves what was recorded."""
+        self.rhythm, self.thresholds, self.message = "events", None, Measurement
+        for method in ("reading", "values", "words", "longest"):
+            setattr(self, method, getattr(self, f"_{method}"))
+
+    def assumed(self, noise: float) -> Kind:
+        """The kind for trackers that take its noise to be so many times what it is; a ``fix`` of its own does not."""
+        if noise == 1.0:
+            return self
+        found, variance = copy(self), self.variance
+        found.sd = tuple(noise * sd for sd in self.sd)
+        if variance is not None:
+            found.variance = lambda x, at: noise**2 * variance(x, at)
+        return found
 
     @property
     def threshold(self) -> float:
@@ -132,6 +159,15 @@ class Kind:
 
     def _level(self, values: Numbers) -> float:
         return inf
+
+    def _biased(self, values: Numbers, id: str) -> Numbers:
+        """All sensors are alike."""
+        return values
+
+    _corrected = _biased
+
+    def _possible(self, values: Numbers) -> bool:
+        return True
 
     def _of_nearest(self, scene: Scene, t_ns: int, place: Point, normals: tuple[float, ...]) -> Numbers | None:
         """For a class whose ``simulate`` takes the nearest target: that, if it is within range."""

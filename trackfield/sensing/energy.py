@@ -7,14 +7,15 @@ precise, in relative terms, than their calibration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import hypot, inf, log, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from trackfield.models.unknowns import Unknown
 from trackfield.sensing.readings import Said
-from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
+from trackfield.sensing.sensing import IMPOSSIBLE_SD, Numbers, Point, Scene, Uniform
 from trackfield.wire.messages import Energy as EnergyMessage
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ class Energy:
     its logarithm, which changes by ``emitted_walk`` in a second. A reading is the mean over the last ``window_s``
     seconds before its step; sound travels at ``sound_m_s``, or at once if that is 0. With ``compensate_window``
     trackers take a reading to be of the middle of its window, with ``compensate_delay`` of a sound that left before.
+    A sensor of the ``gains`` (by id) reads so many times what others do, noise included, which trackers take off; the
+    share ``missing`` of all readings is not there.
     """
 
     range_m: float = 150.0
@@ -57,6 +60,8 @@ class Energy:
     sound_m_s: float = 0.0
     compensate_window: bool = True
     compensate_delay: bool = True
+    missing: float = 0.0
+    gains: Mapping[str, float] = field(default_factory=dict)
 
     message: ClassVar[type] = EnergyMessage
     units: ClassVar = ("",)
@@ -116,6 +121,18 @@ class Energy:
         """How far away (m) the targets were that are heard at a time."""
         there = scene.retarded(t_ns, place, self.sound_m_s) if self.sound_m_s else scene.at(t_ns)
         return [hypot(x - place[0], y - place[1]) for x, y, *_ in there]
+
+    def biased(self, values: Numbers, id: str) -> Numbers:
+        """See ``Full``."""
+        return (values[0] * self.gains.get(id, 1.0),)
+
+    def corrected(self, values: Numbers, id: str) -> Numbers:
+        """See ``Full``."""
+        return (values[0] / self.gains.get(id, 1.0),)
+
+    def possible(self, values: Numbers) -> bool:
+        """See ``Full``: not farther below silence than by noise."""
+        return values[0] >= -IMPOSSIBLE_SD * self.noise
 
     def reading(self, values: Numbers) -> Said:
         """See ``Full``."""

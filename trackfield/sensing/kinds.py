@@ -53,25 +53,48 @@ def register_sensor(kind: str, maker: Maker) -> None:
     SENSORS.register(kind, maker)
 
 
-def known_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
+def known_sensor(kind: str, options: Mapping[str, Any], *, recorded: bool = False) -> Kind:
     """The kind with options that were checked before, by whoever planned the run: nodes do no more than this."""
     if kind not in SENSORS:
         raise SENSORS.unknown(kind, "sensor.kind")
-    return Kind(kind, SENSORS[kind](**options))
+    return Kind(kind, SENSORS[kind](**options), recorded=recorded)
 
 
-def known_kind(kind: str, options: Mapping[str, Any]) -> Kind:
+class Table(dict[str, Any]):
+    """An option that is a table by sensor; it is never changed, so that kinds can be told apart by it."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+
+def hashable(options: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:
+    """The options in order, as what tells kinds apart."""
+    items = ((name, Table(value) if isinstance(value, Mapping) else value) for name, value in options.items())
+    return tuple(sorted(items, key=lambda item: item[0]))
+
+
+def own_options(options: Mapping[str, Any], id: str) -> Mapping[str, Any]:
+    """The options as far as they are about the sensor ``id``: of a table by sensor, its own entry."""
+    if not any(isinstance(value, Mapping) for value in options.values()):
+        return options
+    return {
+        name: {key: one for key, one in value.items() if key == id} if isinstance(value, Mapping) else value
+        for name, value in options.items()
+    }
+
+
+def known_kind(kind: str, options: Mapping[str, Any], *, recorded: bool = False) -> Kind:
     """As ``known_sensor``, the same object for the same arguments."""
-    return _known(SENSORS.get(kind), kind, tuple(sorted(options.items())))
+    return _known(SENSORS.get(kind), kind, hashable(options), recorded=recorded)
 
 
 @lru_cache(maxsize=64)
-def _known(maker: Maker | None, kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
-    return known_sensor(kind, dict(options))
+def _known(maker: Maker | None, kind: str, options: tuple[tuple[str, Any], ...], *, recorded: bool) -> Kind:
+    return known_sensor(kind, dict(options), recorded=recorded)
 
 
-def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
-    """The kind with these options.
+def make_sensor(kind: str, options: Mapping[str, Any], *, recorded: bool = False) -> Kind:
+    """The kind with these options; ``recorded`` as in ``Kind``.
 
     Raises ``ScenarioError`` with the nearest name for an unknown kind, for unknown or unsuitable options, and for
     members that a kind cannot have.
@@ -85,7 +108,7 @@ def make_sensor(kind: str, options: Mapping[str, Any]) -> Kind:
     own = made(SENSORS[kind], options, "sensor")
     _check_members(kind, own)
     _check_counts(kind, own)
-    made_kind = Kind(kind, own)
+    made_kind = Kind(kind, own, recorded=recorded)
     if made_kind.adaptive and made_kind.rhythm == "events":
         what = f"'{kind}' has {made_kind.thresholds}, which differ, and its sensors report by themselves"
         raise ScenarioError(what, key="sensor.thresholds", expected="one level, twice, or the rhythm steps")
@@ -189,6 +212,10 @@ def _method_or_none(value: object) -> bool:
     return value is None or callable(value)
 
 
+def _share(value: object) -> bool:
+    return _number(value) and 0.0 <= value <= 1.0  # type: ignore[operator]
+
+
 def _speed(value: object) -> bool:
     return isinstance(value, int | float) and value > 0
 
@@ -223,6 +250,7 @@ _RULES: Final = (
     ("speed_m_s", _speed, "metres per second, above 0"),
     ("memory_s", _memory, f"seconds, from 0 to {LONG_S:g}"),
     ("colour", _colour, "None, or a Colour(slow, slow_s, fixed): shares of at most 1 together, seconds above 0"),
+    ("missing", _share, "a share from 0 to 1"),
     ("summary", _text, "a text"),
     ("bearings", _flag, "True or False"),
     ("draws", _names, "a tuple of texts, or None"),

@@ -11,7 +11,7 @@ from math import hypot, log, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from trackfield.sensing.readings import Said
-from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
+from trackfield.sensing.sensing import IMPOSSIBLE_SD, Numbers, Point, Scene, Uniform
 from trackfield.wire.messages import Range as RangeMessage
 
 if TYPE_CHECKING:
@@ -53,6 +53,10 @@ class Range:
         """See ``Sensing``."""
         away = min((hypot(x - place[0], y - place[1]) for x, y, *_ in scene.at(t_ns)), default=self.range_m + 1.0)
         return None if away > self.range_m else (away + self._sd(away) * normals[0],)
+
+    def possible(self, values: Numbers) -> bool:
+        """See ``Full``: not farther below 0 than by noise."""
+        return values[0] >= -IMPOSSIBLE_SD * self._sd(0.0)
 
     def reading(self, values: Numbers) -> Said:
         """See ``Full``."""

@@ -6,13 +6,14 @@ dB. It is used as it is, in dB: a distance made from it would be biased.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import exp, hypot, log, log10
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 from trackfield.models.noise import Colour
 from trackfield.sensing.readings import Said
-from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
+from trackfield.sensing.sensing import IMPOSSIBLE_SD, Numbers, Point, Scene, Uniform
 from trackfield.wire.messages import Rss as RssMessage
 
 if TYPE_CHECKING:
@@ -31,7 +32,8 @@ class Rss:
     ``level_dbm`` is the level at 1 m, ``exponent`` the n of its decay; closer than ``floor_m`` it is as there. Of the
     shadowing's variance, ``shadow_sd_db`` squared, the share ``slow`` changes slowly, and entirely within twice
     ``slow_s`` seconds; the share ``fixed`` is the sensor's own for good. Trackers take all of it to be drawn anew each
-    time.
+    time. A sensor of the ``offsets`` (dB by id) reads so much more than others, which trackers take off; the share
+    ``missing`` of all readings is not there.
     """
 
     range_m: float = 100.0
@@ -42,6 +44,8 @@ class Rss:
     slow: float = 0.0
     slow_s: float = 10.0
     fixed: float = 0.0
+    missing: float = 0.0
+    offsets: Mapping[str, float] = field(default_factory=dict)
 
     message: ClassVar[type] = RssMessage
     units: ClassVar = ("dBm",)
@@ -71,6 +75,18 @@ class Rss:
         """See ``Sensing``."""
         away = min((hypot(x - place[0], y - place[1]) for x, y, *_ in scene.at(t_ns)), default=self.range_m + 1.0)
         return None if away > self.range_m else (self._level(away) + self.shadow_sd_db * normals[0],)
+
+    def biased(self, values: Numbers, id: str) -> Numbers:
+        """See ``Full``."""
+        return (values[0] + self.offsets.get(id, 0.0),)
+
+    def corrected(self, values: Numbers, id: str) -> Numbers:
+        """See ``Full``."""
+        return (values[0] - self.offsets.get(id, 0.0),)
+
+    def possible(self, values: Numbers) -> bool:
+        """See ``Full``: no place is nearer than the sensor's own."""
+        return values[0] <= self._level(0.0) + IMPOSSIBLE_SD * self.shadow_sd_db
 
     def reading(self, values: Numbers) -> Said:
         """See ``Full``."""

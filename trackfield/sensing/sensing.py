@@ -31,6 +31,8 @@ Uniform = Callable[[str], float]
 """A draw from [0, 1) for a purpose: the same for the same purpose."""
 
 
+IMPOSSIBLE_SD: Final = 6.0
+"""How many sds from all that a target anywhere gives a reading is impossible: noise does that once in 10^9 readings."""
 LAYERS: Final = ("rays", "rings", "discs")
 """How the timeline can draw readings (``launcher/timeline/layers``)."""
 
@@ -107,6 +109,8 @@ class Full(Sensing, Protocol):
     """Whether it is read at each step, or reports by itself, at each pass of a target (``event``)."""
     colour: Colour | None
     """What of its noise is not drawn anew for every reading; None: nothing."""
+    missing: float
+    """The share of its readings that are not there."""
     summary: str
     """What it measures, in a few words for reports."""
     layer: str
@@ -149,6 +153,18 @@ class Full(Sensing, Protocol):
 
     def values(self, message: Any) -> Numbers:
         """The numbers (n,) that a message reports, in the kind's ``units``."""
+        ...
+
+    def biased(self, values: Numbers, id: str) -> Numbers:
+        """The numbers (n,) of a reading as the sensor ``id`` has them, which is not quite like the others."""
+        ...
+
+    def corrected(self, values: Numbers, id: str) -> Numbers:
+        """The inverse of ``biased``, for whoever uses reports of the sensor ``id``."""
+        ...
+
+    def possible(self, values: Numbers) -> bool:
+        """Whether a target anywhere may give such a reading (n,); whoever tracks has no use for others."""
         ...
 
     def z(self, values: Array) -> Array:

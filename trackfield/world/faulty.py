@@ -56,7 +56,7 @@ class Faulty:
         for fault in lasting:
             match fault.kind:
                 case "stuck":
-                    return self.sensor.sample(fault.from_ns) or self._invented("stuck", fault.from_ns)
+                    return self.sensor.latest(fault.from_ns) or self._invented("stuck", fault.from_ns)
                 case "babble":
                     return self._invented("babble", t_ns)
                 case "deaf":
@@ -84,7 +84,7 @@ class Faulty:
             return sensor.elsewhere(fault, t_ns)
         draw = partial(_drawn, sensor, fault, t_ns)
         values = sensor.kind.invented(fault, sensor.threshold, draw)
-        return None if values is None else sensor.read(values, t_ns)
+        return None if values is None else sensor.read(sensor.kind.biased(values, sensor.id), t_ns)
 
 
 def _drawn(sensor: Placed, fault: str, t_ns: int, what: str) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, hypot, isinf, sin, sqrt, tau
@@ -11,7 +12,7 @@ from trackfield.draw import normal, uniform
 from trackfield.errors import RunFailed
 from trackfield.models.noise import Colour
 from trackfield.sensing.complete import Kind
-from trackfield.sensing.kinds import known_sensor
+from trackfield.sensing.kinds import known_sensor, own_options
 from trackfield.sensing.readings import Reading, Window, window_at
 from trackfield.sensing.sensing import Numbers
 from trackfield.sensing.sensing import Scene as AnyScene
@@ -20,6 +21,13 @@ from trackfield.world.path import Path
 from trackfield.world.scene import Scene, Still, left_at
 
 _NS: Final = 1_000_000_000
+PLAYED_NS: Final = 1000
+"""A clock that is read in whole nanoseconds may be so much early for a recorded reading, at most."""
+FRESH_NS: Final = 10_000_000
+"""A recorded reading is gone after this time."""
+NEVER_NS: Final = 1 << 62
+Played = tuple[int, tuple[float, ...]]
+"""(when, in ns; the numbers that were reported)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +35,9 @@ class Placed:
     """The sensor of node ``id`` at ``position`` (x, y in metres), and the targets that it may sense.
 
     ``windows`` hold all times at which any target may be within reach here, in order and disjoint; the paths of the
-    ``scene`` are only used within them. Its noise is drawn for every instant. ``threshold`` is the level from which its
-    node reports.
+    ``scene`` are only used within them. Its noise is drawn for every instant, and so is whether there is a reading.
+    ``threshold`` is the level from which its node reports. A sensor that has readings to be ``played`` reports these,
+    in order of time, by itself; if only their ``times`` are, it reads its targets then.
     """
 
     id: str
@@ -40,10 +49,22 @@ class Placed:
     threshold: float
     seed: int
     incarnation: int = 0
+    played: tuple[Played, ...] | None = None
+    times: bool = False
 
     def sample(self, t_ns: int) -> Reading | None:
         """The reading at this true time; None if nothing is sensed."""
-        return self._reading(self.scene, "reading", t_ns)
+        return self.latest(t_ns, FRESH_NS)
+
+    def latest(self, t_ns: int, oldest_ns: int = NEVER_NS) -> Reading | None:
+        """The same, but of a recording the latest reading that is no older than that."""
+        if self.played is None:
+            return None if self._misses(t_ns) else self._reading(self.scene, "reading", t_ns)
+        i = bisect_right(self.played, t_ns + PLAYED_NS, key=lambda one: one[0]) - 1
+        if i < 0 or t_ns - self.played[i][0] > oldest_ns:
+            return None
+        at_ns, values = self.played[i]
+        return self._reading(self.scene, "reading", at_ns) if self.times else self.read(values, at_ns)
 
     def next_window(self, t_ns: int) -> int | None:
         """The start (ns) of the window that this time lies in, or else of the next; None after the last.
@@ -80,6 +101,8 @@ class Placed:
 
     def _events(self, window: Window) -> list[int]:
         """Those of a window, in order."""
+        if self.played is not None:
+            return [at for at, _ in self.played]
         found = self.kind.event(self.scene, window, self.position)
         try:
             return instants(found, window)
@@ -88,7 +111,12 @@ class Placed:
 
     def _reading(self, scene: AnyScene, purpose: str, t_ns: int) -> Reading | None:
         values = self.kind.simulate(scene, t_ns, self.position, self._normals(purpose, t_ns))
-        return None if values is None else self.read(values, t_ns)
+        return None if values is None else self.read(self.kind.biased(values, self.id), t_ns)
+
+    def _misses(self, t_ns: int) -> bool:
+        """Whether there is no reading at this time, whatever the target."""
+        share = self.kind.missing
+        return share > 0.0 and self.uniform("missing", "reading", t_ns) < share
 
     def _normals(self, purpose: str, t_ns: int) -> tuple[float, ...]:
         key = (self.seed, self.id, self.incarnation)
@@ -123,7 +151,7 @@ class Placed:
         """The sensor in plain form: lists, numbers and text, and the parts of the paths that it needs."""
         return {
             "kind": self.kind.name,
-            "options": dict(self.options),
+            "options": dict(own_options(self.options, self.id)),
             "id": self.id,
             "position": list(self.position),
             "paths": [self._needed(path).to_plain() for path in self.scene.paths],
@@ -131,22 +159,31 @@ class Placed:
             "threshold": self.threshold,
             "seed": self.seed,
             "incarnation": self.incarnation,
+            **({} if self.played is None else self._to_be_played()),
         }
+
+    def _to_be_played(self) -> dict[str, Any]:
+        times, readings = [at for at, _ in self.played or ()], [list(values) for _, values in self.played or ()]
+        return {"recorded": True, "times": times, **({} if self.times else {"readings": readings})}
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """The inverse of ``to_plain``."""
         x, y = plain["position"]
+        times, readings = plain.get("times"), plain.get("readings")
+        played = None if times is None else tuple(zip(times, map(tuple, readings or [()] * len(times)), strict=True))
         return cls(
             plain["id"],
             (x, y),
             Scene(tuple(map(Path.from_plain, plain["paths"]))),
             tuple((a, b) for a, b in plain["windows"]),
-            known_sensor(plain["kind"], plain["options"]),
+            known_sensor(plain["kind"], plain["options"], recorded=played is not None),
             plain["options"],
             plain["threshold"],
             plain["seed"],
             plain["incarnation"],
+            played,
+            readings is None and played is not None,
         )
 
 

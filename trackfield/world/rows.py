@@ -1,4 +1,4 @@
-"""Rows of CSV files, read by the names in their header."""
+"""Rows of CSV and Parquet files, read by the names of their columns."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from trackfield.errors import ScenarioError, combined, together
-from trackfield.files import FAR_M, read_text
+from trackfield.files import FAR_M, read_bytes, read_text
 from trackfield.words import quoted, shortened
 
 Column = tuple[Callable[[str], Any], str]
@@ -39,6 +39,46 @@ PLACES: Final[dict[str, Column]] = {
 }
 
 
+class Rows(NamedTuple):
+    """A file's column names, in lower case, and the cells of its rows as text, empty where there is no value."""
+
+    header: list[str]
+    cells: Iterable[list[str]]
+
+
+def rows_in(file: FilePath) -> Rows:
+    """The rows of a CSV file, or of a ``.parquet`` file.
+
+    Raises ``ValueError`` or ``csv.Error`` if it is none, also while rows are read, ``OSError`` if it cannot be read.
+    """
+    if form_of(file) == "Parquet":
+        return _parquet(file)
+    rows = csv.reader(io.StringIO(read_text(file), newline=""), skipinitialspace=True)
+    return Rows(_names(next(rows, ())), rows)
+
+
+def form_of(file: FilePath) -> str:
+    """What the name of a file with rows says that it is."""
+    return "Parquet" if file.suffix.lower() == ".parquet" else "CSV"
+
+
+def _parquet(file: FilePath) -> Rows:
+    import pyarrow as pa  # late: most runs read none
+    import pyarrow.parquet as pq
+
+    content = read_bytes(file)
+    try:
+        table = pq.read_table(pa.BufferReader(content))
+    except (pa.ArrowException, OSError) as error:
+        raise ValueError(str(error).partition("\n")[0]) from None
+    columns = [["" if value is None else str(value) for value in column.to_pylist()] for column in table.columns]
+    return Rows(_names(table.column_names), map(list, zip(*columns, strict=True)))
+
+
+def _names(header: Iterable[str]) -> list[str]:
+    return [name.strip().lower() for name in header]
+
+
 def read_rows(
     file: FilePath, formats: Sequence[Sequence[str]], columns: Mapping[str, Column], optional: Sequence[str] = ()
 ) -> list[Row]:
@@ -48,17 +88,17 @@ def read_rows(
     columns, without rows or with too many, ``OSError`` if it cannot be read.
     """
     kinds = " or ".join(",".join(names) for names in formats)
-    fail = partial(ScenarioError, file=str(file), expected=f"a CSV file with columns {kinds}")
+    form = form_of(file)
+    fail = partial(ScenarioError, file=str(file), expected=f"a {form} file with columns {kinds}")
     try:
-        rows = csv.reader(io.StringIO(read_text(file), newline=""), skipinitialspace=True)
-        header = [name.strip().lower() for name in next(rows, ())]
+        header, rows = rows_in(file)
         found = next((names for names in formats if set(names) <= set(header)), None)
         if found is None:
             raise fail(f"has the columns {shortened(', '.join(header))}" if header else "is empty")
         wanted = [*found, *(name for name in optional if name in header)]
         read = _read(file, rows, header, {name: columns[name] for name in wanted})
     except (csv.Error, ValueError) as error:
-        raise fail(f"not a CSV file ({error})") from None
+        raise fail(f"not a {form} file ({error})") from None
     if not read:
         raise fail("has no rows")
     return read

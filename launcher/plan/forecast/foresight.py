@@ -204,7 +204,7 @@ def _coverage(
     """The coverage of one target, if reports arrive in time with these probabilities (n,) at each sensor's receiver."""
     there = [(t, state[:2]) for t in heard.times if (state := path.at(t / NS)) is not None]
     times, points = np.array([t for t, _ in there], np.int64), np.reshape([point for _, point in there], (-1, 2))
-    mine = heard.target == list(plan.paths).index(id)
+    mine = (heard.target == list(plan.paths).index(id)) & np.isin(heard.t_ns, times)
     step, share = np.searchsorted(times, heard.t_ns[mine]), share[mine]
     receiver = np.array(receivers)[heard.sensor[mine]]
     each = [_fixed(step[receiver == one], share[receiver == one], len(times), needs) for one in sorted(set(receivers))]

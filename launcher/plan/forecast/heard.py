@@ -39,7 +39,7 @@ class Heard:
     @classmethod
     def of(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:
         """Those of a plan, by the n sensors of these ``ids`` at ``positions`` (n, 2)."""
-        if plan.pass_steps is not None:
+        if plan.by_themselves:
             return cls._of_passes(plan, ids, positions)
         reaches = np.array([plan.reaches[id] for id in ids])
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
@@ -72,7 +72,9 @@ class Heard:
 
 
 def _nearest(paths: list[Path], t_s: float, position: Array) -> int:
-    """The number of the target that is nearest to a position."""
+    """The number of the target that is nearest to a position; 0 if nobody knows where targets are."""
+    if not paths:
+        return 0
     states = [path.at(t_s) for path in paths]
     return int(np.argmin([np.inf if state is None else np.hypot(*(state[:2] - position)) for state in states]))
 

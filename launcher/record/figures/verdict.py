@@ -30,5 +30,5 @@ def verdict(*, lost: bool, share_within: float | None, blackout_steps: int) -> V
 def told(figures: dict[str, Any]) -> str:
     """The verdict on a tracker as pages and tables show it."""
     if figures["verdict"] is None:
-        return "no truth to judge by" if figures["gap"]["steps"] else "no step to judge"
+        return "no truth to judge by" if figures["gap"]["steps"] or figures["steps_expected"] else "no step to judge"
     return str(figures["verdict"])

@@ -65,7 +65,7 @@ def field(run: Run) -> Figure:
     sensors = np.array(list(run.sensors.values()))
     points = IN_A_STEP * run.site.steps + 1
     ways = {target: along(path, path.start_s, path.end_s, points) for target, path in run.site.paths.items()}
-    passed = np.vstack(list(ways.values()))
+    passed = np.vstack(list(ways.values())) if ways else sensors
     box = framed(np.vstack([passed, _at(run, run.frames.senders())]))
     whole = framed(np.vstack([passed, sensors]))
     aside = bool((np.ptp(whole, axis=0) > MUCH_LARGER * np.ptp(box, axis=0)).any())
@@ -74,7 +74,7 @@ def field(run: Run) -> Figure:
     figure, axes, beside = _sheet(box, aside=aside)
     _sensors(axes, run, sensors, box)
     _truths(axes, run, ways)
-    _hearing(axes, run, next(iter(ways.values())), box)
+    _hearing(axes, run, next(iter(ways.values()), passed), box)
     for track in run.tracks:
         _track(axes, run, track, box)
     _centres(axes, run)
@@ -92,7 +92,8 @@ def field(run: Run) -> Figure:
 def framed(points: Array) -> Array:
     """(2, 2) lower and upper corner of what is shown around these points."""
     low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.06 * float((high - low).max()) + 10.0
+    span = float((high - low).max())
+    margin = 0.06 * span + min(10.0, 0.1 * span + 1.0)
     return np.array([low - margin, high + margin])
 
 
@@ -214,10 +215,13 @@ def dead_sensors(run: Run) -> set[str]:
 
 
 def _hearing(axes: Axes, run: Run, way: Array, box: Array) -> None:
-    """The hearing radius, around a sensor that reported near the middle of a path, if it fits into the picture."""
-    radius = max(kind.report_m for kind in run.site.sensing.values())
+    """The hearing radius, around a sensor that reported near the middle of a path, if it fits into the picture.
+
+    None where all that sensors do is to play what was recorded.
+    """
+    radius = max((kind.report_m for kind in run.site.sensing.values() if not kind.recorded), default=0.0)
     places = _at(run, run.frames.senders())
-    if not len(places) or radius > float(np.ptp(box, axis=0).max()):
+    if not radius or not len(places) or radius > float(np.ptp(box, axis=0).max()):
         return
     middle = way[len(way) // 2]
     place = min(places, key=lambda one: float(np.hypot(*(one - middle))))
@@ -236,7 +240,7 @@ def _truths(axes: Axes, run: Run, ways: Mapping[str, Array]) -> None:
         axes.plot(*way[0], "o", color="white", mec=style.INK, mew=1.2, ms=6, label=label, zorder=7)
         if run.several:
             axes.annotate(target, way[0], (7, -9), textcoords="offset points", path_effects=[HALO], zorder=8)
-    gaps = [(path, gap) for path in run.site.paths.values() for gap in path.gaps_inside]
+    gaps = [(path, gap) for path in run.site.paths.values() for gap in path.guessed_inside]
     for number, (path, gap) in enumerate(gaps):
         label = None if number else "truth interpolated"
         axes.plot(*along(path, *gap, IN_A_GAP).T, ":", color=style.GAP, lw=2.0, label=label, zorder=3)

@@ -71,7 +71,7 @@ def _packaged(name: str, own: Mapping[str, Any]) -> tuple[dict[str, Any], list[s
 
 def _same(run: Run, key: str, own: Any, packaged: Any) -> bool:
     """Whether two values are the same; files are compared by content, as the run has its own copy."""
-    if key.endswith(".file") and own and packaged:
+    if key.endswith((".file", ".recording")) and own and packaged:
         files = run.folder / Path(str(own)).name, Path(str(packaged))
         return all(file.is_file() for file in files) and files[0].read_bytes() == files[1].read_bytes()
     return bool(own == packaged)
@@ -120,8 +120,11 @@ def _sensing(run: Run) -> str:
 
 
 def _kind(run: Run, name: str) -> str:
-    kind, count = run.site.sections[name].sensing, len(run.site.kinds[name])
+    section, count = run.site.sections[name], len(run.site.kinds[name])
+    kind = section.sensing
     far = f"within {kind.report_m:,.0f} m" if kind.report_m < 1e6 else "any distance"
+    if kind.recorded:
+        far = "at recorded times" if section.play == "times" else "as recorded"
     adaptive = ", adaptive threshold" if kind.adaptive else ""
     many = f"{count:,} of them " if len(run.site.sections) > 1 else ""
     return f"{many}{kind.summary}, {'up to ' * kind.adaptive}{far}{adaptive}"

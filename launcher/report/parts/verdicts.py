@@ -47,6 +47,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     sentences = [
         _error(own, m) if m["steps"] else "",
         _within(run, m) if m["steps"] else "",
+        "" if run.site.paths else f"A track at {m['steps_tracked']:,} of {m['steps_expected']:,} steps.",
         *(outages.in_words(run, track) for track in own if there),
         *(outages.told_late(run, track) for track in own),
         "" if there else outages.never(run, _lag(run, name)),
@@ -106,17 +107,21 @@ def _in_gaps(m: dict[str, Any]) -> str:
         return ""
     rmse = number(gap["rmse"], "m")
     return (
-        f"In gaps of the recorded path, not counted above: RMSE {rmse} against a straight line, {gap['steps']:,} steps."
+        f"In gaps and jumps of the recorded path, not counted above: RMSE {rmse} against a straight line, "
+        f"{gap['steps']:,} steps."
     )
 
 
 def gaps(run: Run) -> str:
     """How much of the truth is interpolated, in a sentence; empty if none is."""
-    times, guessed, count = run.course.at_ns, len(run.course.interpolated), len(run.gaps)
+    times, guessed = run.course.at_ns, len(run.course.interpolated)
     if not guessed:
         return ""
+    jumps = len(run.jumps)
+    where = [("gap", len(run.gaps) - jumps), ("jump", jumps)]
+    places = " and ".join(f"{count} {what}{'s' * (count != 1)}" for what, count in where if count)
     return (
-        f"{guessed:,} of {len(times):,} steps ({percent(guessed / len(times))}) lie in {count} gap{'s' * (count != 1)} "
-        "of the recorded path, where a straight line stands in for the truth. Errors, NEES and bounds leave them out, "
+        f"{guessed:,} of {len(times):,} steps ({percent(guessed / len(times))}) lie in {places} of the recorded path, "
+        "where a straight line stands in for the truth. Errors, NEES and bounds leave them out, "
         "unless they say otherwise."
     )

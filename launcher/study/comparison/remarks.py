@@ -50,6 +50,8 @@ def _short(values: Sequence[Any]) -> bool:
 
 
 def _targets(compared: Compared) -> Iterator[str]:
+    for name in compared.without_truth:
+        yield f"{name}: its recording does not say where the target was, so there are no errors."
     if not compared.same_target:
         yield (
             "The targets of these runs take different paths: each error is measured against the truth of its own run, "

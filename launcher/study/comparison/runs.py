@@ -11,6 +11,7 @@ from typing import Any, Final
 from launcher.nested import flat
 from launcher.record.reading.files import check_run, read_figures, read_scenario, read_settings
 from launcher.report.folder import course_of
+from launcher.report.tracks import Course
 from trackfield.errors import ScenarioError
 from trackfield.role import NS
 from trackfield.scenario import survey
@@ -65,17 +66,30 @@ class Compared:
     @cached_property
     def lengths_s(self) -> tuple[float, ...]:
         """From the first step of each run to its last at which a target was there, s; who tracked it does not count."""
-        return tuple(max((t_s for t_s, _ in truth), default=0.0) for truth in self._truths)
+        return tuple((max(one.at_ns, default=one.origin_ns) - one.origin_ns) / NS for one in self._courses)
 
     @property
     def same_length(self) -> bool:
         """Whether sums over a run mean the same in all of them."""
         return len(set(self.lengths_s)) == 1
 
+    @property
+    def without_truth(self) -> list[str]:
+        """The names of the runs of which nobody knows where the target was."""
+        return [name for name, one in zip(self.names, self._courses, strict=True) if not one.paths]
+
+    @cached_property
+    def _courses(self) -> list[Course]:
+        """From the scenarios: tracks.parquet lacks the steps of which nobody told, as those after a centre's death."""
+        return [
+            course_of(survey(read_scenario(folder)[1]), metrics)
+            for folder, metrics in zip(self.folders, self.metrics, strict=True)
+        ]
+
     @cached_property
     def _truths(self) -> list[dict[tuple[float, str], tuple[float, float]]]:
         """Of each run the place (m) of each target at each step, by (t in s, target)."""
-        return [_truth(folder, metrics) for folder, metrics in zip(self.folders, self.metrics, strict=True)]
+        return list(map(_truth, self._courses))
 
 
 def read_runs(folders: Sequence[Path], key: str = "RUN") -> Compared:
@@ -112,9 +126,7 @@ def names(folders: Sequence[Path]) -> tuple[str, ...]:
     return tuple(map(str, folders))
 
 
-def _truth(folder: Path, metrics: Mapping[str, Any]) -> dict[tuple[float, str], tuple[float, float]]:
-    """From the scenario: tracks.parquet lacks the steps of which nobody told, such as those after the centre died."""
-    course = course_of(survey(read_scenario(folder)[1]), metrics)
+def _truth(course: Course) -> dict[tuple[float, str], tuple[float, float]]:
     return {
         (round((at_ns - course.origin_ns) / NS, 6), target): (state[0], state[1])
         for at_ns in course.at_ns
@@ -125,4 +137,5 @@ def _truth(folder: Path, metrics: Mapping[str, Any]) -> dict[tuple[float, str], 
 
 def _same(a: Mapping[Any, tuple[float, float]], b: Mapping[Any, tuple[float, float]]) -> bool:
     common = a.keys() & b.keys()
-    return bool(common) and all(abs(p - q) <= SAME_M for key in common for p, q in zip(a[key], b[key], strict=True))
+    known = bool(common) or not (a or b)
+    return known and all(abs(p - q) <= SAME_M for key in common for p, q in zip(a[key], b[key], strict=True))

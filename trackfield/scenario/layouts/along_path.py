@@ -32,12 +32,12 @@ class AlongPath(SpacedSection):
 
         The grid is shifted by half its spacing, so that no sensor stands where a path begins.
         """
-        within = self.within_m
-        points, far = self._near(ground.paths, within)
+        within, paths = self.within_m, ground.known_paths(self.layout)
+        points, far = self._near(paths, within)
         if self.nodes is not None:
             while len(points) < self.nodes:
                 within *= 2.0
-                points, far = self._near(ground.paths, within)
+                points, far = self._near(paths, within)
             points = points[np.argsort(far, kind="stable")[: self.nodes]]
         if not len(points):
             raise ScenarioError(

@@ -27,7 +27,7 @@ class Beside(LayoutSection):
 
     def stand(self, ground: Ground) -> tuple[list[Place], None]:
         """To the right of the path's middle; a path that ends where it began counts as leading north."""
-        path = ground.paths[0]
+        path = ground.known_paths(self.layout)[0]
         half_s = (path.start_s + path.end_s) / 2
         middle = path.clip(half_s, half_s)
         heading = bearing(path.x[-1] - path.x[0], path.y[-1] - path.y[0])

@@ -20,7 +20,7 @@ from trackfield.world.windows import Array
 
 @dataclass(frozen=True)
 class Ground:
-    """What a layout may use: the seed, the targets' paths from the first step on (at least one), the centre's id.
+    """What a layout may use: the seed, the targets' paths from the first step on, as far as known, the centre's id.
 
     ``origin()`` returns the latitude and longitude (2,) of (0, 0), or None; a call, as it may have to read a file. A
     ``centre`` without an id (None) may have any.
@@ -30,6 +30,13 @@ class Ground:
     paths: tuple[Path, ...]
     centre: str | None
     origin: Callable[[], Array | None]
+
+    def known_paths(self, layout: str) -> tuple[Path, ...]:
+        """The paths, for a layout that needs them. Raises ``ScenarioError`` if there are none."""
+        if not self.paths:
+            what = f"is {layout!r}, and the recording does not say where the target was"
+            raise ScenarioError(what, key="field.layout", expected="'file', with the places of the real sensors")
+        return self.paths
 
 
 class LayoutSection(Section):

@@ -11,7 +11,8 @@ from pydantic import BeforeValidator, Field, JsonValue
 from trackfield.scenario.paths.path import Course, PathSection, whole_steps
 from trackfield.scenario.section import FileName, Word
 from trackfield.world.path import Path
-from trackfield.world.tracks import read_track, track_origin
+from trackfield.world.recording import Start
+from trackfield.world.tracks import read_track, track_origin, track_start
 from trackfield.world.windows import Array
 
 
@@ -47,6 +48,10 @@ class FromFile(PathSection):
         """See ``PathSection``."""
         path = read_track(FilePath(self.file), self.from_, self.to, origin=course.origin, key=course.key)
         return whole_steps(path, course)
+
+    def start(self, key: str) -> Start:
+        """See ``PathSection``."""
+        return Start(*track_start(FilePath(self.file), self.from_, self.to, key=key))
 
     def origin(self, key: str) -> Array | None:
         """See ``PathSection``."""

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from trackfield.scenario.section import Id, Section
 from trackfield.world.path import Path
+from trackfield.world.recording import Recording, Start
 from trackfield.world.windows import Array
 
 NS: Final = 1_000_000_000
@@ -22,7 +23,7 @@ class Course:
     """What a target's path may use: the run's seed, its step in ns, and its number of steps if one is given.
 
     ``origin`` (2,) is the latitude and longitude of (0, 0), None if the target itself decides it; ``key`` is the
-    target's key in the scenario, for messages.
+    target's key in the scenario, for messages. ``recordings`` are those that the sensors play.
     """
 
     seed: int
@@ -30,6 +31,7 @@ class Course:
     steps: int | None
     origin: Array | None = None
     key: str = "target"
+    recordings: tuple[Recording, ...] = ()
 
 
 class PathSection(Section):
@@ -50,12 +52,16 @@ class PathSection(Section):
         description="number of steps; the first target's counts; unset: to the last path's end (s1 60, s2 75, s3 40 s)",
     )
 
-    def run(self, course: Course) -> tuple[int, Path]:
+    def run(self, course: Course) -> tuple[int, Path | None]:
         """The number of whole steps in which the target is present, and its path: t=0 is the first step.
 
-        Raises ``ScenarioError`` if its file cannot be used.
+        None for a target of which nobody knows where it was. Raises ``ScenarioError`` if its file cannot be used.
         """
         raise NotImplementedError
+
+    def start(self, key: str) -> Start | None:
+        """What time of its file the first step is; None if it has no file. Raises ``ScenarioError`` as ``run`` does."""
+        return None
 
     def origin(self, key: str) -> Array | None:
         """(2,) latitude and longitude in degrees of (0, 0); None for a path without geographic coordinates.

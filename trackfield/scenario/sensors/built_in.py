@@ -26,4 +26,5 @@ class BuiltInSensor(SensorSection):
     @property
     def options(self) -> Mapping[str, Any]:
         """See ``SensorSection``."""
-        return {name: getattr(self, name) for name in type(self).model_fields if name not in SensorSection.model_fields}
+        own = (name for name in type(self).model_fields if name not in SensorSection.model_fields)
+        return {name: dict(one) if isinstance(one := getattr(self, name), tuple) else one for name in own}

@@ -6,9 +6,10 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from trackfield.scenario.quantities import Exact
+from trackfield.scenario.quantities import Exact, Share
 from trackfield.scenario.section import wrong
 from trackfield.scenario.sensors.built_in import BuiltInSensor, Decay, Near, Reach, Variation
+from trackfield.scenario.sensors.by_sensor import Factors
 
 SLOWEST_M_S = 1.0
 """Anything slower is no sound; 0 says that it arrives at once."""
@@ -41,6 +42,12 @@ class EnergySensor(BuiltInSensor):
     )
     compensate_window: bool = Field(default=True, description="trackers take a reading as of the middle of its window")
     compensate_delay: bool = Field(default=True, description="trackers allow for the time that the sound takes")
+    missing: Share = Field(default=0.0, description="share of all readings that are not there, wherever the target is")
+    gains: Factors = Field(
+        default=(),
+        description="factors by which single sensors read more than others, noise included; trackers know them, and "
+        "take them off",
+    )
 
     @model_validator(mode="after")
     def _sound_arrives(self) -> Self:

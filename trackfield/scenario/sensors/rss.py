@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from trackfield.scenario.quantities import Duration, Share
 from trackfield.scenario.section import wrong
 from trackfield.scenario.sensors.built_in import BuiltInSensor, Decay, Near, Reach
+from trackfield.scenario.sensors.by_sensor import Decibels
 
 
 class RssSensor(BuiltInSensor):
@@ -29,6 +30,11 @@ class RssSensor(BuiltInSensor):
     slow: Share = Field(default=0.0, description="share of the shadowing's variance that changes slowly")
     slow_s: Duration = Field(default=10.0, description="after twice this time nothing of the slow share is left")
     fixed: Share = Field(default=0.0, description="share of the shadowing's variance that is a sensor's own for good")
+    missing: Share = Field(default=0.0, description="share of all readings that are not there, wherever the target is")
+    offsets: Decibels = Field(
+        default=(),
+        description="dB by which single sensors read more than others; trackers know them, and take them off",
+    )
 
     @model_validator(mode="after")
     def _shares_of_a_whole(self) -> Self:

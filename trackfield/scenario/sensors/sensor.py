@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 from pydantic import Field
 
 from trackfield.plugins import Maker
 from trackfield.scenario.quantities import MOST_NODES, SomeShare
-from trackfield.scenario.section import Section, Word
+from trackfield.scenario.section import FileName, Section, Word
 from trackfield.sensing.complete import Kind
-from trackfield.sensing.kinds import SENSORS, make_sensor
+from trackfield.sensing.kinds import SENSORS, hashable, make_sensor
 
 OF_GROUPS: Final = ("nodes", "share")
 """The keys that say which sensors are of a kind: those of ``[[sensors]]`` alone."""
@@ -31,6 +31,15 @@ class SensorSection(Section):
         default=None,
         description="share of all sensors, drawn by seed and number; instead of nodes, in [[sensors]] only",
     )
+    recording: FileName | None = Field(
+        default=None,
+        description="CSV or Parquet file of what real sensors reported, which these play; relative to the scenario's "
+        "own folder",
+    )
+    play: Literal["readings", "times"] = Field(
+        default="readings",
+        description="of a recording: what was reported, or only when; readings are then those of the emulated target",
+    )
     position_error_m: float = Field(
         default=0.0,
         ge=0,
@@ -46,15 +55,17 @@ class SensorSection(Section):
     @property
     def plain(self) -> dict[str, Any]:
         """The arguments of ``make_sensor``."""
-        return {"kind": self.kind, "options": dict(self.options)}
+        recorded = {"recorded": True} if self.recording else {}
+        return {"kind": self.kind, "options": dict(self.options), **recorded}
 
     @property
     def sensing(self) -> Kind:
         """The kind of sensing with these options. Raises ``ScenarioError`` as ``make_sensor`` does."""
-        return _made(SENSORS.get(self.kind), self.kind, tuple(sorted(self.options.items())))
+        options = hashable(self.options)
+        return _made(SENSORS.get(self.kind), self.kind, options, recorded=self.recording is not None)
 
 
 @lru_cache(maxsize=64)
-def _made(maker: Maker | None, kind: str, options: tuple[tuple[str, Any], ...]) -> Kind:
+def _made(maker: Maker | None, kind: str, options: tuple[tuple[str, Any], ...], *, recorded: bool) -> Kind:
     """The same object for the same arguments; ``maker`` tells classes apart that were registered by one name."""
-    return make_sensor(kind, dict(options))
+    return make_sensor(kind, dict(options), recorded=recorded)

@@ -50,8 +50,12 @@ class Field:
     def kind(self) -> Energy:
         """The kind of sensing, with the parameters of the study, which are the kind's defaults."""
         sound = SOUND_M_S if self.delay else 0.0
-        allowed = {"compensate_window": self.compensate, "compensate_delay": self.compensate}
-        return Energy(window_s=self.window_s, sound_m_s=sound, **allowed)
+        return Energy(
+            window_s=self.window_s,
+            sound_m_s=sound,
+            compensate_window=self.compensate,
+            compensate_delay=self.compensate,
+        )
 
     @property
     def model(self) -> Model:
