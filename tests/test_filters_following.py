@@ -124,6 +124,13 @@ def test_a_target_that_jumps_is_found_again(name):
     assert off(estimates[29], path[29]) < 10.0
 
 
+@pytest.mark.parametrize("speed_sd", [0.5, 10.0])
+def test_a_track_begins_with_the_speed_that_targets_have(speed_sd):
+    one = Following(make_tracker("ekf"), MODEL, speed_sd=speed_sd)
+    _, estimate = one.step(one.begin(None), hear(np.array((120.0, 130.0)), np.random.default_rng(1)), 1.0, None)
+    assert estimate.covariance[2:, 2:] == pytest.approx(np.eye(2) * speed_sd**2, rel=0.01, abs=0.01)
+
+
 def test_with_a_prior_a_lost_target_stays_lost():
     """As in the paper, whose bootstrap filter loses the target for good."""
     path = np.concatenate((straight(15), straight(15, start=(400.0, 120.0), velocity=(-6.0, 5.0))))

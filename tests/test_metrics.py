@@ -26,7 +26,8 @@ DOCUMENT = FilePath(__file__).parents[1] / "docs" / "metrics.md"
 
 KEYS = """
 scenario seed driver ended_s complete end_reason wall_s cpu_s
-trackers.<name>.rmse.{x,y,position,velocity} trackers.<name>.{median_error,nees,nees_band,steps,bound_m,times_bound}
+trackers.<name>.rmse.{x,y,position,velocity}
+trackers.<name>.{median_error,nees,nees_band,nees_position,nees_position_band,steps,bound_m,times_bound}
 trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_blackout_s}
 trackers.<name>.gap.{rmse,steps} trackers.<name>.association
 trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id> trackers.<name>.views.<view>
@@ -56,7 +57,8 @@ SOMETIMES = {
 }
 """Of processes with several roles only (``test_hosted_processes.py``), or with a tree (``test_multihop.py``)."""
 SCORE = (
-    *("rmse", "median_error", "nees", "nees_band", "steps", "bound_m", "times_bound", "verdict", "lost"),
+    *("rmse", "median_error", "nees", "nees_band", "nees_position", "nees_position_band"),
+    *("steps", "bound_m", "times_bound", "verdict", "lost"),
     *("steps_expected", "steps_tracked", "share_within", "longest_blackout_s", "gap"),
 )
 """What is told of each view."""
@@ -117,7 +119,8 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
     nothing = {
         "rmse": {"x": None, "y": None, "position": None, "velocity": None},
-        "median_error": None, "nees": None, "nees_band": None, "steps": 0, "bound_m": None, "times_bound": None,
+        "median_error": None, "nees": None, "nees_band": None, "nees_position": None, "nees_position_band": None,
+        "steps": 0, "bound_m": None, "times_bound": None,
         "verdict": "lost", "lost": True, "steps_expected": 4, "steps_tracked": 0, "share_within": 0.0,
         "longest_blackout_s": 4.0, "gap": {"rmse": None, "steps": 0},
     }  # fmt: skip

@@ -32,6 +32,7 @@ def test_verdicts(copied: Path) -> None:
     def known(metrics: dict[str, Any]) -> None:
         one, other = metrics["trackers"].values()
         one |= {"verdict": "tracked", "steps": 12, "nees": 9.0, "nees_band": [3.0, 5.0], "median_error": 1.0}
+        one |= {"nees_position": 6.0, "nees_position_band": [1.0, 3.0]}
         one |= {"bound_m": 2.0, "times_bound": 1.5, "share_within": 1.0}
         one["rmse"]["position"] = 3.0
         other |= {"verdict": "lost", "lost": True, "steps": 7, "nees": None, "share_within": 7 / 12}
@@ -43,12 +44,14 @@ def test_verdicts(copied: Path) -> None:
         "RMSE 3.00 m, median error 1.00 m over all 12 steps (5 of them without a report); "
         "1.50 times the bound of 2.00 m over the same steps."
     )
-    assert first.text.endswith("NEES 9.00, 95 % band 3.00 to 5.00: overconfident.")
+    assert first.text.endswith(
+        "NEES 9.00 (95 % band 3.00 to 5.00), of the position 6.00 (95 % band 1.00 to 3.00): overconfident."
+    )
     table = errors.trackers(run)
     row = dict(zip(table.head, table.rows[0], strict=True))
     shown = {"verdict": "tracked", "RMSE [m]": "3.00", "bound [m]": "2.00", "/ bound": "1.50", "median [m]": "1.00"}
     assert row | shown | {"steps": "12 of 12"} == row
-    assert consistency(run).rows[0] == ["imm-ukf", "9.00", "3.00", "5.00"]
+    assert consistency(run).rows[0] == ["imm-ukf", "9.00", "3.00", "5.00", "6.00", "1.00", "3.00"]
     bare = replace(run, tracks=tuple(replace(track, bound=track.bound * np.nan) for track in run.tracks))
     assert "/ bound" not in errors.trackers(bare).head
     assert "over 7 of 12 steps" in second.text
@@ -58,11 +61,21 @@ def test_verdicts(copied: Path) -> None:
     assert first.colour != second.colour
 
 
-@pytest.mark.parametrize(("nees", "said"), [(2.0, "underconfident"), (4.0, "consistent"), (6.0, "overconfident")])
-def test_whether_a_covariance_is_right(copied: Path, nees: float, said: str) -> None:
+@pytest.mark.parametrize(
+    ("nees", "of_position", "said"),
+    [
+        (2.0, 0.5, "underconfident"),
+        (4.0, 2.0, "consistent"),
+        (6.0, 4.0, "overconfident"),
+        (4.0, 4.0, "consistent as a whole, overconfident of the position"),
+        (6.0, None, "overconfident"),
+    ],
+)
+def test_whether_a_covariance_is_right(copied: Path, nees: float, of_position: float | None, said: str) -> None:
     def known(metrics: dict[str, Any]) -> None:
         for m in metrics["trackers"].values():
             m |= {"nees": nees, "nees_band": [3.0, 5.0]}
+            m |= {"nees_position": of_position, "nees_position_band": [1.0, 3.0]}
 
     assert all(verdict.text.endswith(f": {said}.") for verdict in verdicts.verdicts(changed(copied, known)))
 

@@ -56,6 +56,8 @@ def test_errors_are_those_of_the_formulas() -> None:
         "median_error": 2.5,  # of 5 and 0
         "nees": pytest.approx((1 + 1 + 1) / 2),  # 3^2/9 + 4^2/16 in the first step, 1^2/1 in the second
         "nees_band": pytest.approx([1.0899, 8.7673], abs=1e-4),  # chi-square of 8 at 2.5 and 97.5 %, over 2
+        "nees_position": pytest.approx((1 + 1) / 2),
+        "nees_position_band": pytest.approx([0.2422, 5.5716], abs=1e-4),  # chi-square of 4
         "steps": 2,
         "bound_m": None,
         "times_bound": None,
@@ -72,7 +74,7 @@ def test_errors_are_those_of_the_formulas() -> None:
 def test_an_infinite_nees_is_nothing_to_say() -> None:
     """A covariance without any extent, and an error all the same."""
     found = of(point(1, GOOD, covariance=(0.0,) * 16))
-    assert found["nees"] is found["nees_band"] is None
+    assert found["nees"] is found["nees_band"] is found["nees_position"] is found["nees_position_band"] is None
     assert found["rmse"]["position"] == 5.0
     assert of(point(1, (0, 0, 0, 0), covariance=(0.0,) * 16))["nees"] == 0.0
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from launcher.plan.extensions import check_kinds, check_sensing, check_trackers
 from trackfield.draw import normal
-from trackfield.errors import together
+from trackfield.errors import ScenarioError, together
 from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
@@ -34,6 +34,8 @@ def tracking_of(site: Site, source: str) -> dict[str, Any]:
         "prior": _prior(site, source),
         "sigma_v": scenario.fusion.sigma_v,
         "lost_m": scenario.fusion.lost_m,
+        "speed_sd": scenario.fusion.speed_sd,
+        "assumed_noise": scenario.fusion.assumed_noise,
         **if_used(
             options=tables(scenario.fusion.options),
             smooth_lag=scenario.fusion.smooth_lag,
@@ -74,10 +76,18 @@ def _kinds(site: Site) -> dict[str, list[str]]:
 
 
 def _prior(site: Site, source: str) -> Mapping[str, Sequence[float]] | None:
-    """Zhai et al.: the initial estimate is drawn around the truth (of the first target), for each run again."""
+    """Zhai et al.: the initial estimate is drawn around the truth (of the first target), for each run again.
+
+    Raises ``ScenarioError`` if nobody knows where that is.
+    """
     scenario = site.scenario
+    if scenario.fusion.prior == "none":
+        return None
+    if not site.paths:
+        what = f"is {scenario.fusion.prior!r}, around where the target is, and the recording does not tell"
+        raise ScenarioError(what, key="fusion.prior", expected="'none'")
     truth, sd = next(iter(site.paths.values())).at(site.origin_ns / NS), scenario.fusion.prior_sd
-    if scenario.fusion.prior == "none" or truth is None:
+    if truth is None:
         return None
     draws = [normal(scenario.seed, source, "prior", i) for i in range(len(sd))]
     return {"mean": [x + s * z for x, s, z in zip(truth, sd, draws, strict=True)], "sd": list(sd)}

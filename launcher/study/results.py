@@ -38,7 +38,7 @@ _TYPES: Final = {
     "verdict": pa.string(),
     "lost": pa.bool_(),
     **dict.fromkeys(("steps", "steps_expected", "steps_tracked", "gap.steps"), pa.int64()),
-    "nees_band": pa.list_(pa.float64()),
+    **dict.fromkeys(("nees_band", "nees_position_band"), pa.list_(pa.float64())),
     "lifetime_s.extrapolated": pa.bool_(),
 }
 """The types of columns of a study's table; frames and bytes are whole numbers, all others are floats."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from trackfield.filters.types import Estimate, Gaussian, Model, Readings, Report
 from trackfield.role import NS, TrackPoint
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
-from trackfield.tracking.following import Following
+from trackfield.tracking.following import SPEED_SD, Following
 from trackfield.tracking.points import track_point
 from trackfield.tracking.smoothing import Earlier, Smoothing, lagged_name
 from trackfield.wire.registry import kind_of_class
@@ -46,10 +47,12 @@ class Bank:
 
     ``trackers`` are names; without a ``prior`` (mean and sd of x, y, vx, vy at the start) they start from the first
     reports. ``options`` are those of single trackers, ``sigma_v`` (m/s^2) is for those that have one motion model; a
-    track that began without a prior is given up if its sd exceeds ``lost_m``. All randomness is keyed by ``seed``, the
-    tracker and the step, and by ``draws``, which differs between processes that track. Each track is also smoothed over
-    ``smooth_lag`` steps, unless that is 0. ``sensing`` has the arguments of ``make_sensor`` for each kind of sensing by
-    name; of several, ``kinds`` says which sensors are of which. ``target`` is the id of the target.
+    track that began without a prior, with ``speed_sd`` (m/s) as that of its velocity, is given up if the sd of its
+    position exceeds ``lost_m``. They take the noise of readings to be ``assumed_noise`` times what it is. All
+    randomness is keyed by ``seed``, the tracker and the step, and by ``draws``, which differs between processes that
+    track. Each track is also smoothed over ``smooth_lag`` steps, unless that is 0. ``sensing`` has the arguments of
+    ``make_sensor`` for each kind of sensing by name; of several, ``kinds`` says which sensors are of which. ``target``
+    is the id of the target.
     """
 
     def __init__(
@@ -67,19 +70,22 @@ class Bank:
         sigma_v: float = 0.1,
         smooth_lag: int = 0,
         lost_m: float = LOST_M,
+        speed_sd: float = SPEED_SD,
+        assumed_noise: float = 1.0,
         options: Mapping[str, Mapping[str, Any]] | None = None,
         draws: Sequence[str] = (),
     ) -> None:
         self.step_ns, self.origin_ns, self.seed, self.target, self.draws = step_ns, origin_ns, seed, target, draws
         self.positions = {id: (x, y) for id, x, y in sensors}
-        self.sensing = {name: make_sensor(**arguments) for name, arguments in sensing.items()}
+        self.sensing = {name: make_sensor(**arguments).assumed(assumed_noise) for name, arguments in sensing.items()}
         self.m = next(iter(self.sensing.values())).m if len(self.sensing) == 1 else None
         self.directional = all(kind.bearings for kind in self.sensing.values())
         self.kind_of = {id: name for name, ids in (kinds or {}).items() for id in ids}
         self.messages = frozenset(kind_of_class(one.message).name for one in self.sensing.values())
         model, options = Model(self.sensing, sigma_v), options or {}
         made = {name: make_tracker(name, options.get(name), model.dimension) for name in trackers}
-        self.trackers = {name: Smoothing(Following(one, model, lost_m), smooth_lag) for name, one in made.items()}
+        follow = partial(Following, model=model, lost_m=lost_m, speed_sd=speed_sd)
+        self.trackers = {name: Smoothing(follow(one), smooth_lag) for name, one in made.items()}
         self.prior = (
             None
             if prior is None
@@ -99,6 +105,11 @@ class Bank:
         if sender in self.positions:
             return self._kind(sender).takes(report)
         return any(kind.takes(report) for kind in self.sensing.values())
+
+    def possible(self, report: Any, sender: str) -> bool:
+        """Whether a target anywhere may have been read as this report, which it takes, says."""
+        kind = self._kind(sender)
+        return kind.possible(kind.corrected(kind.values(report), sender))
 
     def begin(self, *, prior: bool) -> tuple[Any, ...]:
         """The trackers' states before the first report, with the prior or waiting for reports."""
@@ -156,7 +167,8 @@ class Bank:
         ids, readings = list[str](), list[Readings]()
         for name, kind in self.sensing.items():
             mine = sorted(id for id in heard if self.kind_of[id] == name) if self.kind_of else sorted(heard)
-            values = np.array([kind.values(heard[id]) for id in mine], float).reshape(-1, kind.n)
+            read = [kind.corrected(kind.values(heard[id]), id) for id in mine]
+            values = np.array(read, float).reshape(-1, kind.n)
             ids += mine
             early_s = np.array([kind.early_s(heard[id]) for id in mine]) if kind.timed else None
             readings.append(Readings(name, kind.z(values), early_s))

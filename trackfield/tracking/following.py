@@ -24,13 +24,23 @@ from trackfield.filters.gaussian import extent
 from trackfield.filters.measurement import extended, log_ratios
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.search import searched
-from trackfield.filters.types import Estimate, Gaussian, Model, Reports, Tracker
+from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports, Tracker
 
 S = TypeVar("S")
 
 _LOST_AT = math.log(1e6)
-ANYWHERE = np.diag(np.square([1000.0, 1000.0, 10.0, 10.0]))
-"""Covariance of an unknown target: wide compared with any field's spacing, and with the speeds of vehicles in town."""
+_FAR_M = 1000.0
+"""Standard deviation of the position of an unknown target: wide compared with any field's spacing."""
+SPEED_SD = 10.0
+"""That of its velocity (m/s), each way, if nothing else is known: that of vehicles in town."""
+
+
+def anywhere(speed_sd: float) -> Array:
+    """Covariance (4, 4) of a target of which no more is known than this standard deviation of its velocity (m/s)."""
+    return np.diag(np.square([_FAR_M, _FAR_M, speed_sd, speed_sd]))
+
+
+ANYWHERE = anywhere(SPEED_SD)
 
 
 class Followed(NamedTuple, Generic[S]):
@@ -56,6 +66,8 @@ class Following(Generic[S]):
     model: Model
     lost_m: float = LOST_M
     """A track that started without a prior is given up when the sd of its position exceeds this."""
+    speed_sd: float = SPEED_SD
+    """Standard deviation of the target's velocity (m/s), each way, where a track starts from reports alone."""
 
     def begin(self, prior: Gaussian | None) -> Followed[S]:
         """The state before the first step; without a prior the track starts from the first reports."""
@@ -110,9 +122,9 @@ class Following(Generic[S]):
             return None
         ((name, kind), *more) = self.model.kinds.items()
         if kind.fix is not None and not more:
-            fix = kind.fix(reports.readings[0].values, reports.positions, ANYWHERE)
+            fix = kind.fix(reports.readings[0].values, reports.positions, anywhere(self.speed_sd))
             return None if fix is None else extended(started(name, fix, len(kind.unknowns)), self.model.unknowns)
-        return searched(ANYWHERE, self.model, reports, self.lost_m)
+        return searched(anywhere(self.speed_sd), self.model, reports, self.lost_m)
 
 
 def doubts(model: Model, estimate: Estimate, reports: Reports) -> float:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from immutables import Map
 
-from trackfield.role import Effect, SetTimer, TrackPoint
+from trackfield.role import Effect, Ignored, SetTimer, TrackPoint
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.collecting import Collected, Collecting
 from trackfield.tracking.stored import Stored, pack, unpack
@@ -100,9 +100,13 @@ class Steps:
     def collect(
         self, state: Progress, now: int, step: int, report: Any, sender: str
     ) -> tuple[Progress, tuple[Effect, ...]]:
-        """A report on ``step`` that the bank takes, received at ``now`` (ns)."""
+        """A report on ``step`` that the bank takes, received at ``now`` (ns): kept, or ignored for a reason."""
         collected, effects = self.collecting.take(state.collected, now, step, report, sender)
-        return (state if collected is state.collected else replace(state, collected=collected)), effects
+        if collected is state.collected:
+            return state, effects
+        if not self.bank.possible(report, sender):
+            return state, (Ignored("impossible"),)
+        return replace(state, collected=collected), effects
 
     def take(self, state: Progress, now: int) -> Taken:
         """The next step, whose deadline is ``now`` (ns), after all steps since the oldest that got a late report."""

@@ -22,7 +22,7 @@ from trackfield.filters.types import Array, Gaussian, Model, Readings, Reports
 from trackfield.models import motion
 from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
-from trackfield.tracking.following import ANYWHERE
+from trackfield.tracking.following import SPEED_SD, anywhere
 
 Point = tuple[float, float]
 Key = tuple[str, str, str, int]
@@ -152,7 +152,8 @@ def _series(plan: Plan, reporting: Reporting) -> Series:
         return {}
     times = [t for t in truth if t >= first]
     informations = np.stack([_information(plan, t, truth[t], reporting.get(t, ()), sensors, model) for t in times])
-    begin = ANYWHERE if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
+    speed_sd = plan.tracking.get("speed_sd", SPEED_SD)
+    begin = anywhere(speed_sd) if prior is None else np.diag(np.square(np.array(prior["sd"], float)))
     begin = extended(Gaussian(np.zeros(4), begin), model.unknowns).covariance
     bounds = position_sd(trajectory_crlb(begin, _motions(truth, times, plan.step_ns, model), informations))
     known = bounds <= plan.tracking.get("lost_m", LOST_M)

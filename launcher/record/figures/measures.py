@@ -48,6 +48,8 @@ class ScoreFigures(Figures):
     median_error: Number | None
     nees: Number | None
     nees_band: tuple[Number, Number] | None
+    nees_position: Number | None = None
+    nees_position_band: tuple[Number, Number] | None = None
     steps: Count
     bound_m: Number | None
     times_bound: Number | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
 from typing import Any, Final
 
@@ -21,6 +21,8 @@ _NOTHING: Final = {
     "median_error": None,
     "nees": None,
     "nees_band": None,
+    "nees_position": None,
+    "nees_position_band": None,
     "steps": 0,
 }
 
@@ -52,9 +54,7 @@ def offsets(rows: Sequence[TrackRow]) -> Array:
 
 
 def _errors(rows: Sequence[TrackRow]) -> dict[str, Any]:
-    errors = offsets(rows)
-    nees = score.nees(errors, np.array([row.point.covariance for row in rows]).reshape(-1, 4, 4))
-    sound = bool(np.isfinite(nees).all())
+    errors, covariances = offsets(rows), np.array([row.point.covariance for row in rows]).reshape(-1, 4, 4)
     return {
         "rmse": {
             "x": score.rmse(errors[:, 0:1]),
@@ -63,10 +63,19 @@ def _errors(rows: Sequence[TrackRow]) -> dict[str, Any]:
             "velocity": score.rmse(errors[:, 2:]),
         },
         "median_error": score.median_error(errors[:, :2]),
-        "nees": float(nees.mean()) if sound else None,
-        "nees_band": list(score.nees_band(4, score.effective_count(nees))) if sound else None,
+        **_consistency("nees", errors, covariances),
+        **_consistency("nees_position", errors[:, :2], covariances[:, :2, :2]),
         "steps": len(rows),
     }
+
+
+def _consistency(name: str, errors: Array, covariances: Array) -> dict[str, Any]:
+    """The mean NEES of errors (n, d), and the band in which it lies if covariances (n, d, d) are right."""
+    nees = score.nees(errors, covariances)
+    if not np.isfinite(nees).all():
+        return {name: None, f"{name}_band": None}
+    band = score.nees_band(errors.shape[1], score.effective_count(nees))
+    return {name: float(nees.mean()), f"{name}_band": list(band)}
 
 
 def _beside(rows: Sequence[TrackRow], bounds: Bounds) -> dict[str, float | None]:
@@ -82,7 +91,8 @@ def _beside(rows: Sequence[TrackRow], bounds: Bounds) -> dict[str, float | None]
 def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int, *, awaited: bool) -> dict[str, Any]:
     """In how many of the expected steps there was a track, and one that was near enough; and the verdict.
 
-    Where sensors report by themselves, the passes of targets are expected.
+    Where sensors report by themselves, the passes of targets are expected; where nobody knows of any target, every step
+    is, and none can be judged.
     """
     tracks = defaultdict[int, list[TrackRow]](list)
     for row in rows:
@@ -92,6 +102,8 @@ def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int, *, aw
     passes = plan.pass_steps
     steps = range(1, last + 1) if passes is None else sorted(step for step in passes if step <= last)
     there = {k: recorded for k in steps if awaited and (recorded := _recorded(plan, k)) is not None}
+    if not plan.paths:
+        return _without_truth(plan, list(there), tracks)
     judged = [k for k, recorded in there.items() if recorded and not _only_guessed(tracks.get(k, ()))]
     errors = np.array([_worst(tracks.get(k, ())) for k in judged]).reshape(-1, 1)
     share = float((errors <= plan.lost.beyond_m).mean()) if judged else None
@@ -107,8 +119,23 @@ def _presence(plan: Plan, rows: Sequence[TrackRow], end_ns: int, lag: int, *, aw
     }
 
 
+def _without_truth(plan: Plan, steps: Sequence[int], tracks: Collection[int]) -> dict[str, Any]:
+    """The same of a run in which nobody knows where the target was."""
+    tracked = [k for k in steps if k in tracks]
+    return {
+        "verdict": None,
+        "lost": False,
+        "steps_expected": len(steps),
+        "steps_tracked": len(tracked),
+        "share_within": None,
+        "longest_blackout_s": _longest([k for k in steps if k not in tracks]) * plan.step_ns / NS,
+    }
+
+
 def _recorded(plan: Plan, step: int) -> bool | None:
     """Whether any target's place at a step was recorded, not interpolated in a gap; None if no target is there."""
+    if not plan.paths:
+        return False
     t_s = (plan.origin_ns + step * plan.step_ns) / NS
     present = [path for path in plan.paths.values() if path.at(t_s) is not None]
     return any(not path.interpolated(t_s) for path in present) if present else None

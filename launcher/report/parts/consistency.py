@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -32,9 +32,9 @@ def consistency(run: Run) -> Table:
     """The mean NEES of every tracker beside the band in which it lies if its covariances are right."""
     rows = []
     for name, m in run.metrics["trackers"].items():
-        low, high = m.get("nees_band") or (None, None)
-        rows.append([name, number(m["nees"]), number(low), number(high)])
-    return Table(["tracker", "mean NEES", "95 % band from", "to"], rows)
+        cells = [(m.get(key), *(m.get(f"{key}_band") or (None, None))) for key in ("nees", "nees_position")]
+        rows.append([name, *(number(one) for each in cells for one in each)])
+    return Table(["tracker", "mean NEES", "95 % band from", "to", "of the position", "95 % band from", "to"], rows)
 
 
 def in_words(m: Mapping[str, Any]) -> str:
@@ -44,9 +44,19 @@ def in_words(m: Mapping[str, Any]) -> str:
         return ""
     if not band:
         return f"NEES {number(mean)} ({DIMENSIONS} if its covariances are right)."
+    whole, fit = _judged(mean, band)
+    if m.get("nees_position") is None:
+        return f"NEES {whole}: {fit}."
+    position, of_position = _judged(m["nees_position"], m["nees_position_band"])
+    verdict = fit if fit == of_position else f"{fit} as a whole, {of_position} of the position"
+    return f"NEES {whole}, of the position {position}: {verdict}."
+
+
+def _judged(mean: float, band: Sequence[float]) -> tuple[str, str]:
+    """A mean beside its band, and what that says of the covariances."""
     low, high = band
     fit = "overconfident" if mean > high else "underconfident" if mean < low else "consistent"
-    return f"NEES {number(mean)}, 95 % band {number(low)} to {number(high)}: {fit}."
+    return f"{number(mean)} (95 % band {number(low)} to {number(high)})", fit
 
 
 def nees(run: Run) -> Figure | None:

@@ -15,7 +15,7 @@ MOST_BARS: Final = 80
 FATES: Final = {
     "delivered": "reached its receiver in time",
     "late": "came after the deadline of its step",
-    "ignored": "not used by the receiver: repeated, unexpected or malformed",
+    "ignored": "not used by the receiver: repeated, unexpected, malformed or impossible",
     "radio": "lost on the link",
     "partition": "sender and receiver were cut off from each other",
     "in_flight": "still under way at the end of the run",

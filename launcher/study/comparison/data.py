@@ -14,7 +14,7 @@ from launcher.study.comparison.remarks import remarks
 from launcher.study.comparison.rows import setting
 from launcher.study.comparison.runs import Compared
 
-_PAIRS: Final = {"nees_band": ("low", "high")}
+_PAIRS: Final = dict.fromkeys(("nees_band", "nees_position_band"), ("low", "high"))
 """Figures of two numbers, and the ends of their columns' names."""
 
 

@@ -106,9 +106,9 @@ def _tracker(name: str, compared: Compared) -> Iterator[Row]:
     yield Row("steps within lost_m", tuple(_at(t, ("share_within",)) for t in found), "higher", percent)
     yield Row("longest time without a track [s]", tuple(_at(t, ("longest_blackout_s",)) for t in found), "lower")
     yield from _telling(row("RMSE in gaps of the truth [m]", "gap", "rmse"))
-    yield from _telling(
-        row("mean NEES", "nees"), pair("NEES, 95 % band", [_at(t, ("nees_band",)) for t in found], "{} to {}")
-    )
+    for text, key in (("NEES", "nees"), ("NEES of the position", "nees_position")):
+        bands = [_at(t, (f"{key}_band",)) for t in found]
+        yield from _telling(row(f"mean {text}", key), pair(f"{text}, 95 % band", bands, "{} to {}"))
 
 
 def _bounds(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:

@@ -56,6 +56,16 @@ class Fusion(Section):
         default=50.0,
         description="a track with a larger error is lost; one without a prior is restarted if its sd exceeds this",
     )
+    assumed_noise: float = Field(
+        default=1.0,
+        ge=0.01,
+        le=100,
+        description="trackers take the standard deviation of readings to be so many times what it is",
+    )
+    speed_sd: Speed = Field(
+        default=10.0,
+        description="standard deviation of a target's velocity, each way, where a track starts from reports alone, m/s",
+    )
     prior: Literal["paper", "none"] = Field(
         default="none",
         description="start around the true state (paper), or from the first reports alone (none)",
