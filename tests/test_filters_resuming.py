@@ -94,7 +94,7 @@ def test_a_track_that_has_just_begun_is_known_by_its_fix() -> None:
     assert (belief.mean == estimate.mean).all()
 
 
-# --- the default tracker: three modes ---
+# --- the default tracker: four modes ---
 
 
 def test_its_modes_go_on_as_if_it_had_never_ended_but_for_rounding() -> None:
@@ -103,7 +103,7 @@ def test_its_modes_go_on_as_if_it_had_never_ended_but_for_rounding() -> None:
     state = lived(following, heard(s3(np.random.default_rng(2)), 2))
     belief = following.belief(state)
     assert isinstance(belief, Modes)
-    assert belief.weights.shape == (3,)
+    assert belief.weights.shape == (4,)
     assert np.ptp(belief.weights) > 0.1  # its models are no longer equals
     after = following.resume(sent(belief))
     for k in range(START + 1, START + 4):

@@ -54,7 +54,7 @@ def test_what_is_packed_is_unpacked() -> None:
 def test_the_bytes_are_those_of_the_belief_and_little_more() -> None:
     assert len(pack(65535, 52.5, {"ekf": BELIEF})) < 56 + 30
     fusion = centre("imm-ukf", "ekf")
-    assert len(lived(fusion, 3)) < 3 * 60 + 56 + 50
+    assert len(lived(fusion, 3)) < 4 * 60 + 56 + 50
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e39])

@@ -1,8 +1,16 @@
 """Fix + IMM-UKF: a MAP fix from the first readings, then interacting unscented Kalman filters.
 
-Two models, a quiet and a manoeuvring one, have nearly constant velocity and differ in the acceleration they expect; in
-the third the target stands. Without it a parked vehicle seems to crawl whenever a few errors point the same way. What
-the kinds of sensing do not know of the target besides (x, y, vx, vy) is estimated with it, as random walks.
+The models of motion are four. Two, quiet and manoeuvring, have nearly constant velocity and differ in the acceleration
+they expect; in another the target stands. Without it a parked vehicle seems to crawl whenever a few errors point the
+same way. What the kinds of sensing do not know of the target besides (x, y, vx, vy) is estimated with it, as random
+walks.
+
+The fourth, steady, moves like quiet and is left ten times as rarely: how long a target keeps its velocity is not
+geometrically distributed, as between states of a single Markov chain. A vehicle in traffic brakes or turns every few
+seconds; one that has gone straight for a minute will mostly go on. With one quiet model a tracker must be ready for
+either all the time, too much for the one and too little for the other. Two states of the same motion let the time that
+the target has been quiet count (sojourn-time dependent switching: Campo, Mookerjee & Bar-Shalom 1991), and remain a
+Markov chain. ``docs/tracking.md`` says what that changes, and what else was tried.
 """
 
 from __future__ import annotations
@@ -32,16 +40,24 @@ _QUIET, _MANOEUVRE = 0.1, 1.5
 _STIR = 0.5
 """sd of a standing target's velocity per axis, m/s: the jitter of a parked satellite-navigation receiver."""
 
-# Probabilities per step of going from quiet, manoeuvring, standing to each of them. Standing ends rarely: a departure
-# is detected in two or three steps whatever its prior, while each per cent here adds false speed to parked vehicles.
-_SWITCHING = np.array([[0.97, 0.02, 0.01], [0.1, 0.88, 0.02], [0.0, 0.002, 0.998]])
+# Probabilities per step of going from steady, quiet, manoeuvring, standing to each of them. A steady target manoeuvres
+# or stands only after it has been quiet. Standing ends rarely: a departure is detected in two or three steps whatever
+# its prior, while each per cent here adds false speed to parked vehicles.
+_SWITCHING = np.array(
+    [
+        [0.995, 0.005, 0.0, 0.0],
+        [0.02, 0.92, 0.05, 0.01],
+        [0.0, 0.1, 0.88, 0.02],
+        [0.0, 0.0, 0.002, 0.998],
+    ]
+)
 
 _ASTRAY, _WIDER = np.log(1e-2), 10.0
 """Log odds that the track is off the target (``astray``), and the factor by which its sd is then too small."""
 
 
 class ImmUkfState(NamedTuple):
-    """The bank of M=3 models; ``fixed`` after the first readings; the suspicion about each sensor; whether the track
+    """The bank of M=4 models; ``fixed`` after the first readings; the suspicion about each sensor; whether the track
     was considered ``astray`` (off the target) in the last step."""
 
     model: Model
@@ -62,7 +78,7 @@ class _Plan(NamedTuple):
 
 @dataclass(frozen=True)
 class ImmUkf:
-    """Least-squares fix at the start, then unscented Kalman filters under three motion models (IMM).
+    """Least-squares fix at the start, then unscented Kalman filters under four motion models (IMM).
 
     Without its ``gate`` it uses every reading. ``robust``: it takes the noise of readings for larger that are far from
     what was expected.
@@ -75,20 +91,20 @@ class ImmUkf:
 
     def init(self, prior: Gaussian, model: Model) -> ImmUkfState:
         """The state of belief ``prior``, shared by all models, which start with equal probabilities."""
-        m = len(_SWITCHING)
+        m = len(self._switching)
         bank = imm.Bank(np.full(m, 1.0 / m), np.tile(prior.mean, (m, 1)), np.tile(prior.covariance, (m, 1, 1)))
         return ImmUkfState(model, bank, fixed=False)
 
     def belief(self, state: ImmUkfState) -> Modes:
-        """The beliefs of its three models."""
+        """The beliefs of its four models."""
         return Modes(*state.bank)
 
     def resume(self, belief: Belief, model: Model) -> ImmUkfState:
-        """Three modes are those of its models, any other belief is a prior; no sensor is suspected.
+        """Four modes are those of its models, any other belief is a prior; no sensor is suspected.
 
         The first readings are used by a fix again: the pause may have hidden a manoeuvre.
         """
-        if isinstance(belief, Modes) and len(belief.weights) == len(_SWITCHING):
+        if isinstance(belief, Modes) and len(belief.weights) == len(self._switching):
             return ImmUkfState(model, imm.Bank(*belief), fixed=False)
         return self.init(moments(belief), model)
 
@@ -96,8 +112,8 @@ class ImmUkf:
         self, state: ImmUkfState, reports: Reports, dt: float, rng: np.random.Generator
     ) -> tuple[ImmUkfState, Estimate]:
         """Mix, predict, update with the readings; the first readings by a fix, since the prior may be wide."""
-        model, bank = state.model, imm.mix(state.bank, _SWITCHING)
-        bank = imm.Bank(bank.probability, *predict(Gaussian(bank.mean, bank.covariance), _motions(dt, model.unknowns)))
+        model, bank = state.model, imm.mix(state.bank, self._switching)
+        bank = imm.Bank(bank.probability, *predict(Gaussian(bank.mean, bank.covariance), self._motions(dt, model)))
         bank, take, believed, astray = self._plan(state, bank, reports)
         suspicion = learn(state.suspicion, reports.sensors, believed)
         if len(believed) == 0:
@@ -109,11 +125,20 @@ class ImmUkf:
 
     def motion(self, before: ImmUkfState, after: ImmUkfState, dt: float) -> Motion:
         """The predicted motion between two states ``dt`` seconds apart, over all models."""
-        F, Q = imm.expected(before.bank, _SWITCHING, _motions(dt, after.model.unknowns))
+        F, Q = imm.expected(before.bank, self._switching, self._motions(dt, after.model))
         if after.astray:
             ahead = predict(imm.combined(before.bank), Motion(F, Q)).covariance
             Q = Q + (_WIDER**2 - 1.0) * ahead
         return Motion(F, Q)
+
+    @property
+    def _switching(self) -> Array:
+        """Probabilities (M, M) per step of going from each model to each."""
+        return _SWITCHING
+
+    def _motions(self, dt: float, model: Model) -> Motion:
+        """How the target moves in ``dt`` seconds by each of the models, (M, 4 + u, 4 + u)."""
+        return _motions(dt, model.unknowns)
 
     def _plan(self, state: ImmUkfState, bank: imm.Bank, reports: Reports) -> _Plan:
         model, readings = state.model, _Readings(bank, reports, state.model, self.robust)
@@ -149,7 +174,8 @@ def _usual(gain: Array, bank: imm.Bank, reports: Reports, model: Model) -> float
 @lru_cache(maxsize=64)
 def _motions(dt: float, unknowns: tuple[Unknown, ...]) -> Motion:
     standing = Motion(np.array(motion.standing_transition()), np.array(motion.standing_noise(dt, _STIR)))
-    models = (constant_velocity(dt, _QUIET), constant_velocity(dt, _MANOEUVRE), standing)
+    quiet = constant_velocity(dt, _QUIET)
+    models = (quiet, quiet, constant_velocity(dt, _MANOEUVRE), standing)
     stacks = (np.stack(each) for each in zip(*(widened(one, unknowns, dt) for one in models), strict=True))
     return Motion(*stacks)
 
