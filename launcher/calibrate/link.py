@@ -22,7 +22,7 @@ from trackfield.link.measured import RADIO
 from trackfield.link.places import Point
 from trackfield.link.trace import recording_in, text_in
 from trackfield.scenario.links import LognormalPrr
-from trackfield.scenario.packaged import packaged_data
+from trackfield.scenario.packaged import or_packaged
 from trackfield.scenario.places import read_places
 from trackfield.words import quoted
 
@@ -74,8 +74,7 @@ def _about(file: Path, places: Path | None) -> list[str]:
 
 def _recording(file: Path) -> Recording:
     expected = "a recording in k7 form, a JSON header and lines datetime,src,dst,channel,mean_rssi,pdr,tx_count"
-    packaged = packaged_data(str(file))
-    name = str(file if packaged is None or file.exists() else packaged)
+    name = str(or_packaged(file))
     try:
         recording = recording_in(text_in(name), name)
     except ValueError as error:
