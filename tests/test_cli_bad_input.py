@@ -41,7 +41,7 @@ def assert_refused(said: Said, *parts: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        (["run", "zhai-spcfp"], ["unknown scenario", "mean zhai-spcpf?", "one of bus, radar, zhai-spcpf, or a"]),
+        (["run", "zhai-spcfp"], ["unknown scenario", "mean zhai-spcpf?", "one of bus, hall, radar, zhai-spcpf, or a"]),
         (["validate", "buss"], ["unknown scenario 'buss'", "did you mean bus?"]),
         (["run", "no/such.toml"], ["no/such.toml: cannot be read (No such file"]),
         ([*NOWHERE, "--set", "link.file=no.csv"], ["link.file: ", "no.csv: cannot be read (No such file"]),

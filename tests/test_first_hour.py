@@ -1,4 +1,4 @@
-"""docs/first-hour.md: from a clone to a sweep of one's own field, in ten commands that work as they are printed."""
+"""docs/first-hour.md: from a clone to a sweep of one's own field, in fifteen commands that work as they are printed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from tests.test_view import with_driver
 ROOT: Final = Path(__file__).parents[1]
 DOCUMENT: Final = (ROOT / "docs" / "first-hour.md").read_text()
 COMMANDS: Final = [line for block in re.findall(r"```sh\n(.*?)```", DOCUMENT, re.DOTALL) for line in block.splitlines()]
-FILES: Final = dict(re.findall(r"```csv (\S+)\n(.*?)```", DOCUMENT, re.DOTALL))
+FILES: Final = dict(re.findall(r"```(?:csv|toml) (\S+)\n(.*?)```", DOCUMENT, re.DOTALL))
+OWN: Final = next(i for i, command in enumerate(COMMANDS) if command.startswith("trackfield run hall"))
+"""The first command about what real sensors reported."""
 PNG: Final = b"\x89PNG"
 
 
@@ -48,10 +50,10 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home
 
 
-def test_there_are_ten_commands_and_the_first_set_all_up() -> None:
-    assert len(COMMANDS) == 10
+def test_there_are_fifteen_commands_and_the_first_set_all_up() -> None:
+    assert len(COMMANDS) == 15
     assert COMMANDS[1:3] == ["make demo", ". .venv/bin/activate"]
-    assert FILES.keys() == {"track.csv"}
+    assert FILES.keys() == {"track.csv", "plan.toml"}
 
 
 @with_driver
@@ -63,7 +65,7 @@ def test_the_demo_can_be_looked_at(home: Path) -> None:
 
 def test_a_field_of_ones_own_is_run_broken_compared_and_swept(home: Path) -> None:
     said = {}
-    for command in COMMANDS[4:]:
+    for command in COMMANDS[4:OWN]:
         done = called(command, home)
         assert done.returncode == 0, f"{command}\n{done.stderr}"
         said[command.split()[1]] = done.stdout + done.stderr
@@ -78,6 +80,18 @@ def test_a_field_of_ones_own_is_run_broken_compared_and_swept(home: Path) -> Non
     for figures in (r"RMSE \[m\] +│ +1\.7\d │ +2\.[34]", r"RMSE \[m\] +│ +3\.0\d │ +5\.[89]"):
         assert re.search(figures, said["compare"])  # from 1.7 to 2.4 m, from 3.0 to 5.9 m
     assert_as_the_document_says(sweep / "summary.csv")
+
+
+def test_what_real_sensors_reported_is_played_calibrated_and_planned_with(home: Path) -> None:
+    for command in COMMANDS[OWN:]:
+        done = called(command, home)
+        assert done.returncode == 0, f"{command}\n{done.stderr}"
+    assert 'kind = "rss"' in (home / "rss.toml").read_text()
+    with (home / "places" / "summary.csv").open(newline="") as file:
+        rows = {row["field.spacing_m"]: row for row in csv.DictReader(file)}
+    assert [rows[spacing]["tracked_with_gaps"] for spacing in ("4.5", "9")] == ["1", "8"]
+    assert [rows[spacing]["lost"] for spacing in ("4.5", "9")] == ["0", "0"]
+    assert [round(float(rows[spacing]["rmse.position"]), 1) for spacing in ("4.5", "9")] == [1.6, 3.4]
 
 
 def assert_as_the_document_says(summary: Path) -> None:

@@ -14,7 +14,7 @@ from trackfield.scenario import Scenario, names, summary, survey
 from trackfield.scenario.document import BEGIN, END, tables, updated
 from trackfield.scenario.keys import sections_of_file, top_level
 from trackfield.scenario.make_bus import FILE, SPEED_UP, gpx, ride
-from trackfield.scenario.packaged import packaged_file
+from trackfield.scenario.packaged import or_packaged, packaged_file
 from trackfield.scenario.sections.clocks import Clocks
 from trackfield.scenario.sections.energy import Energy
 from trackfield.scenario.sensors import OF_GROUPS
@@ -23,8 +23,8 @@ from trackfield.world.fixes import read_fixes
 DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
 
-def test_there_are_three() -> None:
-    assert names() == ("bus", "radar", "zhai-spcpf")
+def test_there_are_four() -> None:
+    assert names() == ("bus", "hall", "radar", "zhai-spcpf")
     for name in names():
         assert Scenario.load(name).name == name
         assert 20 < len(summary(name)) < 120
@@ -104,11 +104,26 @@ def test_every_key_of_its_kind_is_there_and_has_a_comment(name: str) -> None:
     assert {key for section, key, _ in lines if section == "faults"} >= {"kind", "nodes", "share", "at_s"}
 
 
+def test_data_that_come_along_are_found_unless_there_is_a_file_of_that_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    packaged = packaged_file("hall").with_name("walk_05.csv")
+    assert or_packaged(Path("walk_05.csv")) == packaged
+    assert or_packaged(Path("none/walk_05.csv")) == Path("none/walk_05.csv")
+    assert or_packaged(Path("hall.toml")) == Path("hall.toml")  # no data
+    assert Scenario.load("hall", {"sensor.recording": "walk_05.csv"}) == Scenario.load("hall")
+    Path("walk_05.csv").write_text("t_s,sensor,level\n")
+    assert or_packaged(Path("walk_05.csv")) == Path("walk_05.csv")
+    own = Scenario.load("hall", {"sensor.recording": "walk_05.csv"}).plain()["sensor"]["recording"]
+    assert own == str(tmp_path / "walk_05.csv")
+
+
 @pytest.mark.parametrize("name", names())
 @pytest.mark.parametrize("drives", [True, False])
 def test_the_keys_that_are_commented_out_are_right_too(name: str, drives: bool, tmp_path: Path) -> None:
-    """All at once, but for those that go with another radio or tell where the centre is in another way."""
-    alone = "sf|x_m|y_m" if drives else r"sf|path = \[\[0,"
+    """All at once, but for those that go with another radio or field, or tell in another way where the centre is."""
+    alone = "sf|recording|x_m|y_m" if drives else r"sf|recording|path = \[\[0,"
     text = re.sub(rf"^# (?!({alone}) )(\w+ = |\[\[)", r"\2", packaged_file(name).read_text(), flags=re.MULTILINE)
     text = text.replace('"bus.gpx"', f'"{FILE}"')
     (tmp_path / "all.toml").write_text(text)
@@ -188,7 +203,7 @@ def test_a_document_needs_its_marks() -> None:
 
 def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
     parts = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
-    crossing, targets, sensors, score, faults, radios = parts
+    crossing, targets, sensors, score, faults, recorded, radios = parts
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
     several = Scenario.load({"name": "mine"} | tomllib.loads(targets))
@@ -202,5 +217,9 @@ def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
     assert sum(bool(p.faults) for p in faulty.processes) == 12 + any(
         p.faults for p in faulty.processes if p.incarnation
     )
+    (tmp_path / "sensors.csv").write_text("id,x,y\na,0,0\n")
+    (tmp_path / "reports.csv").write_text("t_s,sensor,level\n3,a,-70\n4.25,a,-71\n")
+    (tmp_path / "recorded.toml").write_text('name = "mine"\n' + recorded)
+    assert survey(Scenario.load(tmp_path / "recorded.toml", {"fusion.deadline_s": 0.2})).steps == 3
     own = planned(Scenario.load("zhai-spcpf", tomllib.loads(radios)))
     assert {p.tx_dbms[p.id] for p in own.processes} == {-5.0, 0.0}
