@@ -407,9 +407,12 @@ def test_a_worker_that_is_killed_ends_a_study_with_one_message(tmp_path: Path) -
         while len(list(tmp_path.rglob("0*.parquet"))) < 3 and time.monotonic() < until:
             time.sleep(0.05)
         workers = [one for one in psutil.Process(running.pid).children() if "loky" in " ".join(one.cmdline())]
+        trackers = [one for one in psutil.Process(running.pid).children() if "tracker" in " ".join(one.cmdline())]
+        told = [one.environ().get("PYTHONWARNINGS", "") for one in trackers]
         max(workers, key=lambda one: one.cpu_times().user).kill()
         _, err = running.communicate(timeout=60)
     assert running.returncode == 1
+    assert told and all(one.endswith("ignore:resource_tracker") for one in told)
     assert err.splitlines()[-1].startswith("trackfield: a worker process was killed")
     assert "Traceback" not in err
 

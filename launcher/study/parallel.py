@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +22,8 @@ Answer = TypeVar("Answer")
 WORKERS_START_S: Final = 3.0
 """The time that worker processes take to start and to import; less work than that is done in this process."""
 
+_WARNINGS: Final = "PYTHONWARNINGS"
+"""The variable by which Python is told of which warnings it is to say nothing."""
 FIRST: Final = 5
 """The first jobs that are not used to estimate the remaining time."""
 
@@ -52,7 +55,7 @@ def unordered(
         if (time.monotonic() - begun) * len(rest) < WORKERS_START_S:
             n_jobs = 1
         calls = (delayed(_placed)(registered(), function, place, job) for place, job in rest)
-        with nullcontext() if n_jobs == 1 else _deaf_children():
+        with nullcontext() if n_jobs == 1 else _starting():
             answers = Parallel(n_jobs=n_jobs, return_as="generator_unordered")(calls)
         try:
             for answer in answers:
@@ -60,6 +63,30 @@ def unordered(
                 advance()
         except BrokenProcessPool:
             raise RunFailed("a worker process was killed, by somebody or for want of memory; try fewer jobs") from None
+
+
+@contextmanager
+def _starting() -> Iterator[None]:
+    """While workers and those that track their resources are started."""
+    with _silent_trackers(), _deaf_children():
+        yield
+
+
+@contextmanager
+def _silent_trackers() -> Iterator[None]:
+    """Processes that are started inside do not warn of resources that a process which was killed has left behind.
+
+    Those that track them remove these, and may find them gone: it is nothing to a user, who is told who was killed.
+    """
+    before = os.environ.get(_WARNINGS)
+    os.environ[_WARNINGS] = ",".join(filter(None, [before, "ignore:resource_tracker"]))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_WARNINGS]
+        else:
+            os.environ[_WARNINGS] = before
 
 
 @contextmanager
