@@ -73,6 +73,7 @@ def _begins(reports: Reports) -> Floats:
 def figures(reports: Reports) -> dict[str, float]:
     """What is to be compared: by what is said of it."""
     fit = fitted_rss(reports)
+    reports = fit.reports  # without outliers
     off, sensor = fit.residual, reports.sensor
     sd = float(off.std())
     decades = np.column_stack([np.ones(len(off)), np.log10(reports.distance_m)])
