@@ -67,3 +67,19 @@ def test_windows_of_before_do_not_count_for_those_of_now() -> None:
     assert receiver.hears_from(230, 30) is None  # it began in the window at 200, and is over after the change
     assert receiver.hears_from(210, 10) == 200
     assert receiver.hears_from(280, 30) == 250
+
+
+@given(some_windows(), st.integers(-100, 300), st.integers(1, 400), st.integers(0, 9), st.integers(0, 9))
+def test_when_so_much_is_spent(windows: Windows, since: int, need: int, on: int, off: int) -> None:
+    """Moment by moment: the first instant by which it is spent, if that comes within what is counted."""
+    spent, t, last = 0, since, max(since, windows.from_ns) + windows.every_ns * (need + 1)
+    while spent < need and t < last:
+        spent += on if is_open(windows, t) else off
+        t += 1
+    found = windows.spent_ns(since, need, on, off)
+    if spent < need:  # each round spends something, or none ever does
+        assert found is None
+        assert on == 0
+        assert off == 0 or windows.open_ns == windows.every_ns
+    else:
+        assert found == t

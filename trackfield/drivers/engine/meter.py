@@ -194,21 +194,30 @@ class Meter(NamedTuple):
         if left <= level_fj:
             return self.since_ns
         if any(isinstance(side.opening, Windows) for side in self.sides.values()):
-            return self._falls_in_windows_ns(powers, level_fj)
+            return self._falls_in_windows_ns(powers, left - level_fj)
         draw = sum(powers[m].listen_uw if side.opening else powers[m].sleep_uw for m, side in self.sides.items())
         return self.since_ns + -(-(left - level_fj) // draw) if draw else None
 
-    def _falls_in_windows_ns(self, powers: Powers, level_fj: int) -> int | None:
-        """The same where the power changes with the windows: found by halves, as the charge only falls."""
-        step_ns, t_ns = 1, self.since_ns
-        while (self.at(t_ns + step_ns).left_fj(powers) or 0) > level_fj:
-            if step_ns > MOST_NS:
+    def _falls_in_windows_ns(self, powers: Powers, need_fj: int) -> int | None:
+        """When so much more is spent, where the power changes with the windows of one radio, or of several."""
+        windows = {m: side.opening for m, side in self.sides.items() if isinstance(side.opening, Windows)}
+        draw = sum(
+            powers[m].listen_uw if side.opening is True else powers[m].sleep_uw for m, side in self.sides.items()
+        )
+        more = {m: powers[m].listen_uw - powers[m].sleep_uw for m in windows}
+        if len(windows) == 1:
+            ((medium, one),) = windows.items()
+            return one.spent_ns(self.since_ns, need_fj, draw + more[medium], draw)
+        low, high = self.since_ns, self.since_ns + 1
+        while draw * (high - low) + sum(more[m] * one.within(low, high) for m, one in windows.items()) < need_fj:
+            if high - low > MOST_NS:
                 return None
-            step_ns *= 2
-        low, high = t_ns + step_ns // 2, t_ns + step_ns
+            high = low + 2 * (high - low)
         while high - low > 1:
             middle = (low + high) // 2
-            low, high = (middle, high) if (self.at(middle).left_fj(powers) or 0) > level_fj else (low, middle)
+            passed = middle - self.since_ns
+            spent = draw * passed + sum(more[m] * w.within(self.since_ns, middle) for m, w in windows.items())
+            low, high = (middle, high) if spent < need_fj else (low, middle)
         return high
 
     def _with(self, medium: str, side: Side) -> Meter:

@@ -39,6 +39,24 @@ class Windows(NamedTuple):
         """How long (ns) windows are open between two instants."""
         return self._before(until_ns) - self._before(from_ns)
 
+    def spent_ns(self, since_ns: int, need: int, on: int, off: int) -> int | None:
+        """When so much is spent from then on, at these rates (per ns) in windows and between them; None: never."""
+        ahead_ns = max(self.from_ns - since_ns, 0)
+        if need <= off * ahead_ns:
+            return since_ns - -need // off
+        t_ns, need = since_ns + ahead_ns, need - off * ahead_ns
+        each = on * self.open_ns + off * (self.every_ns - self.open_ns)
+        if not each:
+            return None
+        rounds, need = (need - 1) // each, (need - 1) % each + 1
+        t_ns += rounds * self.every_ns
+        while True:
+            into = (t_ns - self.from_ns) % self.every_ns
+            rate, lasts = (on, self.open_ns - into) if into < self.open_ns else (off, self.every_ns - into)
+            if need <= rate * lasts:
+                return t_ns - -need // rate
+            t_ns, need = t_ns + lasts, need - rate * lasts
+
     def _before(self, t_ns: int) -> int:
         """How long windows were open before an instant."""
         if t_ns <= self.from_ns:
