@@ -24,6 +24,14 @@ def process_noise(dt: float, sigma_v: float) -> Rows:
     return _spread(noise_gain(dt), sigma_v)
 
 
+def white_acceleration(dt: float, q: float) -> Rows:
+    """Noise (2x2) of the place and velocity of one axis, whose acceleration is white with density ``q`` (m^2/s^3).
+
+    Özfidan et al. (2018), eqs. 5 and 6; Q over (x, y, vx, vy) has rank 4, unlike that of ``process_noise``.
+    """
+    return ((q * (dt**3 / 3.0), q * (dt**2 / 2.0)), (q * (dt**2 / 2.0), q * dt))
+
+
 def standing_transition() -> Rows:
     """F (4x4) of a target that stands: its position stays, and its velocity becomes zero."""
     return ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))

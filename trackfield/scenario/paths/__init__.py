@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from trackfield.scenario.paths.drifting import Drifting
 from trackfield.scenario.paths.from_file import FromFile
 from trackfield.scenario.paths.manoeuvre import Manoeuvre
 from trackfield.scenario.paths.path import MAX_STEPS, Course, PathSection, origin_of
@@ -15,6 +16,7 @@ __all__ = [
     "MAX_STEPS",
     "PATHS",
     "Course",
+    "Drifting",
     "FromFile",
     "Manoeuvre",
     "PathSection",
@@ -28,6 +30,7 @@ PATHS: Final[tuple[type[PathSection], ...]] = (
     Manoeuvre,
     FromFile,
     Waypoints,
+    Drifting,
     Recorded,
 )
 

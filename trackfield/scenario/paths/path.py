@@ -49,7 +49,8 @@ class PathSection(Section):
         default=None,
         ge=1,
         le=MAX_STEPS,
-        description="number of steps; the first target's counts; unset: to the last path's end (s1 60, s2 75, s3 40 s)",
+        description="number of steps; the first target's counts; unset: to the last path's end (s1 60, s2 75, s3 40 s; "
+        "drifting 1000 steps)",
     )
 
     def run(self, course: Course) -> tuple[int, Path | None]:
