@@ -60,7 +60,8 @@ class LognormalPrr(ByRadio):
         self.noise_dbm = self.radio.noise_dbm if noise_dbm is None else noise_dbm
         self._seed, self._places = seed, places
         self._moving = frozenset(id for id, place in places.items() if moves(place))
-        # Cache for links whose ends do not move, by sender: a few entries per link in use.
+        # Caches for links whose ends do not move, by sender: a few entries per link in use.
+        self._levels_db: defaultdict[tuple[str, str], dict[str, float]] = defaultdict(dict)
         self._prr: defaultdict[tuple[str, int, str], dict[str, float]] = defaultdict(dict)
 
     def _prrs(self, frame: Transmission) -> tuple[Prr, Prr]:
@@ -132,7 +133,10 @@ class LognormalPrr(ByRadio):
             return 0.0
         if src in self._moving or dst in self._moving:
             return self.radio.prr(self.snr_db(src, dst, at_ns, medium), frame_bytes)
-        known[dst] = self.radio.prr(self.snr_db(src, dst, medium=medium), frame_bytes)
+        levels = self._levels_db[src, medium]
+        if dst not in levels:
+            levels[dst] = self.snr_db(src, dst, medium=medium)
+        known[dst] = self.radio.prr(levels[dst], frame_bytes)
         return known[dst]
 
 

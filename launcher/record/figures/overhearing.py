@@ -113,13 +113,16 @@ class _Caught:
     def __init__(self, medium: str, ledger: Ledger) -> None:
         self._signals = Signals.of(ledger.link, medium)
         self._lives: defaultdict[str, list[Diary]] = defaultdict(list)
+        self._latest: tuple[_Heard, int] | None = None
         for diary in ledger.diaries.values():
             self._lives[diary.spec.id].append(diary)
 
     def caught_ns(self, heard: _Heard, id: str, took_ns: int) -> int:
         """How long (ns) this one hears a frame that takes so long, from when it catches it on; 0: it does not."""
         row, preamble_ns = heard.row, heard.preamble_ns
-        due_ns = self._begins_ns(heard) + took_ns
+        if self._latest is None or self._latest[0] is not heard:
+            self._latest = heard, self._begins_ns(heard)
+        due_ns = self._latest[1] + took_ns
         for diary in self._lives[id]:
             if diary.owns(due_ns) and diary.misses(row.medium, due_ns, took_ns, preamble_ns) is None:
                 from_ns = diary.receiver(row.medium, due_ns).hears_from(due_ns, took_ns, preamble_ns)
