@@ -14,6 +14,7 @@ COPY pyproject.toml README.md LICENSE /src/
 COPY trackfield /src/trackfield
 COPY node /src/node
 COPY fusion /src/fusion
+COPY head /src/head
 COPY launcher /src/launcher
 RUN pip install --quiet --no-index --no-deps --no-build-isolation /src
 WORKDIR /field

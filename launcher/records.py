@@ -21,6 +21,11 @@ TRACKS: Final = "tracks"
 """Tag of a place that publishes tracks."""
 BACKBONE: Final = "backbone"
 """Tag of a place at the wire between masters, gateways and centres."""
+MASTER: Final = "master"
+SLAVE: Final = "slave"
+"""The roles of those who form clusters."""
+JOINED: Final = frozenset({"asleep", "active"})
+"""The states of a slave that has a master; in any other it has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +157,41 @@ class Flow:
 
 
 @dataclass(frozen=True, slots=True)
+class Schedule:
+    """Who measures when, in a field of masters with slaves, as far as it is known before a run.
+
+    ``masters`` are (id, x m, y m), each with up to ``capacity`` of the sensors; ``policy`` is the name of how a leader
+    chooses who measures next. Chosen sensors report in slots of ``slot_ns`` from the instant of a step on, and those of
+    other masters leave ``gather_slots`` for what their master sends the leader. At ``beacon_ns`` masters wake their
+    slaves for up to ``beacon_every`` steps, with preambles that are ``preamble_ns`` longer. The leader shares its
+    belief every ``share_every`` steps, and tells ``base`` every ``base_every`` steps.
+
+    During the setup a master makes ``announcements`` in the first ``announce_ns``; then masters set their clocks, one
+    after the other. From ``joins_ns`` on each slave has a turn of ``turn_ns``, and it renews its place every
+    ``renew_ns``. ``budget`` says what takes how much of a step (s), and ``at least`` how long a step must be.
+    """
+
+    masters: tuple[tuple[str, float, float], ...]
+    capacity: int
+    policy: str
+    base: str
+    slot_ns: int
+    gather_slots: int
+    beacon_ns: int
+    preamble_ns: int
+    beacon_every: int
+    share_every: int
+    base_every: int
+    particles: bool
+    announcements: int
+    announce_ns: int
+    joins_ns: int
+    turn_ns: int
+    renew_ns: int
+    budget: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
@@ -165,6 +205,7 @@ class Plan:
     when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
     ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
     classes are, by ``kind:name``. ``bridges`` are the real devices that take the place of processes, by their ids.
+    ``schedule`` says who measures, if not all sensors do that have a target in reach.
     """
 
     run: RunSpec
@@ -185,6 +226,7 @@ class Plan:
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     bridges: Mapping[str, str] = field(default_factory=dict)
+    schedule: Schedule | None = None
 
     @property
     def reports(self) -> tuple[Flow, ...]:

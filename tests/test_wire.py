@@ -304,6 +304,11 @@ def test_each_kind_has_a_limit_of_its_own() -> None:
     assert [limits.pop(kind) - 256 for kind in ("route", "hop-ack")] == [32, 32]
     assert limits.pop("hop") == 256 + 2 * 32 + 3700 <= wire.MAX_BYTES
     assert limits.pop("track") == 256 + 1024 + 2048 <= wire.MAX_BYTES
+    bytes_of_clusters = {
+        "wake": 32 + 255, "merge": 512, "aggregate": 3500, "hand-over": 3700, "share": 32 + 1024, "roster": 512,
+        "led-track": 512 + 1024, "doubt": 32, "alive": 32,
+    }  # fmt: skip
+    assert {kind: limits.pop(kind) - 256 for kind in bytes_of_clusters} == bytes_of_clusters
     assert set(limits.values()) == {256}
     assert reason_of(_packed([1, 1, 3, 100, bytes(300)])) == "size"
     assert reason_of(_packed([1, 1, 3, 100, bytes(200)])) == "type"
@@ -362,7 +367,8 @@ def test_a_kind_of_ones_own() -> None:
     assert encode(gust) == b"\x94\x01\xcc\xc8\x19\xd3\x80" + bytes(7)
     assert decode(encode(gust)) == Wind(12.5, -(2**63))
     own = ["doa", "sync-request", "sync-reply", "threshold", "measurement", "track", "range", "rss", "energy"]
-    own += ["route", "hop", "hop-ack"]
+    own += ["route", "hop", "hop-ack", "announce", "solicit", "join", "admit", "wake", "no-target", "merge"]
+    own += ["aggregate", "hand-over", "hand-over-ack", "share", "roster", "led-track", "doubt", "alive"]
     assert [known.name for known in registry.product_kinds()] == own
 
 

@@ -168,6 +168,9 @@ class TrackPoint:
 
     ``unknowns`` are estimates of what the sensors' kind has unknown besides x, y, vx, vy, in its order and units, and
     ``unknown_sds`` their standard deviations.
+
+    ``known_step`` is the step up to which reports are in a point that was predicted from there, by a source that was
+    told of that step last; None if nothing is told of it.
     """
 
     tracker: str
@@ -185,6 +188,7 @@ class TrackPoint:
     origin: str = ""
     unknowns: tuple[float, ...] = ()
     unknown_sds: tuple[float, ...] = ()
+    known_step: int | None = None
 
     @property
     def reports(self) -> int:

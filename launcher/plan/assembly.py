@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from typing import Any, Final
 
 from launcher.plan.architectures import Built, Process
@@ -46,7 +47,7 @@ class Assembled:
 
 def assembled(built: Built) -> Assembled:
     """The processes of a run. Raises ``ScenarioError`` if trackers and sensors do not fit, or a role cannot be made."""
-    tracking = tracking_of(built.site, built.first)
+    tracking = tracking_of(built.site, built.process(built.first).draws or built.first)
     banks = {p.id: _bank(built, p, tracking) for p in built.processes if p.fuses}
     key = f"architecture '{built.site.scenario.architecture.kind}'"
     processes = _Assembly(built, tracking, banks, key).processes()  # loads the kinds of message of users' own roles
@@ -61,7 +62,9 @@ def _bank(built: Built, process: Process, tracking: Mapping[str, Any]) -> dict[s
         fuses = frozenset(process.fuses)
         own["sensors"] = [place for place in tracking["sensors"] if place[0] in fuses]
     if process.id != built.first:
-        own |= {"prior": tracking_of(built.site, process.id)["prior"], "draws": [process.id]}
+        own["draws"] = [process.id]
+        if not process.draws or process.draws != built.process(built.first).draws:
+            own["prior"] = tracking_of(built.site, process.draws or process.id)["prior"]
     return own
 
 
@@ -80,7 +83,8 @@ class _Assembly:
         self._radios = own_radios(self._scenario.radio)
         self._links = sections_of(self._scenario, (medium for one in built.processes for medium in one.media))
         known = [name for one in built.processes for name in (one.id, one.role)]
-        for name in self._radios.keys() - set(known):
+        others = {entry.name for entry in entry_points(group="trackfield.roles")}  # of other architectures
+        for name in self._radios.keys() - {*known, *others}:
             what = f"there is no role or process {quoted(name)}{suggestion(name, known)}"
             raise ScenarioError(what, key=f"radio.{name}", expected="a role, like node, or the id of a process")
         if not isinstance(self._scenario.link, LognormalPrr):
@@ -120,20 +124,23 @@ class _Assembly:
         sends = self._bases[process.base].sends.values()
         most = max((len(ids) for ids in sends), default=0) if process.id == process.base else 0
         announces = any(process.id in ids for ids in sends)
-        tree = tree_of(self._scenario, process.base, queue=max(most, QUEUE), announces=announces)
+        size = sum(one.base == process.base for one in self._built.processes)
+        tree = tree_of(self._scenario, process.base, size, queue=max(most, QUEUE), announces=announces)
         return {**tree, **if_used(direct=self._direct(process))}
 
     def _direct(self, process: Process) -> list[str]:
-        """The kinds that the base of a tree sends to others than those in it."""
+        """The kinds that do not go over the tree; the base of a tree also sends to others than those in it."""
         if process.id != process.base:
-            return []
+            return list(process.direct)
         inside = {NEIGHBOURHOOD, *(one.id for one in self._built.processes if one.base == process.base)}
-        return [kind for kind, ids in process.sends.items() if not inside.issuperset(ids)]
+        outside = (kind for kind, ids in process.sends.items() if not inside.issuperset(ids))
+        return list(dict.fromkeys((*process.direct, *outside)))
 
     def _config(self, process: Process) -> dict[str, Any]:
         """The arguments of its role: its own, what it needs to track, how it sets its clock; by role, of several."""
         bank = {**self._tracking, **self._banks[process.id]} if process.fuses else {}
-        hops = SYNC_HOPS if process.base and process.base in (process.id, process.asks) else 1
+        over_tree = process.base in (process.id, process.asks) and "sync-request" not in process.direct
+        hops = SYNC_HOPS if process.base and over_tree else 1
         sync = sync_of(self._scenario, process.id, process.asks, hops) if process.asks else None
         if not process.roles:
             return {**bank, **process.config, **if_used(sync=sync)}

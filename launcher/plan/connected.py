@@ -42,7 +42,7 @@ def connected(
 
 def _reports(built: Built, process: Process) -> Collection[str]:
     """The kinds of messages in which a process with a sensor reports; another of its roles may send others."""
-    if not process.roles:
+    if not process.roles and built.schedule is None:
         return [kind for kind, ids in process.sends.items() if NEIGHBOURHOOD not in ids]
     return process.sends.keys() & {kind_of_class(one.sensing.message).name for one in built.site.sections.values()}
 
@@ -90,7 +90,7 @@ def _pairs(built: Built, near: _Near) -> dict[Way, dict[Pair, None]]:
     for process in filter(lambda one: one.senses, senders):
         _enter(pairs, process, near, bases)
     for process in asking:
-        over_tree = _over_tree(bases, process.id, process.asks, FIELD)
+        over_tree = "sync-request" not in process.direct and _over_tree(bases, process.id, process.asks, FIELD)
         pairs["sync-request", FIELD, False, over_tree][process.id, process.asks] = None
         pairs["sync-reply", FIELD, False, over_tree][process.asks, process.id] = None
     for process in filter(lambda one: not one.senses, senders):

@@ -6,12 +6,12 @@ from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from typing import Final
 
-from launcher.plan.architectures import Built, built
+from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.links import SECTIONS, check_links
 from launcher.plan.plan import planned_faults
 from launcher.plan.tracking import check_tracking
 from trackfield.errors import ScenarioError
-from trackfield.scenario import Scenario, survey
+from trackfield.scenario import Scenario
 from trackfield.scenario.survey import target_paths
 
 TARGETS: Final = {"target", "targets"}
@@ -31,7 +31,7 @@ def worked_out(scenario: Scenario, broken: Collection[str]) -> list[ScenarioErro
         return wrong == []
 
     look({"fusion", "sensor", "sensors", "faults"}, partial(check_tracking, scenario))
-    if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: field.append(built(survey(scenario)))):
+    if look(TARGETS, partial(target_paths, scenario)) and look(GROUND, lambda: field.append(built(surveyed(scenario)))):
         look({"faults"}, lambda: planned_faults(field[0]))
     look(set(SECTIONS.values()), partial(check_links, scenario))
     return found

@@ -32,6 +32,8 @@ HOP_PATIENCE_NS: Final = NS // 50
 """Time allowed for a message over a hop and its acknowledgement, besides the link's own delays."""
 COMMANDS: Final = 32
 """Sensors that may have to be told a threshold one after another, by the centre's one radio."""
+ROOM: Final = 3
+"""The shortest interval between the beacons of a tree is so many times what those of all its processes take."""
 JITTERS: Final = 5
 """In units of its mean: one exponential delay in 150 is longer."""
 GUARD_SDS: Final = 3
@@ -55,23 +57,31 @@ def clock_of(scenario: Scenario, id: str) -> dict[str, int]:
     }
 
 
-def tree_of(scenario: Scenario, base: str, *, queue: int, announces: bool) -> dict[str, Any]:
+def tree_of(scenario: Scenario, base: str, size: int, *, queue: int, announces: bool) -> dict[str, Any]:
     """How a process is in the tree to a ``base``: the arguments of its ``Collected`` (``trackfield/protocols``).
 
     It waits for an acknowledgement as long as that and the message may take on a link that is sending other messages
-    already; on slow radios beacons come at longer intervals, too.
+    already; on slow radios beacons come at intervals that are longer by as much. Radios that do not listen before they
+    send need more room: ``ROOM`` times that of all processes of the tree, of which there are ``size``.
     """
     patience_ns = HOP_PATIENCE_NS + 4 * slowest_ns(scenario, repeats=1)
     least_ns = max(LEAST_NS, 4 * patience_ns)
+    if _blind(scenario.link):
+        least_ns = max(least_ns, ROOM * size * slowest_ns(scenario, repeats=1))
     return {
         "base": base,
         "seed": scenario.seed,
         "patience_ns": patience_ns,
         "least_ns": least_ns,
-        "most_ns": max(MOST_NS, least_ns),
+        "most_ns": MOST_NS * max(least_ns // LEAST_NS, 1),
         "queue": queue,
         "announces": announces,
     }
+
+
+def _blind(link: LinkSection) -> bool:
+    """Whether its radio does not listen before it sends."""
+    return isinstance(link, LognormalPrr) and RADIOS[link.radio](link.sf or 9).access.blind_ns is None
 
 
 def sync_of(scenario: Scenario, id: str, reference: str, hops: int = 1) -> dict[str, Any] | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Final
 
-from launcher.plan.architectures import Built, built
+from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.assembly import assembled
 from launcher.plan.connected import connected
 from launcher.plan.extensions import own_places
@@ -26,7 +26,7 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.filters.metrics import Lost
 from trackfield.link.fate import FIELD
 from trackfield.role import NS
-from trackfield.scenario import Scenario, Site, survey
+from trackfield.scenario import Scenario, Site
 from trackfield.sensing.kinds import own_options
 from trackfield.world.path import Path
 
@@ -40,7 +40,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file cannot be
     used, the architecture does not work, or a fault names an unknown process.
     """
-    site = survey(scenario)
+    site = surveyed(scenario)
     field = built(site)
     faults = planned_faults(field)
     end_ns = site.end_ns
@@ -74,6 +74,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         scenario.fusion.max_age_s,
         own_places=places,
         banks=whole.banks,
+        schedule=field.schedule,
     )
 
 

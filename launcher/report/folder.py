@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
-from launcher.plan.architectures import Built, built
+from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import planned_faults
 from launcher.record.figures.hops import end_to_end
@@ -26,7 +26,7 @@ from launcher.records import ARRIVED, SENSES, MessageRow, Place, last_due
 from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
 from trackfield.role import NS
-from trackfield.scenario import Scenario, Site, survey
+from trackfield.scenario import Scenario, Site
 from trackfield.words import quoted
 
 REPORTS: Final = ("doa", "measurement", "range", "rss", "energy")
@@ -257,7 +257,7 @@ def read_run(folder: Path) -> Run:
     frames = reading.read_table(folder, MESSAGES_TABLE, _COLUMNS, _TEXT)
     on_air = frames.num_rows
     toml, scenario = reading.read_scenario(folder)
-    site = survey(scenario)
+    site = surveyed(scenario)
     field = built(site)
     frames = _with_reports_over_trees(folder, field, frames)
     course = course_of(site, metrics)

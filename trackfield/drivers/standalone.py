@@ -13,6 +13,7 @@ import re
 import socket
 import sys
 import time
+from collections.abc import Mapping
 from typing import Final, NoReturn
 
 import zenoh
@@ -39,14 +40,20 @@ TRIES: Final = 5
 """How often a process asks for a place, if others come before it at those that it is offered."""
 
 
-def main(role: str, factory: str, description: str | None, *, installed: bool = False) -> None:
-    """Join a run as one of its processes and live its life; ``factory`` (as in ``ProcessSpec``) makes its role.
+def main(program: str, factories: Mapping[str, str], description: str | None, *, installed: bool = False) -> None:
+    """Join a run as one of its processes and live its life.
 
-    ``installed``: users' own classes are also looked for among installed packages, which takes memory. Exit 2 for bad
-    arguments, 1 if it cannot join.
+    ``factories`` (as in ``ProcessSpec``) make the roles that ``program`` knows by name; of several the command line may
+    name one, else the first is meant. ``installed``: users' own classes are also looked for among installed packages,
+    which takes memory. Exit 2 for bad arguments, 1 if it cannot join.
     """
-    parser = _parser(f"python -m {role}", (description or "").partition("``: ")[2].capitalize())
-    _live(role, factory, _checked(parser), installed=installed)
+    parser = _parser(f"python -m {program}", (description or "").partition("``: ")[2].capitalize())
+    role = next(iter(factories))
+    if len(factories) > 1:
+        parser.add_argument("role", nargs="?", default=role, choices=tuple(factories), help=f"which; unset: {role}")
+    arguments = _checked(parser)
+    role = getattr(arguments, "role", role)
+    _live(role, factories[role], arguments, installed=installed)
 
 
 def own() -> None:

@@ -157,7 +157,7 @@ def survey(scenario: Scenario) -> Site:
         check(simulated, kinds, sensors, tuple(found.values()))
         check_speeds(simulated, found)
     positions = np.array([place[1:] for place in sensors])
-    setup_s = scenario.run.setup_s
+    setup_s = scenario.run.setup_s or 0.0
     origin_ns = round(setup_s * _NS)
     paths = {id: path.shifted(setup_s) for id, path in found.items()}
     plays = plays_of(scenario, recordings, kinds, [id for id, *_ in sensors], origin_ns)
@@ -187,7 +187,7 @@ def _stand(scenario: Scenario, paths: tuple[Path, ...]) -> tuple[list[Place], Po
     sensors, place = scenario.field.stand(Ground(scenario.seed, paths, centre, origin))
     if centre is not None and any(id == centre for id, *_ in sensors):
         what = f"is {centre!r}, which is also a sensor's id"
-        raise ScenarioError(what, key="architecture.centre", expected="an id that no sensor has")
+        raise ScenarioError(what, key=scenario.architecture.centre_key, expected="an id that no sensor has")
     return sensors, place
 
 

@@ -8,17 +8,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trackfield.filters.belief import Belief, dimension
-from trackfield.filters.measurement import STATE
+from trackfield.filters.belief import Belief, dimension, moments
+from trackfield.filters.gaussian import predict
+from trackfield.filters.measurement import STATE, extended, moving
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import make_tracker
-from trackfield.filters.types import Estimate, Gaussian, Model, Readings, Reports
+from trackfield.filters.types import Array, Estimate, Gaussian, Model, Readings, Reports
 from trackfield.role import NS, TrackPoint
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.following import SPEED_SD, Following
 from trackfield.tracking.points import track_point
+from trackfield.tracking.selection import informations
 from trackfield.tracking.smoothing import Earlier, Smoothing, lagged_name
 from trackfield.wire.registry import kind_of_class
 
@@ -82,9 +84,9 @@ class Bank:
         self.directional = all(kind.bearings for kind in self.sensing.values())
         self.kind_of = {id: name for name, ids in (kinds or {}).items() for id in ids}
         self.messages = frozenset(kind_of_class(one.message).name for one in self.sensing.values())
-        model, options = Model(self.sensing, sigma_v), options or {}
-        made = {name: make_tracker(name, options.get(name), model.dimension) for name in trackers}
-        follow = partial(Following, model=model, lost_m=lost_m, speed_sd=speed_sd)
+        self.model, options = Model(self.sensing, sigma_v), options or {}
+        made = {name: make_tracker(name, options.get(name), self.model.dimension) for name in trackers}
+        follow = partial(Following, model=self.model, lost_m=lost_m, speed_sd=speed_sd)
         self.trackers = {name: Smoothing(follow(one), smooth_lag) for name, one in made.items()}
         self.prior = (
             None
@@ -118,6 +120,26 @@ class Bank:
     def beliefs(self, tracks: tuple[Any, ...]) -> dict[str, Belief | None]:
         """What each tracker knows of the target; None while it has no track."""
         return {name: one.belief(track) for (name, one), track in zip(self.trackers.items(), tracks, strict=True)}
+
+    def ahead(self, tracks: tuple[Any, ...]) -> tuple[Gaussian, Gaussian] | None:
+        """What the first tracker knows, and that predicted to the next step; None while it has no track."""
+        belief = next(iter(self.beliefs(tracks).values()))
+        if belief is None:
+            return None
+        now = extended(moments(belief), self.model.unknowns)
+        return now, predict(now, moving(self.model, self.step_ns / NS))
+
+    def information(self, sensors: Sequence[str], state: Array) -> Array:
+        """D (K, n, n) of a reading of each of these sensors about a state (n,)."""
+        ids, readings = list[str](), list[Readings]()
+        for name, kind in self.sensing.items():
+            mine = [id for id in sensors if not self.kind_of or self.kind_of[id] == name]
+            ids += mine
+            readings.append(Readings(name, np.zeros((len(mine), kind.m)), np.zeros(len(mine)) if kind.timed else None))
+        positions = np.array([self.positions[id] for id in ids], float).reshape(-1, 2)
+        reports = Reports(0, tuple(ids), positions, tuple(readings), self.m, self.directional)
+        found = dict(zip(ids, informations(self.model, state, reports), strict=True))
+        return np.array([found[id] for id in sensors]).reshape(-1, len(state), len(state))
 
     def resume(self, beliefs: Mapping[str, Belief | None], since: int, until: int) -> Resumed:
         """Each tracker from its belief about the step ``since``, predicted without reports to the step ``until``.

@@ -29,6 +29,7 @@ from trackfield.filters.types import Gaussian
 from trackfield.role import Ignored, Send, TrackPoint
 from trackfield.tracking.bank import Bank
 from trackfield.wire.keys import Medium
+from trackfield.wire.listed import packed, unpacked
 from trackfield.wire.messages import MOST_US, Track
 from trackfield.words import quoted
 
@@ -113,7 +114,7 @@ def message_of(point: TrackPoint, numbering: Numbering, now: int) -> Track | Non
         form_of(belief),
         len(covariance),
         data,
-        b"".join(number.to_bytes(2, "little") for number in numbers),
+        packed(numbers),
     )
 
 
@@ -126,7 +127,7 @@ def point_of(message: Track, sender: str, numbering: Numbering, now: int) -> Tra
         return Ignored("before the first step")
     if at_ns > now + numbering.step_ns:
         return Ignored("from the future")
-    sensors = _sensors(message.sensors, numbering.sensors)
+    sensors = unpacked(message.sensors, numbering.sensors)
     if sensors is None:
         return Ignored("unknown sensor")
     try:
@@ -237,11 +238,3 @@ def _numbered(point: TrackPoint, numbering: Numbering) -> bool:
 
 def _microseconds(at_ns: int) -> int:
     return (at_ns + 500) // 1000
-
-
-def _sensors(numbers: bytes, ids: Sequence[str]) -> tuple[str, ...] | None:
-    """The sensors of these numbers; None if there are no such sensors, or one is there twice."""
-    found = [int.from_bytes(numbers[at : at + 2], "little") for at in range(0, len(numbers), 2)]
-    if len(numbers) % 2 or len(set(found)) < len(found) or any(number >= len(ids) for number in found):
-        return None
-    return tuple(ids[number] for number in found)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackfield.wire import keys
+from trackfield.wire import clusters, keys
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -25,6 +25,7 @@ __all__ = [
     "Threshold",
     "Track",
     "WireError",
+    "clusters",
     "decode",
     "encode",
     "keys",

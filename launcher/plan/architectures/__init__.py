@@ -10,6 +10,7 @@ from launcher.plan.architectures.built import (
     built,
     make_architecture,
     register_architecture,
+    surveyed,
 )
 from launcher.plan.architectures.field import Field
 
@@ -24,4 +25,5 @@ __all__ = [
     "built",
     "make_architecture",
     "register_architecture",
+    "surveyed",
 ]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from launcher.records import Schedule
 from trackfield.drivers.ports import Port
 from trackfield.wire.keys import Medium
 
@@ -36,7 +37,8 @@ class Process:
     senders. ``over`` is the medium of those kinds that it does not send by the radio of the field.
 
     One that ``senses`` has the sensor of its id. One that ``fuses`` gets the reports of these sensors, and its role the
-    arguments of a ``trackfield.tracking.bank.Bank`` for them. Its clock is right, unless it ``asks`` another process
+    arguments of a ``trackfield.tracking.bank.Bank`` for them; those with the same ``draws`` (a name; empty: its own id)
+    have the same prior. Its clock is right, unless it ``asks`` another process
     for the time: then its clock is off as ``[clock]`` says, and if clocks are set, its role gets ``sync``, the
     arguments with which it asks. ``tags`` are ``tracks`` (it publishes tracks), ``battery`` (it runs on one, of
     ``battery_j``; None: it is never empty), ``backbone``; the tag ``senses`` follows. A process that moves has a
@@ -46,7 +48,8 @@ class Process:
     radio, clock and address for all (``trackfield.host``). Its ``role`` is then the name of all of them together.
 
     One that has a ``base`` is in a tree to that process, which names itself: what it sends there by radio, and what the
-    base sends to others of the tree, goes over as many hops as it takes (``trackfield.protocols.collected``).
+    base sends to others of the tree, goes over as many hops as it takes (``trackfield.protocols.collected``). Messages
+    of the kinds in ``direct`` do not: they are for neighbours.
 
     ``ports`` are those of its devices by name, of a process with several roles as ``role/port``. ``media`` are what it
     is connected to: the radio of the ``field``, a ``backbone``, a ``serial`` line.
@@ -71,14 +74,18 @@ class Process:
     hears: Collection[str] = ()
     over: Mapping[str, Medium] = field(default_factory=dict)
     base: str = ""
+    direct: Collection[str] = ()
+    draws: str = ""
 
 
 @dataclass(frozen=True)
 class Arranged:
     """The processes of a field, and its ``views``: by name the ids whose tracks are scored together, headline first.
 
-    Of several points of a view for one instant, the one with the highest term counts.
+    Of several points of a view for one instant, the one with the highest term counts. ``schedule`` says who measures,
+    if not all sensors do that have a target in reach; what is predicted of a run goes by it.
     """
 
     processes: Sequence[Process]
     views: Mapping[str, Sequence[str]]
+    schedule: Schedule | None = None

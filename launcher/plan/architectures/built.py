@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, runtime_checkable
 
 from launcher.plan.architectures.arranged import Arranged, Process
 from launcher.plan.architectures.centralised import Centralised
 from launcher.plan.architectures.checks import checked
+from launcher.plan.architectures.clusters import Clusters
 from launcher.plan.architectures.field import Field
-from launcher.records import SENSES, Place, View
+from launcher.records import SENSES, Place, Schedule, View
 from trackfield.errors import ScenarioError
 from trackfield.link.places import Path
 from trackfield.options import made
 from trackfield.plugins import Maker, Plugins
-from trackfield.scenario import Site
+from trackfield.scenario import Scenario, Site, survey
 
 
 class Architecture(Protocol):
@@ -30,8 +31,20 @@ class Architecture(Protocol):
         ...
 
 
+@runtime_checkable
+class SetUp(Protocol):
+    """An architecture whose processes have to find each other before the first step."""
+
+    def setup_s(self, field: Field) -> float:
+        """How long they need for that."""
+        ...
+
+
 ARCHITECTURES: Final = Plugins(
-    "architecture", "trackfield.architectures", {"centralised": Centralised}, methods=("arrange",)
+    "architecture",
+    "trackfield.architectures",
+    {"centralised": Centralised, "clusters": Clusters},
+    methods=("arrange",),
 )
 
 
@@ -58,11 +71,12 @@ def make_architecture(kind: str, options: Mapping[str, Any]) -> Architecture:
 
 @dataclass(frozen=True)
 class Built:
-    """A field with its processes, as they were arranged, and the views, the headline first."""
+    """A field with its processes, as they were arranged, the views, the headline first, and who measures when."""
 
     site: Site
     processes: tuple[Process, ...]
     views: tuple[View, ...]
+    schedule: Schedule | None = None
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -78,6 +92,10 @@ class Built:
         legs = ((p.id, tuple((int(t), float(x), float(y)) for t, x, y in p.route)) for p in self.processes if p.route)
         return tuple(legs)
 
+    def process(self, id: str) -> Process:
+        """The process with this id."""
+        return next(process for process in self.processes if process.id == id)
+
     @property
     def fusing(self) -> tuple[str, ...]:
         """The processes that fuse reports."""
@@ -87,6 +105,19 @@ class Built:
     def first(self) -> str:
         """The first process that fuses reports; if none does, the first whose tracks are scored."""
         return (*self.fusing, *self.views[0].sources)[0]
+
+
+def surveyed(scenario: Scenario) -> Site:
+    """A scenario worked out, with as much time before the first step as its architecture needs, if none is set.
+
+    Raises ``ScenarioError`` as ``survey`` and ``built`` do.
+    """
+    site = survey(scenario)
+    if scenario.run.setup_s is not None:
+        return site
+    architecture = make_architecture(scenario.architecture.kind, scenario.architecture.options)
+    needs = architecture.setup_s(Field(site)) if isinstance(architecture, SetUp) else 0.0
+    return survey(scenario.set("run.setup_s", needs)) if needs else site
 
 
 def built(site: Site) -> Built:
@@ -106,4 +137,4 @@ def built(site: Site) -> Built:
         raise ScenarioError(what, key=f"architecture '{section.kind}': arrange") from error
     arranged = checked(section.kind, given, site)
     views = tuple(View(name, tuple(sources)) for name, sources in arranged.views.items())
-    return Built(site, tuple(arranged.processes), views)
+    return Built(site, tuple(arranged.processes), views, arranged.schedule)

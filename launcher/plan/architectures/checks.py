@@ -13,7 +13,7 @@ from typing import Any, Final
 from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.architectures.ports import checked_ports
 from launcher.plan.references import check_references
-from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS
+from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS, Schedule
 from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
 from trackfield.link.fate import FIELD
@@ -67,7 +67,9 @@ class _Check:
         if not any(process.senses for process in processes):
             raise self._error("arrange", "no process has a sensor", "processes that sense (field.sensor_nodes)")
         check_references({process.id: process.asks or None for process in processes}, self._key)
-        return Arranged(processes, self._views(given.views))
+        if given.schedule is not None and not isinstance(given.schedule, Schedule):
+            raise self._error("arrange", f"its schedule is {quoted(given.schedule)}", "a Schedule, or None")
+        return Arranged(processes, self._views(given.views), given.schedule)
 
     def _error(self, where: str, what: str, expected: str) -> ScenarioError:
         return ScenarioError(what, key=f"{self._key}: {where}", expected=expected)
@@ -103,6 +105,7 @@ class _Check:
             raise self._unknown(f"{id}.asks", "other process", asks, self._processes)
         self._base(process)
         sends, hears = self._sends(process), self._kinds(f"{id}.hears", process.hears)
+        direct = self._kinds(f"{id}.direct", process.direct)
         if process.base:
             sends = {**sends, **dict.fromkeys(KINDS, (NEIGHBOURHOOD,))}
             hears = tuple(dict.fromkeys((*hears, *KINDS)))
@@ -111,6 +114,7 @@ class _Check:
             sends=sends,
             over=self._over(process, sends),
             hears=hears,
+            direct=direct,
             fuses=self._names(f"{id}.fuses", process.fuses, "sensor", self._sensors),
             tags=tags,
             route=self._route(process),

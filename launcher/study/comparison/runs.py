@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from launcher.nested import flat
+from launcher.plan.architectures import surveyed
 from launcher.record.reading.files import check_run, read_figures, read_scenario, read_settings
 from launcher.report.folder import course_of
 from launcher.report.tracks import Course
 from trackfield.errors import ScenarioError
 from trackfield.role import NS
-from trackfield.scenario import survey
 
 SAME_M: Final = 1e-6
 """Two runs have the same target if its positions differ by no more at any step, m."""
@@ -82,7 +82,7 @@ class Compared:
     def _courses(self) -> list[Course]:
         """From the scenarios: tracks.parquet lacks the steps of which nobody told, as those after a centre's death."""
         return [
-            course_of(survey(read_scenario(folder)[1]), metrics)
+            course_of(surveyed(read_scenario(folder)[1]), metrics)
             for folder, metrics in zip(self.folders, self.metrics, strict=True)
         ]
 

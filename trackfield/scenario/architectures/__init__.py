@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Final
 
 from trackfield.scenario.architectures.architecture import ArchitectureSection
 from trackfield.scenario.architectures.centralised import CENTRALISED, Centralised
+from trackfield.scenario.architectures.clusters import CLUSTERS, Clusters
 from trackfield.scenario.architectures.own import OwnArchitecture
 from trackfield.scenario.section import OTHER, open_union
 
-__all__ = ["ARCHITECTURES", "Architecture", "ArchitectureSection", "Centralised", "OwnArchitecture"]
+__all__ = ["ARCHITECTURES", "Architecture", "ArchitectureSection", "Centralised", "Clusters", "OwnArchitecture"]
 
 ARCHITECTURES: Final[Mapping[str, type[ArchitectureSection]]] = {
     CENTRALISED: Centralised,
+    CLUSTERS: Clusters,
     OTHER: OwnArchitecture,
 }
 

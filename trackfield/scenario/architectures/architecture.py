@@ -21,3 +21,8 @@ class ArchitectureSection(Section):
     def centre_id(self) -> str | None:
         """The id that a file of places has to give to the fusion centre; None: any that no sensor has."""
         return None
+
+    @property
+    def centre_key(self) -> str:
+        """The key that sets it."""
+        return "architecture.centre"

@@ -13,6 +13,8 @@ from trackfield.scenario.section import Section
 class Run(Section):
     """The times of a run."""
 
-    setup_s: Annotated[float, Field(ge=0, le=1e6), Exact] = Field(
-        default=0.0, description="emulated time before the first step, from which all other times count"
+    setup_s: Annotated[float, Field(ge=0, le=1e6), Exact] | None = Field(
+        default=None,
+        description="emulated time before the first step, from which all other times count; unset: as the architecture "
+        "needs",
     )

@@ -1,0 +1,1 @@
+"""Association: slaves find a master, by announcements, requests and answers over the radio."""
