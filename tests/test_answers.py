@@ -144,7 +144,16 @@ def test_what_goes_round_is(name: str) -> None:
     assert answers(plan_of(maker, {"link.model": "ideal"})) == Answers(kinds, 0.001)
 
 
-@pytest.mark.parametrize("name", names())
-def test_no_packaged_field_answers_itself(name: str) -> None:
+@pytest.mark.parametrize("name", [name for name in names() if name != "ozfidan-clusters"])
+def test_no_packaged_field_answers_itself_but_that_of_masters(name: str) -> None:
     plan = planned(tf.Scenario.load(name, {"target.steps": 3}), 100.0)
     assert answers(plan) is None
+
+
+def test_masters_answer_each_other_slowly_enough_for_five_times_the_speed() -> None:
+    """A request to join and its answer are on the air for 108 ms."""
+    plan = planned(tf.Scenario.load("ozfidan-clusters", {"target.steps": 3}), 5.0)
+    found = answers(plan)
+    assert found is not None
+    assert found.delay_s == pytest.approx(0.108, abs=0.001)
+    assert restless(plan) == []

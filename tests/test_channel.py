@@ -78,6 +78,11 @@ def test_when_losses_are_a_fiction(spared: int, lost: int, of: int, use: float, 
     assert flatters(spared, lost, of, use) is fiction
 
 
+def test_a_full_channel_is_no_fiction_of_itself_where_radios_do_not_listen() -> None:
+    assert not flatters(0, 0, 1000, 0.9, None)
+    assert flatters(50, 0, 1000, 0.9, None)
+
+
 @pytest.mark.rendered
 def test_the_page_is_red_where_the_losses_are_a_fiction(tmp_path: Path) -> None:
     for name, arguments, red in (("crowded", CROWDED, True), ("calm", CALM, False)):

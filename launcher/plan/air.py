@@ -68,7 +68,8 @@ class Air:
     ``spared`` are those that the model delivered, and that would have been lost: no transmission of them got through
     that was neither overlapped without capture nor met a deaf hearer. Where radios listen before they send, overlaps
     count that this would not have prevented: their senders do not hear each other, or began at nearly the same time.
-    Where frames are repeated, their repeats are taken to be hit as often as all transmissions were.
+    Where frames are repeated, their repeats are taken to be hit as often as all transmissions were. ``listens``: so do
+    radios, on some medium.
     """
 
     uses: tuple[Use, ...] = ()
@@ -77,6 +78,7 @@ class Air:
     captured: int = 0
     deaf: int = 0
     spared: float = 0.0
+    listens: bool = False
 
     def plus(self, other: Air) -> Air:
         """Both together."""
@@ -87,21 +89,31 @@ class Air:
             self.captured + other.captured,
             self.deaf + other.deaf,
             self.spared + other.spared,
+            self.listens or other.listens,
         )
 
+    @property
+    def use_limit(self) -> float | None:
+        """From which use on frames that wait make losses a fiction; None: radios do not listen, and none waits."""
+        return FULL if self.listens else None
 
-def flatters(spared: float, lost: float, expected: int, use_mean: float) -> bool:
+
+def flatters(spared: float, lost: float, expected: int, use_mean: float, use_limit: float | None = FULL) -> bool:
     """Whether what a model leaves out makes its losses a fiction: of so many frames it spares and loses so many, while
-    the channel is in use for this share of the time.
+    the channel is in use for this share of the time, which has this limit.
     """
     many = spared >= MUCH * expected or spared > lost >= SOME * expected
-    return use_mean >= FULL or (spared >= FEW and many)
+    full = use_limit is not None and use_mean >= use_limit
+    return full or (spared >= FEW and many)
 
 
-def air_of(link: Link, places: Places, frames: Sequence[Transmission], dues: Iterable[Due], end_ns: int) -> Air | None:
+def air_of(
+    link: Link, places: Places, frames: Sequence[Transmission], dues: Iterable[Due], end_ns: int, at: Iterable[str] = ()
+) -> Air | None:
     """What these frames were on all media with a radio, up to the end; None if there is no such medium.
 
-    ``places`` are those of all processes. The figures do not depend on the order of the frames.
+    ``places`` are those of all processes. The figures do not depend on the order of the frames. How much the channel is
+    used is said of those for whom there are ``dues``, and of those ``at`` whom it is wanted besides.
     """
     media: defaultdict[str, list[int]] = defaultdict(list)
     for number, frame in enumerate(frames):
@@ -112,15 +124,17 @@ def air_of(link: Link, places: Places, frames: Sequence[Transmission], dues: Ite
     found: Air | None = None
     for medium, numbers in sorted(media.items()):
         signals = Signals.of(link, medium)
-        if signals is not None and due[medium]:
+        if signals is not None and (due[medium] or at):
             sent = Sent.of(signals, frames, sorted(numbers, key=lambda n: frames[n]))
-            found = (found or Air()).plus(_heard(signals, places, sent, due[medium], end_ns))
+            found = (found or Air()).plus(_heard(signals, places, sent, due[medium], end_ns, at))
     return found
 
 
-def _heard(signals: Signals, places: Places, sent: Sent, dues: Sequence[Due], end_ns: int) -> Air:
+def _heard(
+    signals: Signals, places: Places, sent: Sent, dues: Sequence[Due], end_ns: int, besides: Iterable[str]
+) -> Air:
     """What these transmissions were to all for whom frames were."""
-    at: defaultdict[str, list[Due]] = defaultdict(list)
+    at: defaultdict[str, list[Due]] = defaultdict(list, {id: [] for id in besides})
     for due in dues:
         at[due.hearer].append(due)
     near, blind_ns = Near(signals, places, sent), signals.radio.access.blind_ns
@@ -134,7 +148,7 @@ def _heard(signals: Signals, places: Places, sent: Sent, dues: Sequence[Due], en
         uses.append(_use(sent, (strength > 0) | me, hearer, signals.medium, end_ns))
     flags = [np.concatenate([getattr(one, name) for one in judged]) for name in ("overlapped", "captured", "deaf")]
     overlapped, captured, deaf = (int(flag.sum()) for flag in flags)
-    return Air(tuple(uses), len(dues), overlapped, captured, deaf, _spared(judged))
+    return Air(tuple(uses), len(dues), overlapped, captured, deaf, _spared(judged), blind_ns is not None)
 
 
 class _Between:
@@ -192,7 +206,7 @@ class _Judged:
         clean = np.bincount(part, sent.sound[which] & ~hit, size) > 0
         lacking = ((sent_so_often > 0) & ~clean).reshape(-1, parts)
         most = (sent_so_often.reshape(-1, parts) * lacking).max(axis=1)
-        broken = lacking.any(axis=1) & np.array([due.delivered for due in dues])
+        broken = lacking.any(axis=1) & np.array([due.delivered for due in dues], bool)
         return cls(
             any_over, any_over & ~any_weak, any_deaf, broken, np.maximum(tries - most, 0), int(hit.sum()), len(hit)
         )

@@ -20,7 +20,7 @@ from trackfield.wire.registry import kind_of
 HOST_S: Final = 0.008
 """What 99 of 100 frames do not exceed from their put to their hearer, on a machine with other things to do
 (``python -m bench.latency``)."""
-STEADY: Final = frozenset({"sync-request", "sync-reply", "threshold"})
+STEADY: Final = frozenset({"sync-request", "sync-reply", "threshold", "no-target"})
 """Messages that are no answers in this sense: they leave at instants that do not depend on when others come."""
 TRIALS: Final = 200
 """Frames that are sent on trial, at most, of each kind."""

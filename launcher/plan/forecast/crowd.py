@@ -58,7 +58,7 @@ class Crowd:
     def flatters(self) -> bool:
         """Whether the losses of the run will be a fiction, as its report will say."""
         spared, lost, expected = (self.every * n for n in (self.air.spared, self.lost, self.air.expected))
-        return flatters(spared, lost, round(expected), self.use_mean)
+        return flatters(spared, lost, round(expected), self.use_mean, self.air.use_limit)
 
 
 class _Way(NamedTuple):

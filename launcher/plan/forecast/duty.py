@@ -31,19 +31,27 @@ class Duty:
 
 def duties_of(plan: Plan, ids: list[str], heard: Heard, trial: Trial, ways: Mapping[str, Way]) -> tuple[Duty, ...]:
     """Whose reports, or acknowledgements, are longest on air in any hour, also those of others; one of each role."""
-    name = str(plan.run.link.get("radio"))
-    if name not in RADIOS or not len(trial.air_s):
+    if not len(trial.air_s):
         return ()
-    radio, own = RADIOS[name](plan.run.link.get("sf", 9)), powers_of(plan.processes)
-    all_dbm = plan.run.link.get("tx_dbm")
-    usual_dbm = radio.tx_dbm if all_dbm is None else float(all_dbm)
+    shares = allowances(plan)
     roles, most = {place.id: place.role for place in plan.info.places}, dict[tuple[str, str], Duty]()
     for id, what, seconds in _on_air(ids, heard, trial, ways):
-        duty = radio.duty_at(own.get(id, usual_dbm))
+        duty = shares.get(id, 1.0)
         key = roles[id], what
         if duty < 1.0 and (key not in most or seconds > most[key].seconds):
             most[key] = Duty(id, what, seconds, duty * HOUR_S)
     return tuple(most.values())
+
+
+def allowances(plan: Plan) -> Mapping[str, float]:
+    """The share of any hour in which each process may send, by id; none where no rule limits that."""
+    name = str(plan.run.link.get("radio"))
+    if name not in RADIOS:
+        return {}
+    radio, own = RADIOS[name](plan.run.link.get("sf", 9)), powers_of(plan.processes)
+    all_dbm = plan.run.link.get("tx_dbm")
+    usual_dbm = radio.tx_dbm if all_dbm is None else float(all_dbm)
+    return {place.id: radio.duty_at(own.get(place.id, usual_dbm)) for place in plan.info.places}
 
 
 def _on_air(ids: list[str], heard: Heard, trial: Trial, ways: Mapping[str, Way]) -> Iterator[tuple[str, str, float]]:

@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 from launcher.plan.forecast.crowd import Crowd, crowd
 from launcher.plan.forecast.duty import Duty, duties_of
 from launcher.plan.forecast.heard import Array, Heard, Indices
+from launcher.plan.forecast.load import Load
 from launcher.plan.forecast.reception import Shares, hops, receptions, varies
+from launcher.plan.forecast.relayed import relayed
+from launcher.plan.forecast.scheduled import Scheduled
 from launcher.plan.forecast.trial import Trial, Way, sent_on_trial, ways_of
 from launcher.records import SENSES, Plan
 from trackfield.drivers.spec import link_of
@@ -59,7 +62,8 @@ class Foresight:
     ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes for the radio.
     ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has
     any. ``crowd`` is what they are to each other on the channel; None without a radio. ``duties`` are who sends longest
-    in any hour, of each role and of each kind of frame; none where no rule limits that.
+    in any hour, of each role and of each kind of frame; none where no rule limits that. Where leaders choose who
+    measures, ``scheduled`` says whom; then the use of the channel and duties are those of all that is sent.
     """
 
     needs: int
@@ -78,6 +82,7 @@ class Foresight:
     air_s: Array
     crowd: Crowd | None
     duties: tuple[Duty, ...]
+    scheduled: Scheduled | None = None
 
 
 def best(shares: Shares) -> dict[str, float]:
@@ -90,11 +95,14 @@ def best(shares: Shares) -> dict[str, float]:
 
 def foresee(plan: Plan) -> Foresight:
     """What to expect of this plan."""
+    field = Scheduled.of(plan)
+    load = None if field is None else Load.of(field)
+    plan = plan if field is None else field.plan
     ways = ways_of(plan)
     sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways]
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
-    heard = Heard.of(plan, ids, positions)
+    heard = Heard.of(plan, ids, positions) if field is None else Heard.of_turns(field, ids)
     senders, counts = np.unique(heard.sensor, return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
     rows = len(heard.sensor) if ways else 0
@@ -107,12 +115,14 @@ def foresee(plan: Plan) -> Foresight:
     when = {ids[i]: times.tolist() for i, times in zip(senders.tolist(), by_sender, strict=False)}
     used = receptions(plan, when)
     chance = _chances(plan, ids, heard, leaves_ns, _shares(plan, used), ways) * sent
+    if field is not None:
+        chance = chance * relayed(field, ids, heard)
     use_s = max(plan.deadline_s, plan.max_age_s)
     share = chance * trial.in_time(use_s - wait_s)
     delay_s = trial.delay_s + wait_s[some]
     needs = _needs(plan, len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
-    receivers = [ways[id].to if ways else "" for id in ids]
+    receivers = [ways[id].to if ways and field is None else "" for id in ids]
     return Foresight(
         needs=needs,
         steps=heard.steps,
@@ -130,8 +140,9 @@ def foresee(plan: Plan) -> Foresight:
         trial=trial,
         use_s=use_s,
         air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
-        crowd=crowd(plan, ids, heard),
-        duties=duties_of(plan, ids, heard, trial, ways),
+        crowd=crowd(plan, ids, heard) if load is None else load.crowd,
+        duties=duties_of(plan, ids, heard, trial, ways) if load is None else load.duties,
+        scheduled=field,
     )
 
 
@@ -155,6 +166,8 @@ def _needs(plan: Plan, sensors: int) -> int:
 def _waits(plan: Plan, heard: Heard, trial: Trial) -> Array:
     """(n,) how long (s) each report waits until its sender's radio is free; infinite if the queue is full by then."""
     busy_s, wait_s = float(trial.busy_s.mean()) if len(trial.busy_s) else 0.0, np.zeros(len(heard.t_ns))
+    if heard.after_ns is not None:
+        return np.asarray(heard.after_ns / NS, np.float64)
     if busy_s <= plan.step_ns / NS or _adaptive(plan):
         return wait_s
     free_s: dict[int, float] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import Final
 
 from launcher.plan.forecast.reception import shares_of
@@ -22,22 +23,29 @@ def cut_off(ids: Iterable[str], links: Iterable[Pair], bases: Collection[str]) -
     return sorted(set(ids) - set(bases) - next_of(dict.fromkeys(links, 1.0), bases).keys())
 
 
-def links_of(plan: Plan, medium: str = FIELD) -> Mapping[Pair, float]:
-    """The links between those who send to all in reach of them that belong to the graph, with what they deliver."""
-    found: dict[Pair, float] = {}
-    for flow in plan.flows:
-        if flow.near and flow.medium == medium:
+def links_of(plan: Plan, medium: str = FIELD, among: Collection[str] = ()) -> Mapping[Pair, float]:
+    """The links between those who send to all in reach of them that belong to the graph, with what they deliver.
+
+    ``among`` are both ends of the links that count; empty: all do.
+    """
+    inside, found = set(among), dict[Pair, float]()
+    for one in plan.flows:
+        if one.near and one.medium == medium:
+            flow = replace(one, pairs=tuple(filter(inside.issuperset, one.pairs))) if inside else one
             found |= {pair: share for pair, share in shares_of(plan, flow, None).items() if share >= CARRIES}
     return found
 
 
 def check_reach(plan: Plan, bases: Collection[str], medium: str = FIELD) -> None:
-    """Raise ``ScenarioError`` unless every sensor, and all who pass messages on, can reach a base over such links.
+    """Raise ``ScenarioError`` unless all who are in a tree to a base can reach it over such links.
 
-    For architectures whose messages go to a base from one to the next; planned faults are left out.
+    For architectures whose messages go to a base from one to the next, and where no process is in a tree for every
+    sensor and all who pass messages on; planned faults are left out.
     """
-    links = links_of(plan, medium)
-    ids = {place.id for place in plan.info.tagged(SENSES)} | {id for pair in links for id in pair}
+    ids = {process.id for process in plan.processes if process.tree}
+    links = links_of(plan, medium, ids)
+    if not ids:
+        ids = {place.id for place in plan.info.tagged(SENSES)} | {id for pair in links for id in pair}
     ids -= set(bases)
     lost = cut_off(ids, links, bases)
     if not lost:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from launcher.plan.forecast.scheduled import Scheduled
 from launcher.records import Plan
 from trackfield.role import NS
 from trackfield.world.path import Path
@@ -26,7 +27,8 @@ MOST_REPORTS: Final = 200_000
 class Heard:
     """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
 
-    A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``.
+    A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``. A report
+    leaves ``after_ns`` (n,) after its instant, if sensors have slots.
     """
 
     t_ns: NDArray[np.int64]
@@ -35,6 +37,7 @@ class Heard:
     times: tuple[int, ...]
     every: int
     steps: int
+    after_ns: NDArray[np.int64] | None = None
 
     @classmethod
     def of(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:
@@ -55,6 +58,20 @@ class Heard:
         first = np.ones(len(t_ns), bool)
         first[1:] = (t_ns[1:] != t_ns[:-1]) | (sensor[1:] != sensor[:-1])
         return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
+
+    @classmethod
+    def of_turns(cls, field: Scheduled, ids: list[str]) -> Heard:
+        """Those of sensors that are chosen, step by step."""
+        plan, number = field.plan, {id: i for i, id in enumerate(ids)}
+        rows = sorted(
+            (turn.t_ns, number[id], target, turn.slots[id] * field.schedule.slot_ns)
+            for turn in field.turns.values()
+            for id, target in field.sensed(turn).items()
+        )
+        t_ns, sensor, target, after_ns = np.array(rows, np.int64).reshape(-1, 4).T
+        steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
+        times = tuple(steps[:: field.every])
+        return cls(t_ns, target, sensor, times, field.every, len(steps), after_ns)
 
     @classmethod
     def _of_passes(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from launcher.plan.forecast.answers import HOST_S, answers
 from launcher.plan.forecast.duty import HOUR_S, Duty
 from launcher.plan.forecast.foresight import Coverage, Foresight
+from launcher.plan.forecast.led import orphaned, who_measures
 from launcher.records import Plan
 from trackfield.role import NS
 
@@ -30,15 +31,20 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
     channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_colliding(plan, seen), *_over_duty(plan, seen)]
-    return (*geometry, *radio, *weak, *channel, *_restless(plan))
+    masters = orphaned(seen.scheduled) if seen.scheduled is not None else ()
+    return (*geometry, *masters, *radio, *weak, *channel, *_restless(plan, seen))
 
 
 def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
     """What to expect, in figures, a line each."""
+    led = seen.scheduled is not None
+    if seen.scheduled is not None:
+        yield from who_measures(seen.scheduled)
     for one in seen.coverage:
         mean = one.in_reach.mean() if len(one.in_reach) else 0.0
         yield (
-            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')} within {_metres(plan.reach_m)} of the target"
+            f"coverage{_whose(seen, one)}: {_fix(seen, ' sensors')}{' that measure' * led} within "
+            f"{_metres(plan.reach_m)} of the target"
             f"{', the reach at the lowest threshold,' if seen.adaptive else ''} in "
             f"{_steps(seen, one, _enough(one, seen.needs))} ({mean:.1f} on average), {_fix(seen, ' reports')} in time "
             f"in {_at_most(seen)}{_fixed(one):.0%}"
@@ -58,7 +64,8 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
         )
     if (crowd := seen.crowd) is not None:
         yield (
-            f"on the channel at {crowd.busiest}, {_at_most(seen)}{crowd.use_mean:.1%} of the time is used by reports "
+            f"on the channel at {crowd.busiest}{', the busiest of masters and base' * led}, "
+            f"{_at_most(seen)}{crowd.use_mean:.1%} of the time is used{'' if led else ' by reports'} "
             f"({crowd.use_peak:.1%} of the busiest second); {_at_most(seen)}{crowd.overlapped:.1%} of the reports "
             f"overlap others, {_at_most(seen)}{crowd.spared:.1%} would be lost by that, which the model leaves out"
         )
@@ -72,6 +79,7 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
 def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
     """Steps in which too few sensors are in reach, whatever the radio does."""
     enough, nobody, who = _enough(one, seen.needs), one.in_reach == 0, f"the target{_whose(seen, one)}"
+    is_ = "is" if seen.scheduled is None else "measures"
     few = f"{_fix(seen)} in {_at_most(seen)}{_steps(seen, one, enough)}"
     if len(nobody) and nobody.mean() >= FEW:
         begin, lasts = _longest(one, nobody, plan.step_ns / NS)
@@ -79,7 +87,8 @@ def _out_of_reach(plan: Plan, seen: Foresight, one: Coverage) -> Iterator[str]:
             f"{who} is outside the field" if np.all(one.outside[nobody]) else f"the field has gaps along {who}'s path"
         )
         yield (
-            f"{what}: no sensor is within {_metres(plan.reach_m)} of it in {_steps(seen, one, float(nobody.mean()))} "
+            f"{what}: no sensor {is_} within {_metres(plan.reach_m)} of it in "
+            f"{_steps(seen, one, float(nobody.mean()))} "
             f"(longest: {lasts:g} s from t = {begin:g} s on){f', {few}' if seen.needs > 1 else ''}"
         )
     elif enough < COVERED:
@@ -229,9 +238,9 @@ def _over_duty(plan: Plan, seen: Foresight) -> Iterator[str]:
 # --- what the machine does --------------------------------------------------------------------------------------------
 
 
-def _restless(plan: Plan) -> Iterator[str]:
+def _restless(plan: Plan, seen: Foresight) -> Iterator[str]:
     """Processes that answer each other faster than a machine brings their messages."""
-    found, speed = answers(plan), plan.run.speed
+    found, speed = answers(plan if seen.scheduled is None else seen.scheduled.plan), plan.run.speed
     if found is not None and found.delay_s / speed < HOST_S:
         yield (
             f"processes answer each other ({', '.join(found.kinds)}) within {_time(found.delay_s)}, "

@@ -47,12 +47,13 @@ def channel_metrics(air: Air | None) -> dict[str, Any]:
     of the overlapped ones.
     """
     if air is None:
-        return dict.fromkeys(("use_mean", "use_peak", *SHARES))
+        return dict.fromkeys(("use_mean", "use_peak", "use_limit", *SHARES))
     counts = (air.overlapped, air.expected), (air.captured, air.overlapped), (air.deaf, air.expected)
     shares = [part / of if of else None for part, of in (*counts, (air.spared, air.expected))]
     return {
         "use_mean": max((use.mean for use in air.uses), default=None),
         "use_peak": max((use.peak for use in air.uses), default=None),
+        "use_limit": air.use_limit,
         **dict(zip(SHARES, shares, strict=True)),
     }
 
@@ -68,12 +69,15 @@ def is_fiction(metrics: Mapping[str, Any]) -> bool:
     if channel["spared_share"] is None:
         return False
     expected = frames["expected"]
-    return flatters(channel["spared_share"] * expected, frames["lost"]["radio"], expected, channel["use_mean"])
+    return flatters(
+        channel["spared_share"] * expected, frames["lost"]["radio"], expected, channel["use_mean"], channel["use_limit"]
+    )
 
 
 RULE: Final = (
     f"The losses of a run are a fiction, and lines are red, where at least {MUCH:.0%} of all frames would have been "
     f"lost besides; where the model lost at least {SOME:.0%}, and would have lost more than as many again; or where "
-    f"the channel was in use for at least {FULL:.0%} of the run. Fewer than {FEW:.0f} frames do not count."
+    f"radios listen before they send and the channel was in use for at least {FULL:.0%} of the run. Fewer than "
+    f"{FEW:.0f} frames do not count."
 )
 """When losses are a fiction, in words."""

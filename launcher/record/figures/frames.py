@@ -78,6 +78,7 @@ class ChannelFigures(Figures):
 
     use_mean: Number | None
     use_peak: Number | None
+    use_limit: Number | None
     overlapped_share: Number | None
     captured_share: Number | None
     deaf_share: Number | None

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
-from launcher.plan.air import CAPTURE_DB, FULL
+from launcher.plan.air import CAPTURE_DB
 from launcher.record.figures.channel import RULE, is_fiction, lost_share
 from launcher.report.cells import NOTHING, percent
 from launcher.report.folder import Run
@@ -33,7 +34,7 @@ def lines(run: Run) -> list[Line]:
         return []
     shares = {name: NOTHING if share is None else percent(share) for name, share in channel.items()}
     return [
-        ("time in which the channel was in use, where that was most", shares["use_mean"], channel["use_mean"] >= FULL),
+        ("time in which the channel was in use, where that was most", shares["use_mean"], _full(channel)),
         ("the same in the busiest second", shares["use_peak"], False),
         ("frames that overlapped another one at their receiver", shares["overlapped_share"], False),
         (f"of these, captured: {CAPTURE_DB:g} dB stronger than all others", shares["captured_share"], False),
@@ -41,3 +42,8 @@ def lines(run: Run) -> list[Line]:
         ("frames that the model lost by radio", percent(lost_share(run.metrics["frames"])), bad),
         ("frames delivered that would have been lost to overlaps or by receivers sending", shares["spared_share"], bad),
     ]
+
+
+def _full(channel: Mapping[str, Any]) -> bool:
+    """Whether it was in use for too much of the run."""
+    return channel["use_limit"] is not None and (channel["use_mean"] or 0.0) >= channel["use_limit"]
