@@ -23,7 +23,7 @@ from launcher.plan.forecast.reception import Shares
 from launcher.plan.forecast.warnings import summary
 from launcher.plan.prepare import remarks
 from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS, told
-from launcher.record.words import alarms, joules, span
+from launcher.record.words import alarms, joules, led, span
 from launcher.records import ARRIVED, SENSES, Plan
 
 if TYPE_CHECKING:
@@ -270,16 +270,17 @@ def _result(metrics: dict[str, Any]) -> Table:
     table = Table()
     for column in ("tracker", "RMSE", "median error", "velocity RMSE", "steps", "verdict"):
         table.add_column(column, justify="left" if column in ("tracker", "verdict") else "right")
-    for name, m in metrics["trackers"].items():
-        velocity = m["rmse"]["velocity"]
-        table.add_row(
-            name,
-            _metres(m["rmse"]["position"]),
-            _metres(m["median_error"]),
-            "-" if velocity is None else f"{velocity:.2f} m/s",
-            f"{m['steps_tracked']} of {m['steps_expected']}",
-            Text(told(m), style=VERDICTS.get(m["verdict"], "")),
-        )
+    for name, figures in metrics["trackers"].items():
+        for view, m in figures["views"].items() if len(figures["views"]) > 1 else [("", figures)]:
+            velocity = m["rmse"]["velocity"]
+            table.add_row(
+                f"{name}, {view}" if view else name,
+                _metres(m["rmse"]["position"]),
+                _metres(m["median_error"]),
+                "-" if velocity is None else f"{velocity:.2f} m/s",
+                f"{m['steps_tracked']} of {m['steps_expected']}",
+                Text(told(m), style=VERDICTS.get(m["verdict"], "")),
+            )
     frames = metrics["frames"]
     lost = ", ".join(f"{cause} {n}" for cause, n in frames["lost"].items() if n) or "none"
     table.caption = (
@@ -296,6 +297,7 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
         yield f"clock error of the processes that set their clocks, when they sent: {figures}"
     if refused := metrics["frames"]["refused"]:
         yield f"refused, as no frames of this field: {', '.join(f'{n} ({why})' for why, n in refused.items())}"
+    yield from led(metrics)
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
         spent = joules(energy["total"]) + (f" ({by})" if by else "")

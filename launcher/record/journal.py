@@ -62,6 +62,10 @@ class Telling:
             return f"{point.source} published points of {quoted(point.tracker)}, which is no tracker of this run"
         return "" if point.source in self._tracking else f"{point.source} published points without the tag '{TRACKS}'"
 
+    def leads(self, point: TrackPoint) -> bool:
+        """Whether a point is of the first view, whose error a table shows while the run goes on."""
+        return not self.stray(point) and any(point.source in view.sources for view in self.plan.views[:1])
+
     def settle(self, until_ns: int) -> None:
         """Write what is settled up to this true time."""
         self._write(*self.ledger.settle(until_ns))
@@ -129,7 +133,8 @@ class Telling:
                 truth, _ = nearest(self.plan.paths, point)
                 late_ns = event.t_ns - point.at_ns - round(self.plan.deadline_s * NS)
                 timeline.estimate(point, truth[:2] if truth else None, late_ns)
-                self.points[point.tracker] = point
+                if self.leads(point):
+                    self.points[point.tracker] = point
             case Write(port, data):
                 timeline.note(event.t_ns, event.process, written(port, data))
 
@@ -213,7 +218,7 @@ def summary(journal: Journal, now_ns: int) -> dict[str, Any]:
     ledger, waiting = journal.ledger, journal.ledger.unsettled(now_ns)
     points = dict(journal.points)
     for event in waiting:
-        if isinstance(event.effect, Publish) and not journal.stray(event.effect.estimate):
+        if isinstance(event.effect, Publish) and journal.leads(event.effect.estimate):
             points[event.effect.estimate.tracker] = event.effect.estimate
     return {
         "sent": ledger.leaving.left,

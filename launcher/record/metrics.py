@@ -11,8 +11,10 @@ import numpy as np
 
 from launcher.record.figures.bounds import bound_metrics, headline_bound, run_bounds
 from launcher.record.figures.channel import air_of_run, channel_metrics
+from launcher.record.figures.clusters import clusters_metrics
 from launcher.record.figures.energy import batteries_of, energy_metrics, lifetime_metrics
 from launcher.record.figures.hops import hop_latencies
+from launcher.record.figures.leaders import age_metrics, leaders_metrics
 from launcher.record.figures.scores import offsets, scored
 from launcher.record.ledger import Ledger
 from launcher.record.tables import Bounds, TrackRow
@@ -52,14 +54,20 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
         "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bounds),
         "bound": bound_metrics(plan, headline(plan, tracks), headline_bound(plan, tracks, bounds)),
+        "leaders": leaders_metrics(plan, ledger.rows, tracks),
+        "clusters": clusters_metrics(plan, ledger),
+        "age_of_information_s": age_metrics(plan, tracks),
         "processes": _processes(len(plan.processes), _total(ledger, "unwritten")),
         "frames": _frames(plan, ledger),
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
         "channel": channel_metrics(air_of_run(ledger)),
-        "latency_ms": {**_latencies(ledger.rows, tracks), "hops": hop_latencies(plan.bases, ledger.rows)},
+        "latency_ms": {
+            **_latencies(ledger.rows, tracks, headline(plan, tracks)),
+            "hops": hop_latencies(plan.bases, ledger.rows),
+        },
         "host_latency_ms": _quantiles(_merged(ledger, "latency")),
         "timing": _timing(plan, ledger),
-        "energy_j": energy_metrics(ledger, batteries),
+        "energy_j": energy_metrics(plan, ledger, batteries),
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped(), "complaints": []},
@@ -189,8 +197,10 @@ def _by_role(plan: Plan, ledger: Ledger) -> Metrics:
     return figures
 
 
-def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metrics:
-    """Emulated: on the link, from a report's sending to its fusion, and from a step's instant to its track."""
+def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow], first: Sequence[TrackRow]) -> Metrics:
+    """Emulated: on the link, from a report's sending to its fusion, and from a step's instant to its track in the
+    ``first`` view.
+    """
     fused: dict[tuple[str, int | None], int] = {}
     for track in tracks:
         for sensor in track.point.sensors:
@@ -202,7 +212,7 @@ def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metric
             link.append(row.due_ns - row.sent_ns)
             if row.outcome == "delivered" and row.step is not None and (row.src, row.step) in fused:
                 to_filter.append(fused[row.src, row.step] - row.sent_ns)
-    to_track = [track.told_ns - track.t_ns for track in tracks if not track.point.lag]
+    to_track = [track.told_ns - track.t_ns for track in first if not track.point.lag]
     return {"link": _exact(link), "to_filter": _exact(to_filter), "to_track": _exact(to_track)}
 
 

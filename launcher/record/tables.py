@@ -131,5 +131,6 @@ def tracks_table(rows: Sequence[TrackRow], bounds: Bounds, origin_ns: int = 0) -
         "origin": pa.array([p.origin for p in points], texts),
         "unknowns": pa.array([list(p.unknowns) for p in points], vector),
         "unknown_sds": pa.array([list(p.unknown_sds) for p in points], vector),
+        "known_step": pa.array([p.known_step for p in points], pa.int32()),
     }
     return pa.table(columns)

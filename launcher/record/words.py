@@ -47,6 +47,30 @@ def _digits(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
+def led(metrics: Mapping[str, Any]) -> list[str]:
+    """Who led, which slaves have no master, and how old what the base knew was, a line each; none without masters."""
+    leaders, clusters, age = (metrics[key] for key in ("leaders", "clusters", "age_of_information_s"))
+    found = []
+    if leaders["per_step_mean"] is not None:
+        asked = "" if leaders["reports_asked"] is None else f" of {leaders['reports_asked']:.1f} asked for"
+        found.append(
+            f"leaders: {_many(leaders['handovers'], 'hand-over')} ({leaders['lost_handovers']} more lost), "
+            f"{_many(leaders['take_overs'], 'take-over')} ({leaders['false_take_overs']} false), "
+            f"two at once in {_many(leaders['two_leader_steps'], 'step')}; "
+            f"{leaders['reports_used']:.1f} reports a step{asked}"
+        )
+    if clusters["orphans_first"] is not None:
+        first, last = clusters["orphans_first"], clusters["orphans_last"]
+        found.append(f"slaves without a master: {first} at the first step, {last} at the end")
+    if age["mean"] is not None:
+        found.append(f"what the base knew was {span(age['mean'])} old, mean; {span(age['p95'])}, 95 %")
+    return found
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count:,} {what}{'s' * (count != 1)}"
+
+
 def losses(fates: Mapping[str, int | None]) -> str:
     """What became of frames that did not come in time, in words."""
     return ", ".join(f"{n:,} {FATES.get(name, name)}" for name, n in fates.items() if n and name != "delivered")

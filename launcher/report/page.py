@@ -13,7 +13,7 @@ from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
 from launcher.report.outages import few_reports
-from launcher.report.parts import PARTS
+from launcher.report.parts import PARTS, clusters
 from launcher.report.templates import inline, templates
 from trackfield.errors import ScenarioError
 
@@ -23,6 +23,7 @@ _SECTIONS: Final = {
     "track": "Track",
     "error": "Error",
     "consistency": "Consistency",
+    "clusters": "Clusters",
     "messages": "Messages",
     "channel": "The channel",
     "latency": "Latency",
@@ -69,6 +70,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
     """The values of the template: the contents of each part by its name, and the rest."""
     shown = {
         "consistency": "nees" in pictures,
+        "clusters": clusters.shown(run),
         "channel": run.metrics["channel"]["use_mean"] is not None,
         "energy": bool(run.metrics["energy_j"]["total"]),
     }

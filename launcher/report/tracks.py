@@ -27,6 +27,7 @@ COLUMNS: Final = (
     *STATE,
     *(f"true_{name}" for name in STATE),
     "true_interpolated",
+    "incarnation",
 )
 """The columns of tracks.parquet that a report needs."""
 

@@ -34,6 +34,7 @@ from launcher.record.reading.files import (
 )
 from launcher.records import SENSES, TRACKS, MessageRow, Plan
 from launcher.run import Outcome, close_folder
+from launcher.study.repeatable import check_repeatable
 from trackfield.drivers.engine.frames import LATE, RANK_TIMER, Told
 from trackfield.drivers.spec import life_name
 from trackfield.role import NS, Publish, State, TrackPoint
@@ -72,7 +73,7 @@ def replay(
     check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
     reports = [*(row for row in rows if row.kind != "hop"), *end_to_end(plan.bases, rows)]
-    _check_repeatable(run, plan)
+    check_repeatable(run, plan)
     fusions, handed = read_points(run)
     _check_usable(run, plan, fusions, reports)
     folder = prepare_folder(out, scenario.name, scenario.seed)
@@ -101,18 +102,6 @@ def caveats(metrics: Metrics, *, drop_late: bool = False) -> list[str]:
             f"{late} events were handled out of order in the run (timing.host_late); the replay has all in order"
         )
     return said
-
-
-def _check_repeatable(run: Path, plan: Plan) -> None:
-    """Raise ``ScenarioError`` for tracks that neither came by radio nor are of a process that fuses reports."""
-    for row in read_table(run, TRACKS_TABLE, ("source", "step", "origin", "sensors")).to_pylist():
-        if not row["origin"] and row["source"] in row["sensors"]:
-            what = f"{row['source']} used readings of its own sensor, which no message holds"
-            refuse(run / TRACKS_TABLE, "sensors", what, "processes that fuse the reports of others")
-        if not row["origin"] and (row["source"] not in plan.banks or row["step"] is None):
-            what = f"{row['source']} made tracks in a way of its own, which a replay cannot repeat"
-            expected = "processes that fuse the reports of steps (fuses), or hand on the tracks of others (origin)"
-            refuse(run / TRACKS_TABLE, "source", what, expected)
 
 
 def _check_usable(run: Path, plan: Plan, fusions: Iterable[Fusion], rows: Iterable[MessageRow]) -> None:

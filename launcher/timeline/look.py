@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 
 from launcher.colours import tracker_colours
-from launcher.records import SENSES, FieldInfo, Place
+from launcher.records import SENSES, TRACKS, FieldInfo, Place
 from launcher.timeline.scene import spacing
 
 TIME: Final = "emulated time"
@@ -30,10 +30,21 @@ STATE_COLOURS: Final[dict[str, Colour]] = {
     "waiting": 0x606C88FF,
     "tracking": 0x3DBE6CFF,
     "coasting": 0xF2A93BFF,
+    "active": 0x3DBE6CFF,
+    "seeking": 0xDDE2ECFF,
+    "orphan": 0xE258A0FF,
+    "idle": 0x4A5061FF,
+    "following": 0x606C88FF,
+    "helping": 0x9C8452FF,
+    "leading": 0xF2A93BFF,
     DEAD: 0x8E2420FF,
 }
 OTHER_STATE: Final[Colour] = 0xAA78DCFF
 CENTRE: Final[Colour] = 0xF2A93BFF
+MASTER: Final[Colour] = 0x8C7B5AFF
+HELPING: Final[Colour] = 0xC7A566FF
+MEMBER: Final[Colour] = 0x4C556CFF
+WAY: Final[Colour] = 0x2F6F9EFF
 TRUTH: Final[Colour] = 0x969BA5FF
 INTERPOLATED: Final[Colour] = 0xE258A0FF
 TARGET: Final[Colour] = 0xFFFFFFFF
@@ -62,8 +73,12 @@ _GRAPH_SPACING: Final = (52.0, 42.0)
 """The spacing of a network, east and north: a little more than the box that is drawn around a name."""
 LOW: Final = 0.2
 """A battery is shown once it has no more than this share left."""
+FEW: Final = 6
+"""Of more places without a sensor, those are small and without names of which there are many."""
 LANES: Final = 7
 """Lanes that fit below the field."""
+CROWD_LANES: Final = 3
+"""So many of them are for places without a sensor that are one of many."""
 ALL_LANES: Final = 200
 """The most lanes in the tab with all of them; a larger field is drawn without names of sensors."""
 WHOLE_NETWORK: Final = 2000
@@ -74,6 +89,18 @@ to each other."""
 def tracker_colour(info: FieldInfo, tracker: str) -> Colour:
     """The colour of a tracker's track, ellipse and error; an unknown tracker gets the next free colour."""
     return int(tracker_colours([*info.trackers, tracker])[tracker][1:], 16) << 8 | 0xFF
+
+
+def track_names(info: FieldInfo, tracker: str) -> list[tuple[str, ...]]:
+    """The names of a tracker's tracks in this field: one of those who take turns together, and one of each other."""
+    names = (track_name(info, tracker, place.id) for place in info.tagged(TRACKS))
+    return list(dict.fromkeys(names)) or [(tracker,)]
+
+
+def track_name(info: FieldInfo, tracker: str, source: str) -> tuple[str, ...]:
+    """The tracker, and the process if several track; those of a first view of several are one."""
+    together = len(info.headline) > 1 and source in info.headline
+    return (tracker,) if together or len(info.tagged(TRACKS)) <= 1 else (tracker, source)
 
 
 def dimmed(colour: Colour) -> Colour:
@@ -135,17 +162,42 @@ def disc_style(colour: Colour, order: float) -> rr.Points2D:
 def lanes(info: FieldInfo) -> list[Place]:
     """All places, those with the most interesting states first.
 
-    These are places without a sensor, then the sensors in the order of how long a target is nearest to them.
+    These are places without a sensor, then the sensors in the order of how long a target is nearest to them. Of many
+    places without a sensor those that are one of many stand in the same order, then by how near it comes, and only the
+    first before the sensors.
     """
-    sensors = info.tagged(SENSES)
-    others = [place for place in info.places if SENSES not in place.tags]
+    sensors, alone, crowd = info.tagged(SENSES), *others(info)
+    passed, rest = _passed(info, sensors)
+    led, idle = _passed(info, crowd)
+    led += sorted(idle, key=lambda place: _away(info, place))
+    return [*alone, *led[:CROWD_LANES], *passed, *led[CROWD_LANES:], *rest]
+
+
+def others(info: FieldInfo) -> tuple[list[Place], list[Place]]:
+    """The places without a sensor; those of which there are too many to name each stand apart."""
+    found = [place for place in info.places if SENSES not in place.tags]
+    if len(found) <= FEW:
+        return found, []
+    roles = Counter(place.role for place in found)
+    alone = [place for place in found if roles[place.role] == 1]
+    return alone, [place for place in found if roles[place.role] > 1]
+
+
+def _away(info: FieldInfo, place: Place) -> float:
+    """How near (m) a target comes to a place; 0 if there is none."""
+    way = [point[1:] for truth in info.truths for point in truth.points]
+    return float(np.hypot(*(np.array(way) - (place.x, place.y)).T).min()) if way else 0.0
+
+
+def _passed(info: FieldInfo, places: list[Place]) -> tuple[list[Place], list[Place]]:
+    """Those that a target is nearest to, for longest first; and the others."""
     way = [(x, y) for truth in info.truths for _, x, y in truth.points]
-    if not sensors or not way:
-        return others + sensors
-    at = np.array([(place.x, place.y) for place in sensors])
+    if not places or not way:
+        return [], places
+    at = np.array([(place.x, place.y) for place in places])
     nearest = Counter(int(np.argmin(np.hypot(*(at - point).T))) for point in way[:: len(way) // 150 + 1])
-    first = [sensors[index] for index, _ in nearest.most_common()]
-    return others + first + [place for index, place in enumerate(sensors) if index not in nearest]
+    first = [places[index] for index, _ in nearest.most_common()]
+    return first, [place for index, place in enumerate(places) if index not in nearest]
 
 
 def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:

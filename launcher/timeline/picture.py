@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from math import isfinite, nan
 from typing import Any, Final
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from launcher.records import SENSES, FieldInfo
 from launcher.timeline import look, rows
-from launcher.timeline.layers import READINGS
+from launcher.timeline.layers import READINGS, clusters
 from launcher.timeline.layers.closeup import Closeups
 from launcher.timeline.scene import Add, Shown, Sight, crosses, extent, spacing
 from trackfield.sensing.kinds import known_kind
@@ -40,6 +41,7 @@ class Picture:
         self._whole = list(look.graph_positions(info)) if len(info.places) <= look.WHOLE_NETWORK else []
         self._reach = extent(info) / 4
         self._closeups = Closeups(info, add)
+        self.clusters = clusters.Clusters(info, self.shown, add)
         self._spacing = spacing(info)
         self._cross = 0.16 * self._spacing
         self._still = self._places.keys() - {id for id, _ in info.paths}
@@ -57,6 +59,7 @@ class Picture:
             "reading": self._draw_readings,
             "mark": self._draw_marks,
             "size": lambda t_ns: self._closeups.until(t_ns, self.shown.now["size"]),
+            **{kind: partial(self.clusters.draw, kind) for kind in clusters.KINDS if self.clusters.here},
         }
         self._stale: set[str] = {"nodes"}
         self._next_ns = dict.fromkeys(self._layers, 0)

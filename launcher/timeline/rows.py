@@ -53,6 +53,14 @@ def dots(values: list[Dots]) -> Columns:
     return rr.Points2D.columns(positions=np.concatenate(at), colors=_colours(colours)).partition(_lengths(at))
 
 
+def named_dots(values: list[tuple[Points, list[int], list[str]]]) -> Columns:
+    """Positions, colours and names of each picture; an empty name is not shown."""
+    at, colours, names = zip(*values, strict=True)
+    labels = [name for some in names for name in some]
+    columns = rr.Points2D.columns(positions=np.concatenate(at), colors=_colours(colours), labels=labels)
+    return columns.partition(_lengths(at))
+
+
 def discs(values: list[Points]) -> Columns:
     """Positions and radii (n, 3) m of each picture."""
     every = np.concatenate(values)

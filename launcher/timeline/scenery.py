@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import rerun as rr
 
-from launcher.records import BATTERY, SENSES, FieldInfo, Place
+from launcher.records import BATTERY, SENSES, SLAVE, FieldInfo, Place
 from launcher.timeline import look
-from launcher.timeline.layers import READINGS, closeup, truth
+from launcher.timeline.layers import READINGS, closeup, clusters, truth
 from launcher.timeline.scene import crosses, halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
@@ -34,13 +34,16 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     yield "/field/working", look.point_style(None, max(dot, 2.5), order=28)
     yield "/field/dead", look.line_style(look.LOST, 2.0, order=29)
     moving = [id for id, _ in info.paths]
-    still = [place for place in _others(info) if place.id not in moving]
-    yield "/field/centres", *_places(still, 8, look.CENTRE, 25, names=True)
+    alone, crowd = ([place for place in some if place.id not in moving] for some in look.others(info))
+    yield "/field/centres", *_places(alone, 8, look.CENTRE, 25, names=True)
+    if crowd:
+        yield "/field/masters", *_places(crowd, max(dot, 3.5), look.MASTER, 25)
     if moving:
         labels = rr.Points2D.from_fields(labels=moving, show_labels=True)
         yield "/field/moving", look.point_style(look.CENTRE, 8, order=25), labels
     for name in sorted(set(info.layers.values())):
         yield f"/field/{name}", READINGS[name].style
+    yield from clusters.styles(info)
     yield from truth.styles(info)
     yield from closeup.styles(info)
     yield from _legend(info)
@@ -48,7 +51,8 @@ def _field(info: FieldInfo) -> Iterator[Part]:
 
 def _legend(info: FieldInfo) -> Iterator[Part]:
     """What the colours of the sensors mean."""
-    states = [look.REST, "awake", "reporting"]
+    slaves = any(place.role == SLAVE for place in info.places)
+    states = [look.REST, "active", "orphan"] if slaves else [look.REST, "awake", "reporting"]
     entries = [(name, look.state_colour(name)) for name in states] + [("dead", 0)]
     if ringed := bool(info.tagged(BATTERY)):
         entries.append(("battery low", look.state_colour(look.REST)))
@@ -93,7 +97,10 @@ def _links(info: FieldInfo) -> Iterator[Part]:
         ),
     )
     yield "/links/sensors", *_places(info.tagged(SENSES), look.dot(info) / 1.5, look.TRUTH, 20)
-    yield "/links/centres", *_places(_others(info), 6, look.CENTRE, 25, names=True)
+    alone, crowd = look.others(info)
+    yield "/links/centres", *_places(alone, 6, look.CENTRE, 25, names=True)
+    if crowd:
+        yield "/links/masters", *_places(crowd, look.dot(info), look.CENTRE, 24)
     yield "/links/frames", look.line_style(look.TARGET, 2.5, order=15)
     yield "/links/lost", look.point_style(look.LOST, 5.0, order=22)
     colours = [look.share_colour(share) for share in look.SHARES]
@@ -113,8 +120,3 @@ def _places(places: list[Place], radius: float, colour: int, order: float, *, na
             show_labels=names,
         )
     ]
-
-
-def _others(info: FieldInfo) -> list[Place]:
-    """Places without a sensor: centres and others."""
-    return [place for place in info.places if SENSES not in place.tags]

@@ -110,6 +110,7 @@ class Timeline:
         self._newest = max(self._newest, t_ns)
         self._lane(t_ns, process, name, lane)
         self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
+        self._picture.clusters.state(t_ns, process, name)
         if name != look.DEAD:
             self._tracks.lives(t_ns, process)
 
@@ -284,6 +285,7 @@ class Timeline:
         if not row.delivered:
             show("lost", row.src, True, min(begin_ns, row.sent_ns), over_ns)
             return
+        self._picture.clusters.message(row)
         show("edge", (row.src, row.dst), True, begin_ns, over_ns)
         if row.values and row.src in self._info.layers and row.outcome == "delivered":
             show("reading", row.src, row.values, begin_ns, over_ns)

@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun.blueprint.archetypes as rrba
 
-from launcher.records import TRACKS, FieldInfo
+from launcher.records import FieldInfo
 from launcher.timeline import look
 from launcher.timeline.curves import Axis
 from launcher.timeline.layers.closeup import WIDE
@@ -63,8 +63,7 @@ def labels(info: FieldInfo, plot: str) -> list[str]:
     """The entries of a plot's legend."""
     if plot != "error":
         return look.SERIES[plot][0]
-    sources = [place.id for place in info.tagged(TRACKS)]
-    names = [name if len(sources) <= 1 else f"{name}, {source}" for name in info.trackers for source in sources or [""]]
+    names = [", ".join(parts) for name in info.trackers for parts in look.track_names(info, name)]
     return [*look.SERIES["error/bound"][0], *names]
 
 
@@ -119,10 +118,8 @@ def space(
 def _trails(info: FieldInfo) -> Overrides:
     """The entities that are shown with their history, not only as they are now."""
     trails = [look.truth_path(truth.target, part) for truth in info.truths for part in ("path", "interpolated")]
-    sources = [place.id for place in info.tagged(TRACKS)]
     for name in info.trackers:
-        names = [(name,)] if len(sources) <= 1 else [(name, source) for source in sources]
-        trails += [look.path("field", *parts, "track") for parts in names]
+        trails += [look.path("field", *parts, "track") for parts in look.track_names(info, name)]
     return dict.fromkeys(trails, so_far())
 
 

@@ -99,11 +99,11 @@ def _activities(spec: ProcessSpec, lives: Sequence[Mapping[str, Activity]]) -> d
     return {medium: Activity.total(life[medium] for life in lives if medium in life) for medium in spec.powers}
 
 
-def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, Any]:
+def energy_metrics(plan: Plan, ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, Any]:
     """``energy_j`` of metrics.json; null where no energy is metered."""
     if not batteries:
         nothing = {"by": dict.fromkeys(CAUSES), "by_accounting": dict.fromkeys((*ACCOUNTINGS, *DEVICES))}
-        return {"total": None, "max_node": None, **nothing}
+        return {"total": None, "max_node": None, **nothing, "by_role": {}}
     spent = [one.spent_j for one in batteries]
     by = {cause: sum(one[cause] for one in spent) for cause in CAUSES}
     total = sum(by.values())
@@ -115,7 +115,17 @@ def energy_metrics(ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, An
         "max_node": max(sum(one.values()) for one in spent),
         "by": by,
         "by_accounting": {**dict(zip(ACCOUNTINGS, figures, strict=True)), **_by_device_j(ledger, batteries)},
+        "by_role": _by_role_j(plan, batteries),
     }
+
+
+def _by_role_j(plan: Plan, batteries: Iterable[Battery]) -> dict[str, float]:
+    """What those of each role used."""
+    roles = {place.id: place.role for place in plan.info.places}
+    used = defaultdict[str, float](float)
+    for one in batteries:
+        used[roles[one.spec.id]] += sum(one.spent_j.values())
+    return dict(sorted(used.items()))
 
 
 def lifetime_metrics(plan: Plan, batteries: Sequence[Battery]) -> dict[str, Any]:

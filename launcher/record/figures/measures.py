@@ -85,6 +85,38 @@ class Bound(Figures):
     trajectory: Number | None
 
 
+class Leaders(Figures):
+    """Processes that take turns at tracking: how many led in a step, their terms, and their reports in a step."""
+
+    per_step_mean: Number | None
+    per_step_max: Count | None
+    two_leader_steps: Count
+    handovers: Count
+    lost_handovers: Count
+    take_overs: Count
+    false_take_overs: Count
+    elections: Count
+    split_elections: Count
+    reports_used: Number | None
+    reports_asked: Number | None
+
+
+class Clusters(Figures):
+    """The slaves of each master at the end, and how many had none at the first step and at the end."""
+
+    members: Mapping[str, tuple[str, ...]]
+    orphans_first: Count | None
+    orphans_last: Count | None
+    overheard: Count
+
+
+class Age(Figures):
+    """How old (s) what a base knew was, of the points that it predicted from that."""
+
+    mean: Number | None
+    p95: Number | None
+
+
 class Death(Figures):
     """A process that died unplanned; ``t`` in emulated s, None before the start."""
 
@@ -151,12 +183,13 @@ class EnergyByCause(Figures):
 
 
 class Energy(Figures):
-    """Energy of the sensor nodes in J; ``by_accounting`` by the name of the accounting."""
+    """Energy from batteries in J; ``by_accounting`` by the name of the accounting, ``by_role`` by that of the role."""
 
     total: Number | None
     max_node: Number | None
     by: EnergyByCause
     by_accounting: Mapping[str, Number | None]
+    by_role: Mapping[str, Number | None]
 
 
 class Empty(Figures):
@@ -223,6 +256,9 @@ class RunFigures(Figures):
     cpu_s: Number | None
     trackers: Mapping[str, TrackerFigures]
     bound: Bound
+    leaders: Leaders
+    clusters: Clusters
+    age_of_information_s: Age
     processes: Processes
     frames: Frames
     bytes: Bytes

@@ -72,6 +72,7 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         "incarnation": _COUNT,
         "origin": _TEXT,
         **dict.fromkeys(("unknowns", "unknown_sds"), Column(pa.list_(pa.float64()))),
+        "known_step": _STEP,
     },
     MESSAGES_TABLE: {
         **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),

@@ -8,6 +8,7 @@ from typing import Any, Final, Protocol
 from launcher.report.folder import Run
 from launcher.report.parts import (
     channel,
+    clusters,
     consistency,
     energy,
     errors,
@@ -39,6 +40,7 @@ PARTS: Final[Mapping[str, Part]] = {
     "field": field,
     "errors": errors,
     "consistency": consistency,
+    "clusters": clusters,
     "messages": messages,
     "channel": channel,
     "latency": latency,

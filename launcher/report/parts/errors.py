@@ -29,8 +29,13 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def trackers(run: Run) -> Table:
-    """The errors of every tracker; the bound only where there is one, gaps only where there are some."""
+    """The errors of every tracker, then in further views; the bound and gaps only where there are some."""
     lines = [_line(name, m) for name, m in run.metrics["trackers"].items()]
+    lines += [
+        _line(f"{name}, {view}", figures)
+        for name, m in run.metrics["trackers"].items()
+        for view, figures in list(m["views"].items())[1:]
+    ]
     left_out = {
         "bound [m]": run.bounded,
         "/ bound": run.bounded,

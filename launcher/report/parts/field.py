@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from itertools import cycle
 from typing import Any, Final
 
 import numpy as np
@@ -35,6 +36,10 @@ SENSORS: Final[Mapping[str, Mapping[str, Any]]] = {
 """The look of a sensor, by the best outcome of its reports."""
 WORDS: Final = {"fusion": "fusion centre"}
 """The names of roles that track; others keep their own."""
+MARKERS: Final = ("^", "s", "D")
+"""Those of roles that track, in their order."""
+FEW: Final = 10
+"""So many places that track can be drawn large."""
 IN_A_STEP: Final = 4
 """Points of a true path in a step."""
 IN_A_GAP: Final = 20
@@ -269,8 +274,9 @@ def _centres(axes: Axes, run: Run) -> None:
     roles: dict[str, list[tuple[float, float]]] = {}
     for place in run.tagged(TRACKS):
         roles.setdefault(place.role, []).append((place.x, place.y))
-    for role, points in roles.items():
-        axes.plot(*np.array(points).T, "^", color=style.INK, ms=9, label=WORDS.get(role, role), zorder=1.9)
+    for (role, points), marker in zip(roles.items(), cycle(MARKERS), strict=False):
+        size = 9 if len(points) <= FEW else 5
+        axes.plot(*np.array(points).T, marker, color=style.INK, ms=size, label=WORDS.get(role, role), zorder=1.9)
     for id, legs in run.field.routes:
         label = "its route" if len(run.field.routes) == 1 else f"route of {id}"
         axes.plot(*np.array(legs)[:, 1:].T, "--", color=style.INK, lw=1.0, label=label, zorder=2)

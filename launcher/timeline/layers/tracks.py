@@ -23,7 +23,10 @@ Static = Callable[..., None]
 
 @dataclass(slots=True)
 class _Track:
-    """The state of a track that the next point needs: its entity, last position and latest instant, ``newest_ns``."""
+    """The state of a track that the next point needs: its entity, last position and latest instant, ``newest_ns``.
+
+    ``source`` published the last point, in ``term``.
+    """
 
     path: str
     plot: tuple[str, ...]
@@ -31,6 +34,7 @@ class _Track:
     last_ns: int = 0
     newest_ns: int = 0
     source: str = ""
+    term: int = 0
     particles: bool = False
     shown: bool = False
 
@@ -43,12 +47,14 @@ class Tracks:
     only.
 
     A field in which several processes track has a track for each of them; those outside of the headline are dimmed.
+    Those of the headline, if they are several, have one together: of two points the one of the higher term is drawn.
     """
 
     def __init__(self, info: FieldInfo, add: Add, static: Static, shown: Shown, curves: Curves) -> None:
         self._info, self._add, self._static, self._shown = info, add, static, shown
         self._curves, self._limit_ns = curves, round(GAP * info.step_ns)
         self._alone = len(info.tagged(TRACKS)) <= 1
+        self._names: dict[tuple[str, str], tuple[str, ...]] = {}
         self._tracks: dict[tuple[str, ...], _Track] = {}
         self._dead: dict[str, tuple[float, float]] = {}  # (from ns, until ns) of processes that died
         self._lived: dict[str, int] = {}
@@ -56,6 +62,11 @@ class Tracks:
     def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
         """Add a point, ``late_ns`` after its deadline; of a smoothed track only the line is drawn."""
         track, t_ns = self._track(point), point.at_ns
+        if point.source != track.source:
+            if point.term < track.term or (point.term == track.term and t_ns <= track.newest_ns):
+                return
+            track.source = point.source
+        track.term = max(track.term, point.term)
         here = np.reshape(point.mean[:2], (-1, 2))
         self._leave(track, t_ns)
         dead_ns, back_ns = self._dead.get(point.source, (math.inf, math.inf))
@@ -124,7 +135,10 @@ class Tracks:
             self._shown.show("size", key, size(ring[0], truth), t_ns, end_ns)
 
     def _track(self, point: TrackPoint) -> _Track:
-        name = (point.tracker,) if self._alone else (point.tracker, point.source)
+        key = point.tracker, point.source
+        if key not in self._names:
+            self._names[key] = look.track_name(self._info, *key)
+        name = self._names[key]
         if name not in self._tracks:
             track = self._tracks[name] = _Track(entity("field", *name), ("error", *name), source=point.source)
             colour = look.tracker_colour(self._info, point.tracker)
