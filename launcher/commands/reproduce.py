@@ -32,6 +32,8 @@ def reproduce(
     """Repeat the experiments of a paper and say which of its claims hold."""
     from launcher.reproduce.command import reproduce
     from launcher.reproduce.kernels.command import reproduce_kernels
+    from launcher.reproduce.papers import holds_roles
 
-    done = reproduce_kernels if kernels else reproduce
-    print(done(paper, runs, out).shown(as_json=as_json), end="")
+    beside = holds_roles(paper)
+    done = reproduce_kernels(paper, runs, out, roles=not kernels) if kernels or beside else reproduce(paper, runs, out)
+    print(done.shown(as_json=as_json), end="")

@@ -1,4 +1,7 @@
-"""``trackfield reproduce PAPER --kernels``: a paper's filters alone, its tables and figures, and which claims hold."""
+"""``trackfield reproduce PAPER --kernels``: a paper's filters alone, its tables and figures, and which claims hold.
+
+Without ``--kernels`` the same is done of a paper whose experiments with roles are beside those on bare filters.
+"""
 
 from __future__ import annotations
 
@@ -24,21 +27,24 @@ from trackfield.errors import ScenarioError
 REPRODUCE: Final = Path(__file__).parents[1]
 
 
-def reproduce_kernels(name: str, runs: int, out: Path | None) -> Study:
+def reproduce_kernels(name: str, runs: int, out: Path | None, *, roles: bool = False) -> Study:
     """Do all runs of a paper's bare filters, and write report.md, results.json and figures below ``out``.
 
-    Nothing is kept of a study that is interrupted. Raises ``ScenarioError`` for an unknown paper or one without such
-    experiments, for less than one run, and for a folder with other contents; ``typer.Exit`` with 130 when it is
-    interrupted.
+    With ``roles`` also those of roles that are beside them. Nothing is kept of a study that is interrupted. Raises
+    ``ScenarioError`` for an unknown paper or one without such experiments, for less than one run, and for a folder with
+    other contents; ``typer.Exit`` with 130 when it is interrupted.
     """
     kernels = kernels_named(name)
     if runs < 1:
         raise ScenarioError(f"is {runs}", key="--runs", expected="1 or more")
-    folder = out or Path("runs") / f"reproduce-{kernels.name}-kernels"
+    folder = out or Path("runs") / f"reproduce-{kernels.name}{'' if roles else '-kernels'}"
     study_folder(folder, "reproduce-kernels")
-    console.print(Text(f"{kernels.title}: {len(kernels.experiments)} experiments on bare filters, {runs} runs of each"))
+    experiments = kernels.experiments_of(roles=roles)
+    bare = len(kernels.experiments_of(roles=False))
+    told = f"{bare} experiments on bare filters" + (f", {len(experiments) - bare} with roles" if roles else "")
+    console.print(Text(f"{kernels.title}: {told}, {runs} runs of each"))
     try:
-        return _conclude(kernels, folder, Found(runs, done(kernels.experiments, runs), kernels.times()))
+        return _conclude(kernels, folder, Found(runs, done(experiments, runs), kernels.times()))
     except KeyboardInterrupt:
         console.print("[yellow]interrupted[/]: nothing is kept; the same command begins again")
         raise typer.Exit(INTERRUPTED) from None

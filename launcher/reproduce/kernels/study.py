@@ -28,11 +28,13 @@ class Experiment:
     a run are keyed by its seed, so it is the same whatever other runs are beside it (to rounding). It travels to other
     processes: a function of a module, or a ``functools.partial`` of one.
     ``batch`` is the number of runs that are done at once, ``most`` the largest number of runs that it is worth.
+    ``roles`` says that it runs roles and their messages: it is left out of a study of bare filters alone.
     """
 
     run: Callable[[Sequence[int]], Figures]
     batch: int = 25
     most: int | None = None
+    roles: bool = False
 
     def seeds(self, runs: int) -> range:
         """The seeds of its runs, if the study has so many: 1, 2, ..."""
@@ -55,7 +57,8 @@ class Kernels:
     ``experiments`` are by name. ``tables`` and ``claims`` go to results.json. The report has the claims, then
     ``parts``: headings and what stands below them, in Markdown; then ``figures``: the name of each, what it shows, and
     what the paper has of it. ``draw`` writes them into a folder. ``times`` measures processor times, in this process
-    after all runs (``turns.taken``).
+    after all runs (``turns.taken``). ``with_roles`` says that experiments with roles belong to them, too: then they are
+    the whole study of the paper, and its bare filters alone one without those (``experiments_of``).
     """
 
     name: str
@@ -67,6 +70,11 @@ class Kernels:
     figures: Sequence[tuple[str, str, str]]
     draw: Callable[[Path, Found], None]
     times: Callable[[], Mapping[str, Sequence[float]]] = _no_times
+    with_roles: bool = False
+
+    def experiments_of(self, *, roles: bool) -> dict[str, Experiment]:
+        """All experiments, or those on bare filters alone."""
+        return {name: one for name, one in self.experiments.items() if roles or not one.roles}
 
 
 def done(experiments: Mapping[str, Experiment], runs: int) -> dict[str, Figures]:

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 PAPERS: Final = {"zhai": "launcher.reproduce.papers.zhai:PAPER"}
 """Where the runs of whole systems of each are, by name."""
 KERNELS: Final = {
+    "ozfidan": "launcher.reproduce.papers.ozfidan:KERNELS",
     "yu": "launcher.reproduce.papers.yu:KERNELS",
     "zhou": "launcher.reproduce.papers.zhou:KERNELS",
 }
-"""Where the experiments on bare filters of each are, by name."""
+"""Where the experiments on bare filters of each are, by name; one may hold experiments with roles besides."""
 
 
 def names() -> list[str]:
@@ -44,6 +45,15 @@ def kernels_named(name: str) -> Kernels:
         raise ScenarioError(what, key="--kernels", expected=f"{name} without it, or one of {', '.join(KERNELS)}")
     kernels: Kernels = load(KERNELS[name])
     return kernels
+
+
+def holds_roles(name: str) -> bool:
+    """Whether experiments with roles are beside those on bare filters: then they are the whole study of the paper.
+
+    Raises ``ScenarioError`` for an unknown paper.
+    """
+    _check(name)
+    return name in KERNELS and kernels_named(name).with_roles
 
 
 def _check(name: str) -> None:
