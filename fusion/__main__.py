@@ -4,4 +4,4 @@ from __future__ import annotations
 
 from trackfield.drivers.standalone import main
 
-main("fusion", "fusion.role:Fusion", __doc__, installed=True)
+main("fusion", {"fusion": "fusion.role:Fusion"}, __doc__, installed=True)

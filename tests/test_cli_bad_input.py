@@ -41,7 +41,10 @@ def assert_refused(said: Said, *parts: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        (["run", "zhai-spcfp"], ["unknown scenario", "mean zhai-spcpf?", "one of bus, hall, radar, zhai-spcpf, or a"]),
+        (
+            ["run", "zhai-spcfp"],
+            ["unknown scenario", "mean zhai-spcpf?", "one of bus, hall, ozfidan-clusters, radar, zhai-spcpf, or a"],
+        ),
         (["validate", "buss"], ["unknown scenario 'buss'", "did you mean bus?"]),
         (["run", "no/such.toml"], ["no/such.toml: cannot be read (No such file"]),
         ([*NOWHERE, "--set", "link.file=no.csv"], ["link.file: ", "no.csv: cannot be read (No such file"]),
@@ -88,6 +91,7 @@ def test_an_unknown_name_gets_the_nearest(
         ("fusion.trackers=[]", ["fusion.trackers: is []", "a list of at least 1"]),
         ("fusion.deadline_s=2", ["fusion.deadline_s: is 2", "at most target.step_s, which is 1"]),
         ("target.waypoints=[[0,0,0],[0,1,1]]", ["target.waypoints: its times do not increase", "increasing times"]),
+        ("target.half_width_m=1", ["target.half_width_m: is 1 m; 5000 paths of 1000 steps", "expected a wider square"]),
         ("faults=kill", ['faults: is "kill"', "sections [[faults]]"]),
         ("faults.at_s=3", ["faults: are a list, which can only be set as a whole", "faults=[{kind='...', ...}, ...]"]),
         ("faults=[{kind='kil', share=1, at_s=3}]", ["faults[0].kind: unknown kind 'kil'", "did you mean kill?"]),

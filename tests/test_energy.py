@@ -68,13 +68,14 @@ def test_what_is_spent_by_cause() -> None:
     final(book, "n0", 100, 200, 300, 9400, 50)
     final(book, "n1", 0, 100, 4900, 5000, 0)
     book.close()
-    found = energy_metrics(book, batteries_of(plan, book))
+    found = energy_metrics(plan, book, batteries_of(plan, book))
     n0 = {"send": 0.007, "receive": 0.01, "listen": 0.012, "sleep": 0.0094, "sense": 0.00005}
     n1 = {"send": 0.0, "receive": 0.005, "listen": 0.196, "sleep": 0.005, "sense": 0.0}
     assert found["by"] == pytest.approx({cause: n0[cause] + n1[cause] for cause in n0})
     assert found["total"] == pytest.approx(sum(n0.values()) + sum(n1.values()))
     assert found["max_node"] == pytest.approx(sum(n1.values()))
     assert found["by_accounting"]["metered"] == found["total"]
+    assert found["by_role"] == {"node": pytest.approx(found["total"])}
     assert found["by_accounting"]["without_listening"] == pytest.approx(found["total"] - 0.208 + 5.2 * 0.001)
 
 
@@ -83,9 +84,21 @@ def test_nobody_counts_where_no_device_is_known() -> None:
     book = Ledger(plan.run, plan.processes)
     nodes = batteries_of(plan, book)
     assert nodes == []
-    found = energy_metrics(book, nodes)
+    found = energy_metrics(plan, book, nodes)
+    assert found.pop("by_role") == {}
     assert {*found.pop("by").values(), *found.pop("by_accounting").values(), *found.values()} == {None}
     assert set(lifetime_metrics(plan, nodes).values()) == {None}
+
+
+def test_what_each_role_spent() -> None:
+    plan = plan_of(CENTRE, N0, N1)
+    places = [replace(place, role="master") if place.id == "n1" else place for place in plan.info.places]
+    plan = replace(plan, info=replace(plan.info, places=tuple(places)))
+    book = Ledger(plan.run, plan.processes)
+    final(book, "n0", 100, 0, 0, 9900, 0)
+    final(book, "n1", 0, 0, 1000, 9000, 0)
+    found = energy_metrics(plan, book, batteries_of(plan, book))
+    assert found["by_role"] == pytest.approx({"master": 0.049, "node": 0.0169})
 
 
 def test_all_lives_of_a_node_are_one() -> None:
@@ -114,7 +127,7 @@ def test_overhearing_is_paid_by_whose_radio_is_on_and_for_whom_the_frame_was_not
     final(book, "n0", 0, 0, 500, 9500, 0)
     final(book, "n1", 0, 0, 10_000, 0, 0)
     book.close()
-    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]
+    found = energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"]
     heard = (10 + 17) * 32e-6 * (0.050 - 0.001)
     assert found["without_listening"] == pytest.approx(20 * 0.001)
     assert found["with_overhearing"] == pytest.approx(20 * 0.001 + heard)
@@ -128,7 +141,7 @@ def test_a_radio_that_is_on_for_nothing_is_cheaper_in_no_accounting() -> None:
         book = Ledger(plan.run, plan.processes)
         final(book, "n0", *activity)
         book.close()
-        found.append(energy_metrics(book, batteries_of(plan, book))["by_accounting"])
+        found.append(energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"])
     asleep, listening = found
     assert all(listening[name] >= asleep[name] for name in asleep)
     assert listening["without_listening"] == asleep["without_listening"] == pytest.approx(0.01)
@@ -144,7 +157,7 @@ def overheard(
         book.told(name, output)
     book.sent(replace(frame(t_ms, "n0", "fusion"), preamble_ns=longer_ms * MS))
     book.close()
-    spent: float = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
+    spent: float = energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
     return spent / (27 * 32e-6 * 0.049)
 
 
@@ -187,7 +200,7 @@ def test_on_another_medium_the_device_for_it_overhears() -> None:
     book = Ledger(plan.run, plan.processes)
     book.sent(replace(frame(400, "n0", "fusion"), medium="air"))
     book.close()
-    spent: float = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
+    spent: float = energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"]["with_overhearing"]
     assert spent == pytest.approx(27 * 32e-6 * 0.007)
 
 
@@ -199,7 +212,7 @@ def test_whoever_a_broadcast_is_for_does_not_overhear_it() -> None:
     book.sent(frame(400, "fusion", "*"))
     book.close()
     assert [row.dst for row in book.rows] == ["n0", "n1", "n2"]
-    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]
+    found = energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"]
     assert found["with_overhearing"] == pytest.approx(27 * 32e-6 * 0.049)
 
 
@@ -213,7 +226,7 @@ def test_the_first_order_model_counts_bits_and_metres_alone() -> None:
     book.told("n1", Told((0, 2, 0, "t"), Overflowed(frame(700, "n1", "fusion"))))
     final(book, "n0", 1, 1, 1, 1, 1)
     book.close()
-    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]["first_order"]
+    found = energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"]["first_order"]
     send = 80 * (50e-9 + 10e-12 * 40**2) + 80 * (50e-9 + 10e-12 * 50**2)
     assert found == pytest.approx(send + 160 * 50e-9)
 
@@ -227,7 +240,7 @@ def test_each_device_would_have_drawn_what_its_own_frames_take() -> None:
     book.sent(frame(600, "fusion", "n0", TWENTY))
     final(book, "n0", 5, 5, 1000, 9000, 3)
     book.close()
-    found = energy_metrics(book, batteries_of(plan, book))["by_accounting"]
+    found = energy_metrics(plan, book, batteries_of(plan, book))["by_accounting"]
     for name, device in DEVICES.items():
         head, byte_s = device.overhead_bytes, device.byte_ns * 1e-9
         send = (30 + 2 * head) * byte_s * device.send_uw * 1e-6
@@ -311,7 +324,7 @@ def test_what_a_run_spends_is_what_its_nodes_say() -> None:
     plan = spcpf(1, ["target.steps=10", "energy.battery_j=0.05", "clock.offset_ms=20"])
     book, _ = simulated(plan)
     nodes = batteries_of(plan, book)
-    found = energy_metrics(book, nodes)
+    found = energy_metrics(plan, book, nodes)
     assert found["total"] == pytest.approx(sum(found["by"].values()))
     listened_j = sum(one.activity.listen_ns * (one.power.listen_uw - one.power.sleep_uw) for one in nodes) / J
     assert found["by_accounting"]["without_listening"] == pytest.approx(found["total"] - listened_j)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,11 @@ from hypothesis import strategies as st
 
 from launcher.record.journal import Journal, summary, written
 from launcher.record.ledger import Ledger
-from launcher.records import Plan
+from launcher.records import TRACKS, Place, Plan, View
 from tests.rrd import read
 from tests.tiny import COVARIANCE, MS, tiny
 from trackfield.drivers.engine.frames import RANK_TIMER, EventKey, Frame, Telling, Told, Undone
+from trackfield.drivers.spec import ProcessSpec
 from trackfield.role import NS, Note, Publish, State, TrackPoint, Write
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Doa
@@ -112,3 +114,21 @@ def test_what_the_recorder_never_got_is_among_its_complaints(journal: Journal) -
     assert metrics["recorder"]["complaints"] == [
         "2 pieces of telemetry never reached the recorder: states or tracks may be missing"
     ]
+
+
+def test_the_error_is_that_of_the_first_view(plan: Plan, tmp_path: Path) -> None:
+    """Whoever else publishes the track, such as a base that knows it later, does not count."""
+    places = (*plan.info.places, Place("base", "base", 0.0, 0.0, frozenset({TRACKS})))
+    views = (*plan.views, View("other", ("base",)))
+    own = Journal(
+        replace(plan, info=replace(plan.info, places=places), views=views),
+        Ledger(plan.run, (*plan.processes, ProcessSpec("base", "base", "none"))),
+        tmp_path,
+    )
+    first = published(4.0)
+    later = Publish(replace(first.estimate, source="base", mean=(9.0, 0.0, 1.0, 0.0)))
+    own.ledger.told("fusion", told(1300, first))
+    own.ledger.told("base", told(1400, later))
+    assert summary(own, 2 * NS)["errors"] == {"t": pytest.approx(3.0)}
+    own.settle(2 * NS)
+    assert summary(own, 2 * NS)["errors"] == {"t": pytest.approx(3.0)}

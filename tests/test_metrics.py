@@ -32,13 +32,17 @@ trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_
 trackers.<name>.gap.{rmse,steps} trackers.<name>.association
 trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id> trackers.<name>.views.<view>
 bound.{position,trajectory}
+leaders.{per_step_mean,per_step_max,two_leader_steps,handovers,lost_handovers,take_overs,false_take_overs}
+leaders.{elections,split_elections,reports_used,reports_asked}
+clusters.members.<master> clusters.{orphans_first,orphans_last,overheard}
+age_of_information_s.{mean,p95}
 processes.{started,ready_s,died,stopped,pss_mb_per_node,unwritten}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
 frames.{host_lost,host_late} frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
 frames.by_role.<role>.{delivered,ignored}
 bytes.{payload,on_air}
-channel.{use_mean,use_peak,overlapped_share,captured_share,deaf_share,spared_share}
+channel.{use_mean,use_peak,use_limit,overlapped_share,captured_share,deaf_share,spared_share}
 latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
 latency_ms.hops.<hops>.{n,p50,p95}
 host_latency_ms.{p50,p99}
@@ -47,6 +51,7 @@ timing.lag_ms.{p50,p99,max} timing.{unsettled,foreign_corrections}
 energy_j.{total,max_node} energy_j.by.{send,receive,listen,sleep,sense}
 energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
+energy_j.by_role.<role>
 lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens,questions}
@@ -54,8 +59,11 @@ recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,or
 SOMETIMES = {
     *(f"frames.by_role.<role>.{what}" for what in ("delivered", "ignored")),
     *(f"latency_ms.hops.<hops>.{what}" for what in ("n", "p50", "p95")),
+    "clusters.members.<master>",
 }
-"""Of processes with several roles only (``test_hosted_processes.py``), or with a tree (``test_multihop.py``)."""
+"""Of processes with several roles only (``test_hosted_processes.py``), with a tree (``test_multihop.py``), or with
+slaves (``test_clusters_figures.py``).
+"""
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "nees_position", "nees_position_band"),
     *("steps", "bound_m", "times_bound", "verdict", "lost"),
@@ -77,6 +85,8 @@ NAMES = {
     "trackers.<name>.views.": "<view>",
     "frames.by_kind.": "<kind>",
     "frames.by_role.": "<role>",
+    "clusters.members.": "<master>",
+    "energy_j.by_role.": "<role>",
     "frames.refused.": "<reason>",
 }
 """What stands for the names that a run gives, by where they are."""
@@ -113,6 +123,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     plan = tiny()
     metrics = run_metrics(plan, Ledger(plan.run, plan.processes), [])
     named = set(expanded("trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id>"))
+    named |= set(expanded("energy_j.by_role.<role>"))
     by_kind = set(expanded("frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}"))
     assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind - SOMETIMES
     assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}

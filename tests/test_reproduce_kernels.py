@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from launcher.reproduce.kernels.draws import generators, normals
 from launcher.reproduce.kernels.scores import lost, mean, mean_rmse, percentile, ratio, rmse, share_lost
 from launcher.reproduce.kernels.study import Experiment, Figures, Found, Kernels, done
 from launcher.reproduce.kernels.turns import taken
-from launcher.reproduce.papers import PAPERS, kernels_named
+from launcher.reproduce.papers import KERNELS, PAPERS, holds_roles, kernels_named
 from launcher.reproduce.tables import Claim, Row, rows_table
 from launcher.study.store import study_folder
 from tests.command_line import Call, trackfield
@@ -99,6 +100,8 @@ def test_an_interrupted_study_says_so_and_leaves_no_results(
         (["reproduce", "zhai", "--kernels"], ["--kernels: of 'zhai' there are runs of the whole system only"]),
         (["reproduce", "zhuo", "--kernels"], ["PAPER: unknown paper 'zhuo'", "did you mean zhou?"]),
         (["reproduce", "zhou"], ["PAPER: of 'zhou' there are experiments on bare filters only", "zhou --kernels"]),
+        (["reproduce", "yu"], ["PAPER: of 'yu' there are experiments on bare filters only", "yu --kernels"]),
+        (["reproduce", "ozfidam"], ["PAPER: unknown paper 'ozfidam'", "did you mean ozfidan?"]),
         (["reproduce", "zhou", "--kernels", "--runs", "0"], ["--runs: is 0", "expected 1 or more"]),
         (["reproduce", "zhou", "--kernels", "--out", "full"], ["full: --out: the folder is not empty"]),
     ],
@@ -112,11 +115,50 @@ def test_what_there_is_not_is_said_in_one_line(
     assert all(part in said.err for part in parts)
 
 
+def with_roles(runs: list[str]) -> Kernels:
+    """A study with an experiment that runs roles, which notes that it ran."""
+
+    def of_roles(seeds: Sequence[int]) -> Figures:
+        runs.append("roles")
+        return walks(4, seeds)
+
+    both = {**walking(), "roles": Experiment(of_roles, roles=True)}
+    return replace(toy(), experiments=both, with_roles=True)
+
+
+def test_bare_filters_are_done_without_the_experiments_with_roles_beside_them(
+    trackfield: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ran: list[str] = []
+    monkeypatch.setattr("launcher.reproduce.kernels.command.kernels_named", lambda _: with_roles(ran))
+    monkeypatch.setattr("launcher.reproduce.papers.kernels_named", lambda _: with_roles(ran))
+    assert holds_roles("ozfidan")
+    bare = trackfield("reproduce", "ozfidan", "--kernels", "--runs", "2")
+    assert (bare.code, ran) == (0, [])
+    assert "2 experiments on bare filters, 2 runs of each" in bare.err
+    assert {row["case"] for row in _tables(tmp_path / "runs" / "reproduce-toy-kernels")} == {"short", "long"}
+    whole = trackfield("reproduce", "ozfidan", "--runs", "2")
+    assert (whole.code, ran) == (0, ["roles"])
+    assert "2 experiments on bare filters, 1 with roles, 2 runs of each" in whole.err
+    assert {row["case"] for row in _tables(tmp_path / "runs" / "reproduce-toy")} == {"short", "long", "roles"}
+
+
+def _tables(folder: Path) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = json.loads((folder / "results.json").read_text())["tables"]["errors"]
+    return rows
+
+
+def test_which_papers_have_roles_beside_their_bare_filters() -> None:
+    assert {name: holds_roles(name) for name in (*PAPERS, *KERNELS)} == {
+        "zhai": False, "yu": False, "zhou": False, "ozfidan": True,
+    }  # fmt: skip
+
+
 def test_the_engine_names_no_paper() -> None:
     folder = Path(reproduce_kernels.__code__.co_filename).parent
     texts = [file.read_text() for file in folder.glob("*.py")]
     assert texts
-    assert [name for name in (*PAPERS, "zhou", "yu") if any(f'"{name}' in text for text in texts)] == []
+    assert [name for name in (*PAPERS, *KERNELS) if any(f'"{name}' in text for text in texts)] == []
     assert kernels_named("zhou").name == "zhou"
 
 

@@ -386,7 +386,7 @@ def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
 
 
 def test_an_unknown_scenario_brings_the_nearest_name() -> None:
-    expected = "expected one of bus, hall, radar, zhai-spcpf, or a TOML file"
+    expected = "expected one of bus, hall, ozfidan-clusters, radar, zhai-spcpf, or a TOML file"
     assert failure("zhai-spcfp") == f"unknown scenario 'zhai-spcfp'; did you mean zhai-spcpf?; {expected}"
     assert failure("zzzzz") == f"unknown scenario 'zzzzz'; {expected}"
 

@@ -23,8 +23,8 @@ from trackfield.world.fixes import read_fixes
 DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
 
-def test_there_are_four() -> None:
-    assert names() == ("bus", "hall", "radar", "zhai-spcpf")
+def test_there_are_five() -> None:
+    assert names() == ("bus", "hall", "ozfidan-clusters", "radar", "zhai-spcpf")
     for name in names():
         assert Scenario.load(name).name == name
         assert 20 < len(summary(name)) < 120
@@ -203,9 +203,13 @@ def test_a_document_needs_its_marks() -> None:
 
 def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
     parts = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
-    crossing, targets, sensors, score, faults, recorded, radios = parts
+    crossing, drifting, targets, sensors, score, faults, recorded, radios = parts
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
+    wide = survey(
+        Scenario.load({"name": "mine", "sensor": {"kind": "range", "range_m": 22_627}} | tomllib.loads(drifting))
+    )
+    assert (len(wide.sensors), wide.steps, wide.paths["target"].x[0]) == (256, 1000, 8000.0)
     several = Scenario.load({"name": "mine"} | tomllib.loads(targets))
     assert [target.id for target in several.every_target] == ["target", "truck"]
     mixed = survey(Scenario.load("zhai-spcpf", tomllib.loads(sensors)))

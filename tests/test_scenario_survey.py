@@ -147,7 +147,7 @@ def test_a_run_lasts_its_steps_and_the_path_as_long(target: dict[str, Any], step
 
 
 @pytest.mark.parametrize("step_s", [0.001, 0.1, 0.3, 0.7, 1.1])
-@pytest.mark.parametrize("kind", ["s1", "s2", "s3", "waypoints"])
+@pytest.mark.parametrize("kind", ["s1", "s2", "s3", "waypoints", "drifting"])
 def test_the_target_is_there_at_every_step_to_the_last(kind: str, step_s: float) -> None:
     more = {"waypoints": [[0, 0, 0], [33.3, 1, 1]]} if kind == "waypoints" else {"steps": 101}
     steps, path = target_path(mine(path=kind, step_s=step_s, **more))

@@ -219,6 +219,33 @@ def test_a_result_ends_with_folder_and_next_command(plan: Plan, said: Said, monk
     assert "failed" not in said()
 
 
+def test_each_of_several_views_has_its_row(plan: Plan, said: Said) -> None:
+    metrics = metrics_of(plan)
+    figures = metrics["trackers"]["spcpf"]["views"]["base"]
+    late = figures | {"median_error": 7.0, "steps_tracked": 4, "verdict": None, "rmse": dict.fromkeys(figures["rmse"])}
+    metrics["trackers"]["spcpf"]["views"] = {"in-network": figures | {"median_error": 2.0}, "base": late}
+    show.conclude(outcome(metrics))
+    table = rows(said())
+    assert "spcpf" not in table
+    assert table["spcpf, in-network"][1:] == ["2.00 m", *table["spcpf, in-network"][2:4], "tracked"]
+    assert table["spcpf, base"] == ["-", "7.00 m", "-", "4 of 5", "no truth to judge by"]
+
+
+def test_leaders_slaves_and_the_age_of_what_is_known_have_a_line_each(plan: Plan, said: Said) -> None:
+    metrics = metrics_of(plan)
+    metrics["leaders"] |= {
+        "per_step_mean": 1.02, "two_leader_steps": 1, "handovers": 12, "lost_handovers": 2, "take_overs": 1,
+        "reports_used": 3.93, "reports_asked": 4.68,
+    }  # fmt: skip
+    metrics["clusters"] |= {"orphans_first": 3, "orphans_last": 0}
+    metrics["age_of_information_s"] = {"mean": 4.0, "p95": 9.5}
+    show.conclude(outcome(metrics))
+    leaders = "12 hand-overs (2 more lost), 1 take-over (0 false), two at once in 1 step"
+    assert f"leaders: {leaders}; 3.9 reports a step of 4.7 asked for\n" in said()
+    assert "slaves without a master: 3 at the first step, 0 at the end\n" in said()
+    assert "what the base knew was 4 s old, mean; 9.5 s, 95 %\n" in said()
+
+
 def test_a_folders_name_stays_whole_whatever_the_width(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines are there to be copied, or read by a script."""
     show.console.width = 60

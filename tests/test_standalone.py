@@ -22,7 +22,7 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=60, check=False)
 
 
-@pytest.mark.parametrize("role", ["node", "fusion"])
+@pytest.mark.parametrize("role", ["node", "fusion", "head"])
 def test_help_needs_nothing_but_the_role(role: str) -> None:
     done = python("-c", ASK_FOR_HELP.format(role=role, heavy=HEAVY))
     assert f"python -m {role}" in done.stdout
@@ -34,6 +34,7 @@ def test_help_needs_nothing_but_the_role(role: str) -> None:
     ("arguments", "says"),
     [
         ((), "--connect"),
+        (("master", "--connect", "tcp/127.0.0.1:9"), "invalid choice: 'master' (choose from "),
         (("--connect", "tcp/127.0.0.1:9", "--run", "r", "--id", "n 1"), "'n 1' is not an id"),
         (
             ("--connect", "nonsense", "--run", "r", "--id", "n1"),

@@ -43,6 +43,7 @@ POINTS = st.builds(
     particles=st.binary(max_size=8).map(lambda pair: pair * 8),
     lag=st.integers(0, 9),
     term=st.integers(0, 99),
+    known_step=st.none() | st.integers(0, 99),
     source=WORDS,
     origin=st.just("") | IDS,
     step=st.one_of(st.none(), st.integers(0, 65535)),
@@ -91,6 +92,7 @@ def test_telemetry_of_no_known_kind_is_refused(body: tuple[Any, ...]) -> None:
         ({"unknowns": (1.0,)}, "malformed"),
         ({"unknowns": (1.0,), "unknown_sds": (1.0, 2.0)}, "malformed"),
         ({"mean": (1.0, 2.0)}, "malformed"),
+        ({"known_step": 2**40}, "malformed"),
     ],
 )
 def test_a_point_that_is_none_is_refused(wrong: dict[str, Any], reason: str) -> None:

@@ -18,7 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 ROOT: Final = Path(__file__).parents[1]
-ROOMS: Final = ("trackfield", "node", "fusion", "launcher", "bench")
+ROOMS: Final = ("trackfield", "node", "fusion", "head", "launcher", "bench")
 FACADE: Final = "trackfield"
 """Left out: a façade of the whole house, it names what is above it for type checkers, and fetches it on first use."""
 MOST_FILES: Final = 20
