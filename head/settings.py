@@ -17,8 +17,8 @@ class Times:
     Slaves report from the instant on, in up to ``slots`` slots of ``slot_ns``; what a master sends for its slaves takes
     ``gather_slots``. At ``beacon_ns`` beacons leave, with preambles that are ``preamble_ns`` longer. A hand-over that
     is not acknowledged after ``handover_ns`` has failed. ``frame_ns`` is the time that a frame takes, and ``late_ns``
-    is how long after the end of its slot a report may arrive. Masters begin
-    to ask for the time one after the other, from the base outwards, each ``clock_ns`` after the one before.
+    is how long after the end of its slot a report may arrive. Masters begin to ask for the time one after the other,
+    from the base outwards, each ``clock_ns`` after the one before.
     """
 
     slot_ns: int

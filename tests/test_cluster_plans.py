@@ -25,6 +25,7 @@ from launcher.reproduce.papers.ozfidan.field import NOBODY, associated
 from tests.cluster_budgets import FIELD, budget
 from tests.command_line import Call, trackfield
 from tests.simulated import simulated
+from trackfield.errors import ScenarioError
 from trackfield.role import NS
 from trackfield.scenario import Scenario
 
@@ -310,3 +311,16 @@ def test_duty_cycles_are_of_all_that_a_radio_sends() -> None:
         assert duty.seconds == pytest.approx(sum(sent) / NS)
     leaders = {turn.leader for turn in seen.scheduled.turns.values()}
     assert duties["its messages as master"].id in leaders
+
+
+def test_more_trackers_than_a_message_holds_are_refused() -> None:
+    """Masters share what all trackers know in one message."""
+    names = [f"tracker{number:02}" for number in range(15)]
+
+    def planned_with(count: int) -> Plan:
+        options = {name: {"tracker": "ukf"} for name in names[:count]}
+        return plan_of(fusion__trackers=names[:count], fusion__options=options)
+
+    assert planned_with(13)
+    with pytest.raises(ScenarioError, match=r"^fusion.trackers: what 15 trackers know takes \d+ bytes"):
+        planned_with(15)

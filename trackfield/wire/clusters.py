@@ -20,7 +20,9 @@ _SLOT: Final = Scaled(0, 65535, unit="slot")
 _PLACE: Final = Scaled(-1_000_000, 1_000_000, 0.1, "m")
 _FREE: Final = Scaled(0, 255, unit="places")
 _ID: Final = Blob(32, "id, ASCII")
-_BELIEFS: Final = Blob(1024, "beliefs")
+BELIEFS_BYTES: Final = 1024
+"""What a leader shares of what its trackers know, at most."""
+_BELIEFS: Final = Blob(BELIEFS_BYTES, "beliefs")
 
 
 @kind(30, "announce")

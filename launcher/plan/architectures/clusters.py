@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from math import ceil, hypot, inf
 from typing import Any, Final
 
+import numpy as np
+
 from launcher.plan.architectures import slots
 from launcher.plan.architectures.arranged import Arranged, Process
 from launcher.plan.architectures.field import Field
@@ -18,9 +20,13 @@ from launcher.plan.tracking import if_used
 from launcher.records import BATTERY, MASTER, SLAVE, TRACKS, Schedule
 from trackfield.draw import uniform
 from trackfield.errors import ScenarioError
+from trackfield.filters.types import Gaussian
 from trackfield.role import NEIGHBOURHOOD, NS
 from trackfield.scenario import Site
 from trackfield.sensing.complete import Kind
+from trackfield.tracking.stored import pack
+from trackfield.tracking.threshold import LAST_STEP
+from trackfield.wire.clusters import BELIEFS_BYTES
 from trackfield.wire.codec import encode
 from trackfield.wire.registry import kind_of_class
 
@@ -136,6 +142,7 @@ class Clusters:
         """What the times of a step depend on."""
         sensing = [section.sensing for section in site.sections.values()]
         state = 4 + sum(len(kind.unknowns) for kind in sensing)
+        _check_beliefs(site.scenario.fusion.trackers, state)
         belief = 4 * (state + state * (state + 1) // 2) + slots.BELIEF_BYTES
         most, helpers = self._most(masters, len(site.sensors))
         particles = PARTICLES_BYTES if self.handover == "particles" else 0
@@ -269,6 +276,15 @@ class Clusters:
             tags=(BATTERY,),
             battery_j=field.scenario.energy.battery_j,
         )
+
+
+def _check_beliefs(trackers: Sequence[str], state: int) -> None:
+    """Raise ``ScenarioError`` if what so many trackers of a state of so many numbers know does not fit a message."""
+    one = Gaussian(np.zeros(state), np.eye(state))
+    size, most = len(pack(LAST_STEP, None, dict.fromkeys(trackers, one))), BELIEFS_BYTES
+    if size > most:
+        what = f"what {len(trackers)} trackers know takes {size} bytes, and masters share it in a message of {most}"
+        raise ScenarioError(what, key="fusion.trackers", expected="fewer trackers, or shorter names")
 
 
 def _ids(field: Field) -> list[str]:
