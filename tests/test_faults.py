@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
 from launcher.plan.faults import Faults, Life, resolve
+from launcher.plan.prepare import load, planned
 from launcher.records import SENSES, Place
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
+from trackfield.world.path import Path
 
 S = 1_000_000_000
 END = 61 * S
@@ -250,3 +253,72 @@ def test_marks_tell_what_begins_and_ends_in_order() -> None:
         (20, 30, "n060", "restart until 30 s"),
         (50, 61, "n060", "kill"),
     )
+
+
+# --- who stands nearest, and parts of an architecture -----------------------------------------------------------------
+
+
+ROW = [Place(f"n{i}", "node", 10.0 * i, 0.0, frozenset({SENSES})) for i in range(10)]
+MASTERS = [Place(f"m{i}", "master", 30.0 * i, 5.0) for i in range(4)]
+EAST = Path.of([(5.0, 0.0, 0.0, 1.0, 0.0), (105.0, 100.0, 0.0, 1.0, 0.0)])
+"""From the first step on, 5 s after the start, at 1 m/s."""
+
+
+def struck(**written: Any) -> tuple[str, ...]:
+    scenario = Scenario.load({"name": "mine", "target": {"path": "s1"}, "faults": [{"kind": "kill", **written}]})
+    parts = {"tracking": ("m0", "m1", "m2", "m3"), "base": ()}
+    found = resolve(scenario.faults, 1, [*ROW, *MASTERS], 120 * S, 5 * S, parts=parts, paths=[EAST])
+    assert all(fates.lives[0].kill_ns == round((5 + written["at_s"]) * S) for fates in found.fates.values())
+    return tuple(found.fates)
+
+
+def test_the_nearest_to_the_target_at_that_time_is_struck() -> None:
+    assert struck(nearest=1, at_s=41) == ("n4",)
+    assert struck(nearest=3, at_s=41) == ("n3", "n4", "n5")
+    assert struck(role="master", nearest=1, at_s=41) == ("m1",)
+    assert struck(part="tracking", nearest=1, at_s=80) == ("m3",)
+    assert struck(part="tracking", at_s=80) == ("m0", "m1", "m2", "m3")
+    assert len(struck(part="tracking", share=0.5, at_s=80)) == 2
+    assert struck(nearest=99, at_s=1) == tuple(place.id for place in ROW)
+
+
+def test_who_stands_nearest_is_not_known_without_a_target() -> None:
+    with pytest.raises(ScenarioError, match=r"faults\[0\]\.at_s: no target is there 110 s after the first step"):
+        struck(nearest=1, at_s=110)
+
+
+def test_a_part_that_an_architecture_does_not_have_is_an_error() -> None:
+    with pytest.raises(ScenarioError, match=r"faults\[0\]\.part: the architecture has no process of the part 'base'; "
+                       "expected one of tracking"):  # fmt: skip
+        struck(part="base", at_s=10)
+
+
+@pytest.mark.parametrize(
+    ("more", "what"),
+    [
+        ({"nearest": 1, "share": 0.1}, "nearest: is given together with share"),
+        ({"part": "base", "role": "node"}, "part: is given together with role"),
+        ({"nodes": ["n1"], "nearest": 1}, "nearest: is given together with nodes"),
+        ({"nearest": 0}, "nearest: is 0"),
+        ({"part": "head"}, 'part: is "head"'),
+    ],
+)
+def test_ways_to_say_who_exclude_each_other(more: Written, what: str) -> None:
+    with pytest.raises(ScenarioError, match=re.escape(what)):
+        struck(at_s=1, **more)
+
+
+def test_sensor_faults_of_a_part_without_sensors_are_errors() -> None:
+    written = {"kind": "deaf", "part": "tracking", "at_s": 1}
+    scenario = Scenario.load({"name": "mine", "target": {"path": "s1"}, "faults": [written]})
+    with pytest.raises(ScenarioError, match="a tracking has no sensor"):
+        resolve(scenario.faults, 1, [*ROW, *MASTERS], 120 * S, parts={"tracking": ("m0",)})
+
+
+@pytest.mark.parametrize(("kind", "tracking", "base"), [("centralised", "fusion", "fusion"), ("clusters", "m", "base")])
+def test_the_same_faults_strike_each_architecture(kind: str, tracking: str, base: str) -> None:
+    faults = "faults=[{kind='kill',part='tracking',nearest=1,at_s=3},{kind='freeze',part='base',at_s=1,until_s=2}]"
+    plan = planned(load("bus", settings=["target.steps=6", f"architecture.kind={kind}", faults]))
+    (killed,) = (one for one in plan.processes if one.kill_ns is not None)
+    assert killed.id.startswith(tracking)
+    assert [one.id for one in plan.processes if one.freezes] == [base]

@@ -143,6 +143,17 @@ def test_there_is_nothing_to_clip_outside(window: tuple[float, float]) -> None:
         Path.of(ROWS).clip(*window)
 
 
+def test_a_hastened_path_is_at_the_same_places_sooner() -> None:
+    path = Path.of(ROWS, gaps=[(2.0, 6.0)], jumps=[(0.0, 2.0)])
+    fast = path.hastened(2.0)
+    for t in (0.0, 0.5, 2.0, 3.5, 6.0):
+        x, y, vx, vy = path.at(t) or (0.0, 0.0, 0.0, 0.0)
+        assert fast.at(t / 2) == pytest.approx((x, y, 2 * vx, 2 * vy))
+    assert fast.gaps == ((1.0, 3.0),)
+    assert fast.jumps == ((0.0, 1.0),)
+    assert path.hastened(1.0) is path
+
+
 @pytest.mark.parametrize("seconds", [0.1, 12.3, 86400.0, 1e6])
 def test_a_shifted_path_is_the_same_so_much_later(seconds: float) -> None:
     path = replace(s1(3, 200, 0.1), gaps=((0.3, 0.7),))

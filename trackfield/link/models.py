@@ -13,10 +13,12 @@ from trackfield.link.fate import Link
 from trackfield.link.fixed import Fixed
 from trackfield.link.gilbert_elliott import GilbertElliott
 from trackfield.link.lognormal_prr import LognormalPrr
+from trackfield.link.lossy import Lossy
 from trackfield.link.places import Places
 from trackfield.link.ranged import Ranged
 from trackfield.link.serial import Serial
 from trackfield.link.trace import trace
+from trackfield.link.transfer import ByRadio
 
 __all__ = ["MODELS", "Link", "make_link", "reach_m"]
 
@@ -36,7 +38,7 @@ def _anywhere(model: Callable[..., Link]) -> Callable[..., Link]:
     return lambda seed, places, **parameters: model(seed, **parameters)
 
 
-WRAPPERS: Final = ("range_m", "burst_loss", "burst_s")
+WRAPPERS: Final = ("range_m", "burst_loss", "burst_s", "extra_loss")
 """Parameters of any model."""
 BURST_S: Final = 4.0
 """The mean length of bursts where only their share is given."""
@@ -59,7 +61,7 @@ def reach_m(link: Link) -> float:
     match link:
         case Ranged():
             return min(link.range_m, reach_m(link.link))
-        case Bursty():
+        case Bursty() | Lossy():
             return reach_m(link.link)
         case LognormalPrr():
             return link.reach_m
@@ -72,15 +74,15 @@ def make_link(
     places: Places = MappingProxyType({}),
     tx_dbms: Mapping[str, float] = MappingProxyType({}),
 ) -> Link:
-    """The link of a ``[link]`` section: its ``model``, that model's parameters, ``range_m`` if it has an end, and
-    ``burst_loss`` and ``burst_s`` if it is bad at times.
+    """The link of a ``[link]`` section: its ``model``, that model's parameters, ``range_m`` if it has an end,
+    ``burst_loss`` and ``burst_s`` if it is bad at times, ``extra_loss`` if more is lost than by the model.
 
     ``places`` holds the places of all processes between which frames may be sent, ``tx_dbms`` the transmit powers of
     those that have their own; only a radio has one. Raises ``ValueError`` for an unknown
     model or parameter, a missing one, or a value out of range.
     """
     parameters = {name: value for name, value in spec.items() if name not in ("model", *WRAPPERS)}
-    name, (range_m, burst_loss, burst_s) = str(spec.get("model")), map(spec.get, WRAPPERS)
+    name, (range_m, burst_loss, burst_s, extra_loss) = str(spec.get("model")), map(spec.get, WRAPPERS)
     if name not in MODELS:
         raise ValueError(f"link model {name!r} is not one of {', '.join(MODELS)}")
     if tx_dbms and MODELS[name] is LognormalPrr:
@@ -89,6 +91,8 @@ def make_link(
         link = MODELS[name](seed, places, **parameters)
     except TypeError as error:
         raise ValueError(f"link {name}: {error}") from None
+    if extra_loss:
+        link = link.lossier(extra_loss) if isinstance(link, ByRadio) else Lossy(seed, link, extra_loss)
     if range_m is not None:
         link = Ranged(link, places, range_m)
     return Bursty(seed, link, burst_loss, BURST_S if burst_s is None else burst_s) if burst_loss else link

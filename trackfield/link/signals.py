@@ -13,6 +13,7 @@ from trackfield.link.bursty import Bursty
 from trackfield.link.csma154 import Csma154
 from trackfield.link.fate import Link, Transmission
 from trackfield.link.lognormal_prr import LEAST_SHARE, LognormalPrr
+from trackfield.link.lossy import Lossy
 from trackfield.link.measured import Measured
 from trackfield.link.media import Media
 from trackfield.link.partitioned import Partitioned
@@ -43,7 +44,7 @@ class Signals:
                 inner = inner.links[medium]
             elif isinstance(inner, Ranged):
                 end, inner = inner, inner.link
-            elif isinstance(inner, Bursty | Partitioned):
+            elif isinstance(inner, Bursty | Lossy | Partitioned):
                 inner = inner.link
             else:
                 return None

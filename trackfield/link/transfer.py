@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from trackfield.draw import uniform
 from trackfield.link.fate import MIN_DELAY_NS, Fate, Transmission, check_share
@@ -33,8 +34,9 @@ class Transfer:
 
     With ``ack`` = n a fragment is sent until an acknowledgement arrives, n times at most, and counts as arrived when
     its first acknowledgement is out; with 0 it is sent once. ``acks`` overrides ``ack`` for some kinds of
-    message, by name. Fragments are sent one after the other; each has a fate of its own, and the payload arrives with
-    the last one, if none is lost.
+    message, by name. ``extra_loss`` is the share of all transmissions, acknowledgements included, that is lost
+    besides. Fragments are sent one after the other; each has a fate of its own, and the payload arrives with the last
+    one, if none is lost.
     """
 
     seed: int
@@ -42,8 +44,10 @@ class Transfer:
     busy: float = 0.0
     ack: int = 0
     acks: Mapping[str, int] = field(default_factory=dict)
+    extra_loss: float = 0.0
 
     def __post_init__(self) -> None:
+        check_share("extra_loss", self.extra_loss)
         check_share("busy", self.busy)
         if self.busy == 1:
             raise ValueError("busy: a channel that is always busy carries nothing")
@@ -75,6 +79,7 @@ class Transfer:
         sender = (src, "*" if frame.broadcast else dst, kind, *which)
         ack = self._acks(frame)
         now, attempts, on_air, air, acks, arrived, begun = 0, 0, 0, 0, 0, True, 0
+        passed = 1 - self.extra_loss
         for number, part in enumerate(self._frames(frame.size)):
             got, airtime = False, self.radio.airtime_ns(part) + frame.preamble_ns
             for attempt in range(max(ack, 1)):
@@ -85,7 +90,7 @@ class Transfer:
                     break
                 now += airtime
                 attempts, on_air, air = attempts + 1, on_air + part, air + airtime
-                heard = uniform(self.seed, "received", *key, number, attempt) < there(part)
+                heard = uniform(self.seed, "received", *key, number, attempt) < passed * there(part)
                 if seen is not None:
                     seen.append(OnAir(now - airtime, now, number, heard))
                 if heard and not got:
@@ -94,7 +99,7 @@ class Transfer:
                 if not ack:
                     break
                 acks += heard
-                known = heard and uniform(self.seed, "ack", *key, number, attempt) < back(self.radio.ack_bytes)
+                known = heard and uniform(self.seed, "ack", *key, number, attempt) < passed * back(self.radio.ack_bytes)
                 if heard and seen is not None:
                     seen.append(OnAir(now + self.radio.turnaround_ns, now + self.radio.ack_ns, number, known, True))
                 if known:
@@ -114,8 +119,9 @@ class Transfer:
         ack = self.ack if kind is None else self.acks.get(kind, self.ack)
         granted, whole = self.radio.access.granted(self.busy), 1.0
         for part in self._frames(size):
-            again = granted * (1 - there(part))
-            whole *= granted * there(part) * sum(again**i for i in range(max(ack, 1)))
+            share = (1 - self.extra_loss) * there(part)
+            again = granted * (1 - share)
+            whole *= granted * share * sum(again**i for i in range(max(ack, 1)))
         return whole
 
     def _frames(self, size: int) -> list[int]:
@@ -129,6 +135,12 @@ class ByRadio:
     """A link model whose payloads go by its ``_transfer``; it says how well frames are received (``_prrs``)."""
 
     _transfer: Transfer
+
+    def lossier(self, extra_loss: float) -> Self:
+        """The same model, with a share of all transmissions lost besides."""
+        found = copy(self)
+        object.__setattr__(found, "_transfer", replace(self._transfer, extra_loss=extra_loss))
+        return found
 
     @property
     def radio(self) -> Radio:

@@ -64,8 +64,11 @@ class Site:
 
     @property
     def end_ns(self) -> int:
-        """When a run ends: the last step's deadline falls after the paths' end; one step more lets it pass."""
-        return self.origin_ns + (self.steps + 1) * self.step_ns
+        """When a run ends: the last step's deadline falls after the paths' end; one step more lets it pass.
+
+        Steps go on for ``run.idle_s`` after that.
+        """
+        return self.origin_ns + (self.steps + 1 + idle_steps(self.scenario)) * self.step_ns
 
     def kind_of(self, index: int) -> str:
         """The name of the kind of the sensor of this index."""
@@ -297,8 +300,9 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     runs = together(partial(run, key, target) for key, target in targets)
     longest = max(steps for steps, _ in runs)
     steps = min(longest, scenario.steps or longest)
-    if steps > MAX_STEPS:
-        what, key = f"the run would have {steps} steps", f"{targets[0][0]}.steps"
+    if steps + idle_steps(scenario) > MAX_STEPS:
+        what = f"the run would have {steps + idle_steps(scenario)} steps"
+        key = "run.idle_s" if steps <= MAX_STEPS else f"{targets[0][0]}.steps"
         raise ScenarioError(what, key=key, expected=f"at most {MAX_STEPS}, the highest step that a report can hold")
     end_s = steps * step_ns / _NS
     for (key, _), (there_for, path) in zip(targets, runs, strict=True):
@@ -341,6 +345,11 @@ def check_speeds(sections: Mapping[str, SensorSection], paths: Mapping[str, Path
     if speed_m_s <= fastest_m_s:
         what = f"'{slowest}' has {speed_m_s:g} m/s, and {target} moves at {fastest_m_s:.3g} m/s"
         raise ScenarioError(what, key="sensor.speed_m_s", expected="more than the speed of any target")
+
+
+def idle_steps(scenario: Scenario) -> int:
+    """How many steps a run goes on for after the last one with a target."""
+    return ceil(round((scenario.run.idle_s or 0.0) * _NS) / _step_ns(scenario))
 
 
 def _step_ns(scenario: Scenario) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Self, TypeVar
+from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -29,15 +29,30 @@ class FaultSection(Section):
         min_length=1,
         description="all processes of this role, like node or fusion; with share, a share of them",
     )
+    part: Literal["tracking", "base"] | None = Field(
+        default=None,
+        description="instead of a role: the processes that fuse reports in the network, or else the centre (tracking), "
+        "or those at the base (base), whatever the architecture; with share or nearest, some of them",
+    )
+    nearest: int | None = Field(
+        default=None,
+        ge=1,
+        le=MOST_NODES,
+        description="of the role or the part, or else of the sensor nodes, so many that stand nearest to a target at "
+        "at_s; instead of nodes or a share",
+    )
     at_s: float
 
     @model_validator(mode="after")
     def _befalls_someone(self) -> Self:
-        others = [name for name in ("share", "role") if getattr(self, name) is not None]
+        others = [name for name in ("share", "role", "part", "nearest") if getattr(self, name) is not None]
         if self.nodes is None and not others:
             raise wrong("affects no process", "nodes (a list of ids), share (from 0 to 1) or role", ".nodes")
         if self.nodes is not None and others:
             raise wrong("is given together with nodes", "one of the two", f".{others[0]}")
+        for one, other in (("part", "role"), ("nearest", "share")):
+            if one in others and other in others:
+                raise wrong(f"is given together with {other}", "one of the two", f".{one}")
         for id, times in Counter(self.nodes).items():
             if times > 1:
                 raise wrong(f"{quoted(id)} is given twice", "each id once", ".nodes")

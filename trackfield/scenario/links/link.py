@@ -35,6 +35,7 @@ Acks = Annotated[
 
 
 BurstLoss = Annotated[float, Field(gt=0, le=0.99), Exact]
+ExtraLoss = Annotated[float, Field(ge=0, le=0.99), Exact]
 
 
 class LinkSection(Section):
@@ -50,6 +51,10 @@ class LinkSection(Section):
     )
     burst_s: Duration | None = Field(
         default=None, description=f"mean time that it is bad; unset: {BURST_S:g}, if burst_loss is set"
+    )
+    extra_loss: ExtraLoss | None = Field(
+        default=None,
+        description="share of transmissions, repeats and acknowledgements too, lost on top of the model; unset: none",
     )
 
     @model_validator(mode="after")

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BeforeValidator, Field, JsonValue
 
+from trackfield.errors import ScenarioError
 from trackfield.scenario.paths.path import Course, PathSection, whole_steps
 from trackfield.scenario.section import FileName, Word
 from trackfield.world.path import Path
@@ -43,11 +44,17 @@ class FromFile(PathSection):
     to: Moment | None = Field(
         default=None, json_schema_extra=_MOMENT, description="time of the end; unset: the file's last fix"
     )
+    hasten: float = Field(
+        default=1.0, ge=0.1, le=10, description="the target goes along the track so many times as fast as recorded"
+    )
 
     def run(self, course: Course) -> tuple[int, Path]:
-        """See ``PathSection``."""
+        """See ``PathSection``. Recorded reports belong to the track as it was recorded."""
+        if self.hasten != 1 and course.recordings:
+            what = f"is {self.hasten:g}, and sensors play what was recorded at the track's own speed"
+            raise ScenarioError(what, key=f"{course.key}.hasten", expected="1, or sensors without a recording")
         path = read_track(FilePath(self.file), self.from_, self.to, origin=course.origin, key=course.key)
-        return whole_steps(path, course)
+        return whole_steps(path.hastened(self.hasten), course)
 
     def start(self, key: str) -> Start:
         """See ``PathSection``."""

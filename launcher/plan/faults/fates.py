@@ -9,24 +9,17 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
+from launcher.plan.faults.struck import Affected, struck
 from launcher.plan.probe import biases
-from launcher.records import SENSES, Place
-from trackfield.draw import bits
+from launcher.records import Place
 from trackfield.errors import ScenarioError, combined, together
 from trackfield.link.partitioned import Cut
 from trackfield.role import NS
 from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
-from trackfield.scenario.nearest import suggestion
 from trackfield.sensing.complete import Kind
-from trackfield.words import quoted
+from trackfield.world.path import Path
 
 MS: Final = 1_000_000
-MOST_COMPARED: Final = 10_000
-"""Of more ids, none is suggested for an unknown one: it takes long."""
-MOST_STRUCK: Final = 500_000
-"""Pairs of a fault and a process that it affects."""
-MOST_DRAWN: Final = 5_000_000
-"""Pairs of a fault and a process that it may affect, as it affects a share of them."""
 Span = tuple[int, int]
 Mark = tuple[float, str, str]
 """(t s, id, what happens)"""
@@ -105,19 +98,22 @@ def resolve(
     end_ns: int,
     origin_ns: int = 0,
     kinds: Mapping[str, Kind] | None = None,
+    parts: Mapping[str, Sequence[str]] | None = None,
+    paths: Iterable[Path] = (),
 ) -> Faults:
     """The faults of a field, in a run that ends at ``end_ns``; their times count from the first step, at ``origin_ns``.
 
     ``kinds`` are those of the sensors by id, for biases in their units. A share of the sensors, or of a role, is drawn
-    by seed and the fault's number. Raises one ``ScenarioError`` for all unknown ids and roles, faults after the end,
-    and faults that contradict each other.
+    by seed and the fault's number. ``parts`` are the ids of the processes of each part of the architecture, ``paths``
+    those of the targets in emulated time, for faults of whom stands nearest to one. Raises one ``ScenarioError`` for
+    all unknown ids and roles, faults after the end, and faults that contradict each other.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
     partitions, marks, spells = list[Cut](), list[Mark](), list[Spell]()
-    last_ns, field = end_ns - origin_ns, _Field.of(places)
+    last_ns, field = end_ns - origin_ns, Affected.of(places, parts or {}, origin_ns, tuple(paths))
     field.check_number(faults)
-    struck = together(partial(_struck, number, fault, seed, field, last_ns) for number, fault in enumerate(faults))
-    for number, (fault, ids) in enumerate(zip(faults, struck, strict=True)):
+    each = together(partial(struck, number, fault, seed, field, last_ns) for number, fault in enumerate(faults))
+    for number, (fault, ids) in enumerate(zip(faults, each, strict=True)):
         marks += _marks(fault, ids, last_ns)
         spells += _spells(fault, ids, last_ns)
         if isinstance(fault, Partition):
@@ -143,98 +139,6 @@ def _when(one: Numbered) -> tuple[float, bool]:
 
 def _ns(t_s: float) -> int:
     return round(t_s * NS)
-
-
-@dataclass(frozen=True, slots=True)
-class _Field:
-    """The processes that faults may affect, by id: with a sensor, without one, and of each role their places."""
-
-    sensors: Mapping[str, Place]
-    others: Mapping[str, Place]
-    roles: Mapping[str, list[Place]]
-
-    @classmethod
-    def of(cls, places: Sequence[Place]) -> _Field:
-        """That of these places."""
-        roles: dict[str, list[Place]] = {}
-        for place in places:
-            roles.setdefault(place.role, []).append(place)
-        sensors = {place.id: place for place in places if SENSES in place.tags}
-        return cls(sensors, {place.id: place for place in places if place.id not in sensors}, roles)
-
-    def concerned(self, fault: Fault) -> int:
-        """The number of processes that a fault affects, or of which it affects a share."""
-        if fault.nodes is not None:
-            return len(fault.nodes)
-        return len(self.roles.get(fault.role, ()) if fault.role else self.sensors)
-
-    def check_number(self, faults: Sequence[Fault]) -> None:
-        """Raise ``ScenarioError`` for faults of so many processes that it cannot be meant."""
-        numbers = [self.concerned(fault) for fault in faults]
-        struck = sum(number * (fault.share or 1) for number, fault in zip(numbers, faults, strict=True))
-        for number, most, what in (
-            (struck, MOST_STRUCK, "affect {} processes in all"),
-            (sum(numbers), MOST_DRAWN, "are drawn from {} processes in all"),
-        ):
-            if number > most:
-                said = f"{len(faults)} faults {what.format(round(number))}"
-                raise ScenarioError(said, key="faults", expected=f"at most {most}, each counted once for each fault")
-
-
-def _struck(number: int, fault: Fault, seed: int, field: _Field, end_ns: int) -> tuple[str, ...]:
-    """The processes that the fault affects; its times are checked first."""
-    _check_times(number, fault, end_ns)
-    return _ids(number, fault, seed, field)
-
-
-def _check_times(number: int, fault: Fault, end_ns: int) -> None:
-    """Raise ``ScenarioError`` for a fault that begins, or a process that would be up again, after the end."""
-    for name in ("at_s", *(["until_s"] if isinstance(fault, Restart) else [])):
-        value = getattr(fault, name)
-        if value * NS >= end_ns:
-            what, expected = f"is {value:g}, and the run ends at {end_ns / NS:g} s", "a time before that"
-            raise ScenarioError(what, key=f"faults[{number}].{name}", expected=expected)
-
-
-def _ids(number: int, fault: Fault, seed: int, field: _Field) -> tuple[str, ...]:
-    """The processes that the fault affects."""
-    if fault.nodes is None:
-        concerned = list(field.sensors) if fault.role is None else _with_role(number, fault, field)
-        if fault.share is None:
-            return tuple(sorted(concerned))
-        drawn = sorted(concerned, key=lambda id: bits(seed, "fault", number, id))
-        return tuple(sorted(drawn[: max(round(fault.share * len(concerned)), 1)]))
-    of_sensors = isinstance(fault, SensorFault)
-    for id in fault.nodes:
-        if id not in field.sensors and (of_sensors or id not in field.others):
-            raise _no_such(number, fault, id, field)
-    return fault.nodes
-
-
-def _no_such(number: int, fault: Fault, id: str, field: _Field) -> ScenarioError:
-    """The error for an id that is none, or is not that of a sensor."""
-    key = f"faults[{number}].nodes"
-    if id in field.others:
-        what = f"{id} has no sensor, and {fault.kind} is a fault of sensors"
-        return ScenarioError(what, key=key, expected="ids of sensor nodes")
-    known = list(field.sensors if isinstance(fault, SensorFault) else (*field.sensors, *field.others))
-    like = ", ".join(dict.fromkeys((known[0], known[-1])))
-    near = suggestion(id, known) if len(known) <= MOST_COMPARED else ""
-    return ScenarioError(f"there is no {quoted(id)}{near}", key=key, expected=f"ids of this field, like {like}")
-
-
-def _with_role(number: int, fault: Fault, field: _Field) -> list[str]:
-    """The ids of the processes that a fault names by their role."""
-    key, role = f"faults[{number}].role", str(fault.role)
-    if role not in field.roles:
-        what = f"no process has the role {quoted(role)}{suggestion(role, field.roles)}"
-        raise ScenarioError(what, key=key, expected=f"one of {', '.join(field.roles)}")
-    found = field.roles[role]
-    if isinstance(fault, SensorFault) and any(SENSES not in place.tags for place in found):
-        raise ScenarioError(
-            f"a {role} has no sensor, and {fault.kind} is a fault of sensors", key=key, expected="a role with sensors"
-        )
-    return [place.id for place in found]
 
 
 def _fates(id: str, own: Sequence[Numbered], end_ns: int, kind: Kind | None) -> Fates:
