@@ -96,7 +96,8 @@ def test_naming_a_key_of_one_model_chooses_the_model() -> None:
     trace = spcpf.set("link.file", "/a.csv").plain()["link"]
     assert (trace["model"], trace["file"], trace["ack"]) == ("trace", "/a.csv", spcpf.plain()["link"]["ack"])
     assert "radio" not in trace
-    assert spcpf.set("field.within_m", 80).field.layout == "along-path"
+    with pytest.raises(ScenarioError, match=r"^field.within_m: belongs to layout along-path or cells, not to grid"):
+        spcpf.set("field.within_m", 80)
     assert spcpf.set("field.jitter", 0.1).plain()["field"] == {
         "layout": "jittered",
         "jitter": 0.1,

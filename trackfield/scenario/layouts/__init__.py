@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from trackfield.scenario.layouts.along_path import AlongPath
 from trackfield.scenario.layouts.beside import Beside
+from trackfield.scenario.layouts.cells import CellsSection
 from trackfield.scenario.layouts.grid import Grid
 from trackfield.scenario.layouts.jittered import Jittered
 from trackfield.scenario.layouts.layout import Ground, LayoutSection
@@ -18,6 +19,7 @@ __all__ = [
     "LAYOUTS",
     "AlongPath",
     "Beside",
+    "CellsSection",
     "Grid",
     "Ground",
     "Jittered",
@@ -34,6 +36,7 @@ LAYOUTS: Final[tuple[type[LayoutSection], ...]] = (
     Scattered,
     Ring,
     AlongPath,
+    CellsSection,
     Beside,
     Surveyed,
 )
