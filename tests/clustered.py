@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any, Final
 
-from head.base import Base
+from fusion.base import Base
 from head.master import Master
 from node.slave import Slave
 from tests.ether import DELAY_NS, ORIGIN_NS, Net, Place, Target

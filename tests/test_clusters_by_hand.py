@@ -48,7 +48,7 @@ def test_each_role_has_its_program(router: str, start: Start, tmp_path: Path) ->
     field.write_text(FIELD)
     run = Run(tmp_path / "run", str(field), "--external", "--connect", router)
     until(lambda: f"1 of {2 + MASTERS + SLAVES} ready" in run.said(), timeout=60)
-    start("head", "base")
+    start("fusion", "base")
     for _ in range(MASTERS):
         start("head")
     for _ in range(SLAVES):

@@ -14,7 +14,7 @@ from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
 from trackfield.scenario.options import tables
 from trackfield.scenario.survey import named
-from trackfield.tracking.smoothing import lagged_names
+from trackfield.tracking.smoothing import lagged_names, rts_names
 
 
 def tracking_of(site: Site, source: str) -> dict[str, Any]:
@@ -59,8 +59,14 @@ def check_tracking(scenario: Scenario) -> None:
 def track_names(scenario: Scenario) -> tuple[str, ...]:
     """The names of all tracks, smoothed ones last."""
     names, options = scenario.fusion.trackers, tables(scenario.fusion.options)
-    made = ((name, make_tracker(name, options.get(name))) for name in names)
-    return (*names, *lagged_names(made, scenario.fusion.smooth_lag))
+    made = [(name, make_tracker(name, options.get(name))) for name in names]
+    whole = rts_names(made) if scenario.fusion.smooth_rts else ()
+    return (*names, *lagged_names(made, scenario.fusion.smooth_lag), *whole)
+
+
+def rts_of(site: Site) -> dict[str, Any]:
+    """The arguments with which a base (``fusion.base.Base``) smooths whole tracks, if it is to."""
+    return {"rts": True, "last_step": site.steps} if site.scenario.fusion.smooth_rts else {}
 
 
 def if_used(**more: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -115,6 +115,20 @@ def lagged_name(tracker: str, lag: int) -> str:
 def lagged_names(trackers: Iterable[tuple[str, object]], lag: int) -> tuple[str, ...]:
     """The names of the smoothed tracks of these (name, tracker)."""
     return tuple(lagged_name(name, lag) for name, tracker in trackers if lag and isinstance(tracker, Foresees))
+
+
+RTS: Final = "+rts"
+"""The end of the name of a track that is smoothed as a whole (``trackfield/tracking/intervals.py``)."""
+
+
+def rts_name(tracker: str) -> str:
+    """The name of a tracker's track smoothed as a whole."""
+    return f"{tracker}{RTS}"
+
+
+def rts_names(trackers: Iterable[tuple[str, object]]) -> tuple[str, ...]:
+    """The names of such tracks of these (name, tracker)."""
+    return tuple(rts_name(name) for name, tracker in trackers if isinstance(tracker, Foresees))
 
 
 def _finite(estimate: Estimate) -> bool:

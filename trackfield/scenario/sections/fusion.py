@@ -35,6 +35,11 @@ class Fusion(Section):
     smooth_lag: int = Field(
         default=0, ge=0, le=100, description="also publish smoothed tracks, this many steps later; 0: none"
     )
+    smooth_rts: bool = Field(
+        default=False,
+        strict=True,
+        description="the base also publishes each track smoothed as a whole, when it has ended",
+    )
     target_sd_m: Distance = Field(
         default=3.0, description="standard deviation of the position that an adaptive threshold aims at"
     )
