@@ -48,7 +48,7 @@ def words(ledger: Ledger, kind: str) -> list[tuple[str, str, str, Any]]:
 
 def test_an_election_has_rivals_and_ends_in_one_mind() -> None:
     """In most rounds two claim at least, as they have not heard of each other; all but a few end with the best."""
-    claims = words(virtual("election"), "claim")
+    claims = words(virtual("election"), "bid")
     rivals, best = Counter[int](), dict[int, int]()
     for round in range(1, 10):
         said = [(src, claim) for src, _, _, claim in claims if claim.round == round]

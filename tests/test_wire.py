@@ -309,6 +309,8 @@ def test_each_kind_has_a_limit_of_its_own() -> None:
         "led-track": 512 + 1024, "doubt": 32, "alive": 32,
     }  # fmt: skip
     assert {kind: limits.pop(kind) - 256 for kind in bytes_of_clusters} == bytes_of_clusters
+    bytes_of_peers = {"join-claim": 32, "poll": 100, "estimate": 1024, "local-estimate": 1024}
+    assert {kind: limits.pop(kind) - 256 for kind in bytes_of_peers} == bytes_of_peers
     assert set(limits.values()) == {256}
     assert reason_of(_packed([1, 1, 3, 100, bytes(300)])) == "size"
     assert reason_of(_packed([1, 1, 3, 100, bytes(200)])) == "type"
@@ -369,6 +371,7 @@ def test_a_kind_of_ones_own() -> None:
     own = ["doa", "sync-request", "sync-reply", "threshold", "measurement", "track", "range", "rss", "energy"]
     own += ["route", "hop", "hop-ack", "announce", "solicit", "join", "admit", "wake", "no-target", "merge"]
     own += ["aggregate", "hand-over", "hand-over-ack", "share", "roster", "led-track", "doubt", "alive"]
+    own += ["claim", "join-claim", "poll", "result", "estimate", "dissolve", "local-estimate"]
     assert [known.name for known in registry.product_kinds()] == own
 
 

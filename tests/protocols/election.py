@@ -35,7 +35,7 @@ MERITS: Final = 4096
 LOSS: Final = 0.3
 
 
-@kind(243, "claim")
+@kind(243, "bid")
 @dataclass(frozen=True, slots=True)
 class Claim:
     """The best candidate of a round that the sender knows; ``hops`` is 0 from the candidate itself."""
@@ -60,7 +60,7 @@ class Ballot:
 class Contender:
     """One of those who elect, and may be elected; with ``naps`` it sleeps through the end of each round."""
 
-    kinds = frozenset({"claim"})
+    kinds = frozenset({"bid"})
 
     def __init__(self, *, name: str, number: int, seed: int, naps: bool = False) -> None:
         self.name, self.number, self.seed, self.naps = name, number, seed, naps

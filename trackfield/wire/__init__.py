@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackfield.wire import clusters, keys
+from trackfield.wire import clusters, keys, peers
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -31,4 +31,5 @@ __all__ = [
     "keys",
     "kind",
     "kind_name",
+    "peers",
 ]
