@@ -1,7 +1,9 @@
-"""``python -m head``: one master, or with ``base`` the base, that joins a run through a router."""
+"""``python -m head``: one master, or with ``peer`` one node that may lead, that joins a run through a router."""
 
 from __future__ import annotations
 
 from trackfield.drivers.standalone import main
 
-main("head", {"master": "head.master:Master", "base": "head.base:Base"}, __doc__, installed=True)
+PEER = {"member": "node.member:Member", "header": "head.header:Header"}
+
+main("head", {"master": "head.master:Master", "peer": PEER}, __doc__, installed=True)

@@ -10,6 +10,7 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.filters.metrics import Lost
 from trackfield.link.places import Path as Legs
 from trackfield.role import NS
+from trackfield.tracking.smoothing import RTS
 from trackfield.wire.keys import Medium
 from trackfield.world.path import Path
 
@@ -21,9 +22,13 @@ TRACKS: Final = "tracks"
 """Tag of a place that publishes tracks."""
 BACKBONE: Final = "backbone"
 """Tag of a place at the wire between masters, gateways and centres."""
+BASE: Final = "base"
+"""The name of the view with the tracks that somebody at the base sees."""
 MASTER: Final = "master"
 SLAVE: Final = "slave"
 """The roles of those who form clusters."""
+PEER: Final = "peer"
+"""The role of a node that may lead."""
 JOINED: Final = frozenset({"asleep", "active"})
 """The states of a slave that has a master; in any other it has none."""
 
@@ -192,6 +197,49 @@ class Schedule:
 
 
 @dataclass(frozen=True, slots=True)
+class Polls:
+    """Who measures when, in a field in which any node may lead, as far as it is known before a run.
+
+    A head has ``count`` sensors measure, the nearest to the target or, if they ``join`` it, of those that did; it hands
+    over as a ``sticky`` one does, or one that leads on while it is within ``keep_within_m`` of the target. They report
+    in slots of ``slot_ns`` from the instant of a step on; polls leave at ``beacon_ns`` after the instant before, with
+    preambles that are ``preamble_ns`` longer. If ``local``, they report what they conclude, and not what they measure.
+    What a head tells all in reach at each step is ``short``, or all that its
+    trackers know; if there is a tree it also tells the ``base`` that, every ``base_every`` steps, and all receivers are
+    ``always_on``. Beliefs are handed over in the form ``hands``.
+
+    An election ends ``settle_ns`` after a claim, and a claim leaves up to ``backoff_ns`` after the reading. A track
+    without a report for ``silent_steps`` is lost. That a node senses the target holds for ``expiry_steps``; nodes say
+    so in turns of ``turn_ns``. During the setup a node makes ``announcements`` in the first ``announce_ns``. A sensor's
+    possible peers are within ``peers_m``. ``budget`` is as in ``Schedule``.
+    """
+
+    count: int
+    joins: bool
+    sticky: bool
+    keep_within_m: float | None
+    short: bool
+    hands: str
+    local: bool
+    base: str
+    base_every: int
+    always_on: bool
+    slot_ns: int
+    beacon_ns: int
+    preamble_ns: int
+    turn_ns: int
+    settle_ns: int
+    hop_ns: int
+    backoff_ns: int
+    silent_steps: int
+    expiry_steps: int
+    announcements: int
+    announce_ns: int
+    peers_m: float
+    budget: tuple[tuple[str, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
@@ -205,7 +253,8 @@ class Plan:
     when a track counts as lost. A report is in time up to ``deadline_s`` after its step, and can be used up to
     ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
     classes are, by ``kind:name``. ``bridges`` are the real devices that take the place of processes, by their ids.
-    ``schedule`` says who measures, if not all sensors do that have a target in reach.
+    ``schedule`` says who measures, if not all sensors do that have a target in reach. ``smoothers`` are the processes
+    that smooth whole tracks.
     """
 
     run: RunSpec
@@ -226,7 +275,8 @@ class Plan:
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     bridges: Mapping[str, str] = field(default_factory=dict)
-    schedule: Schedule | None = None
+    schedule: Schedule | Polls | None = None
+    smoothers: tuple[str, ...] = ()
 
     @property
     def reports(self) -> tuple[Flow, ...]:
@@ -273,9 +323,16 @@ class Plan:
         return (at_ns - self.info.origin_ns) // self.info.step_ns
 
     def lag_of(self, track: str) -> int:
-        """How many steps later the points of this track come: 0, or those by which it is smoothed."""
-        smoothed = track not in self.tracking.get("trackers", (track,))
+        """How many steps later the points of this track come: 0, or those by which it is smoothed.
+
+        Also 0 for one that is smoothed as a whole, all of whose points come at its end.
+        """
+        smoothed = track not in self.tracking.get("trackers", (track,)) and not self.whole(track)
         return int(self.tracking.get("smooth_lag", 0)) if smoothed else 0
+
+    def whole(self, track: str) -> bool:
+        """Whether this track is smoothed as a whole."""
+        return bool(self.smoothers) and track.endswith(RTS)
 
     def bank_of(self, source: str) -> dict[str, Any]:
         """The arguments of the ``Bank`` of a process that fuses reports; all but the first also draw by their ids."""

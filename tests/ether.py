@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from math import hypot
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from tests.puppet import MS
 from trackfield.drivers.engine.receiver import Receiver, Windows
@@ -160,14 +160,14 @@ class Net:
         """It receives this now, whoever sent it."""
         self._give(dst, Received(self.local(dst), decode(encode(message)), sender))
 
-    def run(self, until_ns: int) -> Net:
+    def run(self, until_ns: int) -> Self:
         while self._due and self._due[0][0] <= until_ns:
             self.t_ns, _, _, (what, *rest) = heappop(self._due)
             (self._arrive if what == "frame" else self._ring)(*rest)
         self.t_ns = until_ns
         return self
 
-    def to_step(self, step: int, into_ns: int = 999 * MS) -> Net:
+    def to_step(self, step: int, into_ns: int = 999 * MS) -> Self:
         """Up to so long after the instant of a step, by default almost all of it."""
         return self.run(ORIGIN_NS + step * NS + into_ns)
 

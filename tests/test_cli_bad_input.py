@@ -43,7 +43,11 @@ def assert_refused(said: Said, *parts: str) -> None:
     [
         (
             ["run", "zhai-spcfp"],
-            ["unknown scenario", "mean zhai-spcpf?", "one of bus, hall, ozfidan-clusters, radar, zhai-spcpf, or a"],
+            [
+                "unknown scenario",
+                "mean zhai-spcpf?",
+                "one of bus, hall, ozfidan-clusters, radar, yu-mrbpf, zhai-spcpf, zhou-upf, or a",
+            ],
         ),
         (["validate", "buss"], ["unknown scenario 'buss'", "did you mean bus?"]),
         (["run", "no/such.toml"], ["no/such.toml: cannot be read (No such file"]),
@@ -252,7 +256,9 @@ def test_sensors_that_are_not_there_are_named(trackfield: Call, tmp_path: Path) 
 def test_a_file_says_itself_how_many_sensors_there_are(trackfield: Call, tmp_path: Path) -> None:
     (tmp_path / "posts.csv").write_text("id,x,y\na,60,80\n")
     said = trackfield(*NOWHERE, "--sensors", "posts.csv", "--nodes", "5")
-    assert_refused(said, "field.nodes: belongs to layout grid or jittered or random or ring or along-path, not to file")
+    assert_refused(
+        said, "field.nodes: belongs to layout grid or jittered or random or ring or along-path or cells, not to file"
+    )
 
 
 # --- run folders ------------------------------------------------------------------------------------------------------

@@ -67,7 +67,7 @@ def test_each_kind_says_of_all_its_members_what_they_are(trackfield: Call, kind:
 
 
 def test_parameters_stand_below_with_their_defaults(trackfield: Call) -> None:
-    of_any = "range_m, burst_loss, burst_s"
+    of_any = "range_m, burst_loss, burst_s, extra_loss"
     assert described(trackfield("list", "links").out)["fixed"][1] == f"{of_any}, loss=0.05, delay_ms=5.0"
     assert described(trackfield("list", "trackers").out)["bootstrap"][1].startswith("n=2000, ")
     assert described(trackfield("list", "radios").out).keys() == RADIOS.keys()

@@ -142,7 +142,7 @@ def test_editors_get_a_schema() -> None:
     links = {"link", "backbone", "serial"}
     assert properties.keys() == {"name", "seed", "restart", "radio", "run", "score", "faults"} | sections | links
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
-    layouts = {"grid", "jittered", "random", "ring", "along-path", "beside", "file"}
+    layouts = {"grid", "jittered", "random", "ring", "along-path", "cells", "beside", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
     sensor = schema()["$defs"]["DoaSensor"]
     assert sensor["properties"]["alpha"]["maximum"] == 20
@@ -386,7 +386,7 @@ def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
 
 
 def test_an_unknown_scenario_brings_the_nearest_name() -> None:
-    expected = "expected one of bus, hall, ozfidan-clusters, radar, zhai-spcpf, or a TOML file"
+    expected = "expected one of bus, hall, ozfidan-clusters, radar, yu-mrbpf, zhai-spcpf, zhou-upf, or a TOML file"
     assert failure("zhai-spcfp") == f"unknown scenario 'zhai-spcfp'; did you mean zhai-spcpf?; {expected}"
     assert failure("zzzzz") == f"unknown scenario 'zzzzz'; {expected}"
 
@@ -411,5 +411,5 @@ def test_layouts_have_their_own_keys() -> None:
     assert isinstance(field, AlongPath)
     assert field.within_m == 80.0
     assert failure({**LEAST, "field": {"layout": "grid", "within_m": 80.0}}).startswith(
-        "field.within_m: belongs to layout along-path, not to grid"
+        "field.within_m: belongs to layout along-path or cells, not to grid"
     )

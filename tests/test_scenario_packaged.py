@@ -23,8 +23,8 @@ from trackfield.world.fixes import read_fixes
 DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
 
-def test_there_are_five() -> None:
-    assert names() == ("bus", "hall", "ozfidan-clusters", "radar", "zhai-spcpf")
+def test_there_are_seven() -> None:
+    assert names() == ("bus", "hall", "ozfidan-clusters", "radar", "yu-mrbpf", "zhai-spcpf", "zhou-upf")
     for name in names():
         assert Scenario.load(name).name == name
         assert 20 < len(summary(name)) < 120
@@ -128,7 +128,7 @@ def test_the_keys_that_are_commented_out_are_right_too(name: str, drives: bool, 
     text = text.replace('"bus.gpx"', f'"{FILE}"')
     (tmp_path / "all.toml").write_text(text)
     scenario = Scenario.load(tmp_path / "all.toml")
-    assert survey(scenario).steps == 60
+    assert survey(scenario).steps == (100 if name == "yu-mrbpf" else 60)
     assert (scenario.fusion.path is not None) is drives
     assert len(planned(scenario).info.marks) >= 4
 

@@ -21,7 +21,7 @@ from launcher.plan.links import (
     with_nodes,
 )
 from launcher.plan.tracking import track_names
-from launcher.records import FieldInfo, Plan, Truth
+from launcher.records import BASE, FieldInfo, Plan, Truth
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.filters.metrics import Lost
 from trackfield.link.fate import FIELD
@@ -75,13 +75,20 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         own_places=places,
         banks=whole.banks,
         schedule=field.schedule,
+        smoothers=field.smoothers,
     )
 
 
 def planned_faults(field: Built) -> Faults:
     """The planned faults by process. Raises ``ScenarioError`` as ``resolve`` does."""
     site, scenario = field.site, field.site.scenario
-    return resolve(scenario.faults, scenario.seed, field.places, site.end_ns, site.origin_ns, site.sensing)
+    base = next((view.sources for view in field.views if view.name == BASE), ())
+    inside = tuple(id for id in field.fusing if id not in base)
+    parts = {"tracking": inside or field.fusing, "base": base}
+    paths = site.paths.values()
+    return resolve(
+        scenario.faults, scenario.seed, field.places, site.end_ns, site.origin_ns, site.sensing, parts, paths
+    )
 
 
 def lost_of(scenario: Scenario) -> Lost:

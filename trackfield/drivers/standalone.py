@@ -40,12 +40,15 @@ TRIES: Final = 5
 """How often a process asks for a place, if others come before it at those that it is offered."""
 
 
-def main(program: str, factories: Mapping[str, str], description: str | None, *, installed: bool = False) -> None:
+def main(
+    program: str, factories: Mapping[str, str | Mapping[str, str]], description: str | None, *, installed: bool = False
+) -> None:
     """Join a run as one of its processes and live its life.
 
-    ``factories`` (as in ``ProcessSpec``) make the roles that ``program`` knows by name; of several the command line may
-    name one, else the first is meant. ``installed``: users' own classes are also looked for among installed packages,
-    which takes memory. Exit 2 for bad arguments, 1 if it cannot join.
+    ``factories`` (``module:attribute``, of a process with several roles those of each by name) make the roles that
+    ``program`` knows by name; of several the command line may name one, else the first is meant. ``installed``: users'
+    own classes are also looked for among installed packages, which takes memory. Exit 2 for bad arguments, 1 if it
+    cannot join.
     """
     parser = _parser(f"python -m {program}", (description or "").partition("``: ")[2].capitalize())
     role = next(iter(factories))
@@ -53,7 +56,8 @@ def main(program: str, factories: Mapping[str, str], description: str | None, *,
         parser.add_argument("role", nargs="?", default=role, choices=tuple(factories), help=f"which; unset: {role}")
     arguments = _checked(parser)
     role = getattr(arguments, "role", role)
-    _live(role, factories[role], arguments, installed=installed)
+    factory = factories[role]
+    _live(role, factory if isinstance(factory, str) else factory_of(factory), arguments, installed=installed)
 
 
 def own() -> None:

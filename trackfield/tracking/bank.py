@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -21,7 +21,7 @@ from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.following import SPEED_SD, Following
 from trackfield.tracking.points import track_point
 from trackfield.tracking.selection import informations
-from trackfield.tracking.smoothing import Earlier, Smoothing, lagged_name
+from trackfield.tracking.smoothing import Earlier, Filtered, Foresees, Smoothing, lagged_name
 from trackfield.wire.registry import kind_of_class
 
 Heard = Mapping[str, Any]
@@ -105,12 +105,12 @@ class Bank:
     def takes(self, report: Any, sender: str) -> bool:
         """Whether it is a report of the kind that this sensor is of; of any kind, if the sensor is unknown."""
         if sender in self.positions:
-            return self._kind(sender).takes(report)
+            return self.kind(sender).takes(report)
         return any(kind.takes(report) for kind in self.sensing.values())
 
     def possible(self, report: Any, sender: str) -> bool:
         """Whether a target anywhere may have been read as this report, which it takes, says."""
-        kind = self._kind(sender)
+        kind = self.kind(sender)
         return kind.possible(kind.corrected(kind.values(report), sender))
 
     def begin(self, *, prior: bool) -> tuple[Any, ...]:
@@ -163,6 +163,21 @@ class Bank:
                 points.append(self._point(name, self._reports(until, {}), estimate))
         return Resumed(tuple(tracks), points, unusable)
 
+    def coasted(self, name: str, belief: Belief, since: int, until: int) -> Iterator[Filtered]:
+        """What a tracker makes of its belief about the step ``since`` without reports, step by step to ``until``.
+
+        Each with the motion that led there, if the tracker provides it. It ends where the track is given up.
+        """
+        following = self.trackers[name].following
+        tracker, state, dt = following.tracker, following.resume(belief), self.step_ns / NS
+        for step in range(since + 1, until + 1):
+            reports, before = self._reports(step, {}), state.track
+            state, estimate = following.step(state, reports, dt, generator(self.seed, *self.draws, name, step))
+            if estimate is None:
+                return
+            motion = tracker.motion(before, state.track, dt) if isinstance(tracker, Foresees) else None
+            yield Filtered(reports, Gaussian(estimate.mean, estimate.covariance), motion)
+
     def advance(self, tracks: tuple[Any, ...], step: int, heard: Heard) -> Advanced:
         """All trackers take the reports of a step."""
         reports, advanced, points, smoothed = self._reports(step, heard), [], {}, []
@@ -174,6 +189,13 @@ class Bank:
                 smoothed.append(self._point(lagged_name(name, tracker.lag), *earlier, tracker.lag))
         return Advanced(tuple(advanced), points, smoothed)
 
+    def told(self, step: int, sensors: Sequence[str], beliefs: Mapping[str, Gaussian]) -> Advanced:
+        """All trackers go on from these beliefs about a step, which were made of the reports of some sensors."""
+        reports = Reports(step, tuple(sensors), np.zeros((len(sensors), 2)), ())
+        tracks = self.resume(beliefs, step, step).tracks
+        points = {name: self._point(name, reports, Estimate(*belief)) for name, belief in beliefs.items()}
+        return Advanced(tracks, points, [])
+
     def _step(self, name: str, track: Any, reports: Reports) -> tuple[Any, Estimate | None, Earlier | None]:
         rng = generator(self.seed, *self.draws, name, reports.step)
         return self.trackers[name].step(track, reports, self.step_ns / NS, rng)
@@ -181,7 +203,8 @@ class Bank:
     def _point(self, name: str, reports: Reports, estimate: Estimate | None, lag: int = 0) -> TrackPoint:
         return track_point(name, self.target, self.at_ns(reports.step), reports, estimate, lag)
 
-    def _kind(self, sensor: str) -> Kind:
+    def kind(self, sensor: str) -> Kind:
+        """The kind of sensing of a sensor."""
         return self.sensing[self.kind_of[sensor]] if self.kind_of else next(iter(self.sensing.values()))
 
     def _reports(self, step: int, heard: Heard) -> Reports:

@@ -11,8 +11,10 @@ from launcher.plan.architectures.arranged import Arranged, Process
 from launcher.plan.architectures.centralised import Centralised
 from launcher.plan.architectures.checks import checked
 from launcher.plan.architectures.clusters import Clusters
+from launcher.plan.architectures.elected import Elected
 from launcher.plan.architectures.field import Field
-from launcher.records import SENSES, Place, Schedule, View
+from launcher.plan.architectures.location_central import LocationCentral
+from launcher.records import SENSES, Place, Polls, Schedule, View
 from trackfield.errors import ScenarioError
 from trackfield.link.places import Path
 from trackfield.options import made
@@ -43,7 +45,7 @@ class SetUp(Protocol):
 ARCHITECTURES: Final = Plugins(
     "architecture",
     "trackfield.architectures",
-    {"centralised": Centralised, "clusters": Clusters},
+    {"centralised": Centralised, "clusters": Clusters, "location-central": LocationCentral, "elected": Elected},
     methods=("arrange",),
 )
 
@@ -76,7 +78,7 @@ class Built:
     site: Site
     processes: tuple[Process, ...]
     views: tuple[View, ...]
-    schedule: Schedule | None = None
+    schedule: Schedule | Polls | None = None
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -100,6 +102,11 @@ class Built:
     def fusing(self) -> tuple[str, ...]:
         """The processes that fuse reports."""
         return tuple(p.id for p in self.processes if p.fuses)
+
+    @property
+    def smoothers(self) -> tuple[str, ...]:
+        """The processes that smooth whole tracks."""
+        return tuple(p.id for p in self.processes if p.config.get("rts"))
 
     @property
     def first(self) -> str:
@@ -137,4 +144,8 @@ def built(site: Site) -> Built:
         raise ScenarioError(what, key=f"architecture '{section.kind}': arrange") from error
     arranged = checked(section.kind, given, site)
     views = tuple(View(name, tuple(sources)) for name, sources in arranged.views.items())
-    return Built(site, tuple(arranged.processes), views, arranged.schedule)
+    whole = Built(site, tuple(arranged.processes), views, arranged.schedule)
+    if site.scenario.fusion.smooth_rts and not whole.smoothers:
+        what = f"is true, and architecture {section.kind} has no base that is told of tracks and smooths them"
+        raise ScenarioError(what, key="fusion.smooth_rts", expected="false, or fusion.smooth_lag for a fusion centre")
+    return whole

@@ -16,7 +16,7 @@ import numpy as np
 from launcher.plan.architectures import slots
 from launcher.plan.architectures.arranged import Arranged, Process
 from launcher.plan.architectures.field import Field
-from launcher.plan.tracking import if_used
+from launcher.plan.tracking import if_used, rts_of
 from launcher.records import BATTERY, MASTER, SLAVE, TRACKS, Schedule
 from trackfield.draw import uniform
 from trackfield.errors import ScenarioError
@@ -183,6 +183,7 @@ class Clusters:
             "x_m": x,
             "y_m": y,
             "association": self._announcing(plan, 0, 0.0),
+            **rts_of(field.site),
         }
         return Process(
             self.base,

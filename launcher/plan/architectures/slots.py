@@ -171,12 +171,17 @@ def sizes_of(field: Clustered) -> dict[str, int]:
 def budget_of(air: Air, field: Clustered, step_ns: int) -> Budget:
     """What reports, a hand-over and beacons take of a step, whether they fit it or not."""
     sizes = sizes_of(field)
-    slot_ns = max(round(SPARE * air.frame_ns(field.report)), LEAST_NS) if air.radio else LEAST_NS
+    slot_ns = slot_ns_of(air, field.report)
     slots = field.most + field.helpers * ceil(air.frame_ns(sizes["aggregate"]) / slot_ns)
     deadline_ns = slots * slot_ns + (air.most_ns if air.radio is None else 0) + air.unsure_ns + LEAST_NS
     asks_ns = min(field.helpers, 2) * air.frame_ns(BYTES["merge"])
     acts_ns = _handed_ns(air, sizes) + asks_ns
-    return Budget(slots, slot_ns, deadline_ns, acts_ns, step_ns - _beacon_ns(air, field, step_ns)[0])
+    return Budget(slots, slot_ns, deadline_ns, acts_ns, step_ns - beacon_ns_of(air, sizes["wake"], step_ns)[0])
+
+
+def slot_ns_of(air: Air, report: int) -> int:
+    """How long a slot for a report of so many bytes is."""
+    return max(round(SPARE * air.frame_ns(report)), LEAST_NS) if air.radio else LEAST_NS
 
 
 def _handed_ns(air: Air, sizes: Mapping[str, int]) -> int:
@@ -184,14 +189,36 @@ def _handed_ns(air: Air, sizes: Mapping[str, int]) -> int:
     return air.frame_ns(sizes["hand-over"]) + air.frame_ns(sizes["hand-over-ack"]) + 2 * LEAST_NS
 
 
-def _beacon_ns(air: Air, field: Clustered, step_ns: int) -> tuple[int, int]:
-    """When in a step beacons leave, and when slaves begin to listen for them."""
+def beacon_ns_of(air: Air, size: int, step_ns: int) -> tuple[int, int]:
+    """When in a step beacons of so many bytes leave, and when those that sleep begin to listen for them."""
     if air.radio is None:
         beacon_ns = step_ns - air.most_ns - 2 * air.unsure_ns - 2 * LEAST_NS
         return beacon_ns, beacon_ns + air.least_ns - air.unsure_ns
-    wake_ns, unsure_ns = air.frame_ns(sizes_of(field)["wake"]), air.unsure_ns + air.access_ns
-    window_ns = step_ns - wake_ns - unsure_ns - 2 * LEAST_NS
+    unsure_ns = air.unsure_ns + air.access_ns
+    window_ns = step_ns - air.frame_ns(size) - unsure_ns - 2 * LEAST_NS
     return window_ns - unsure_ns, window_ns
+
+
+def window_of(air: Air, site: Site, every: int, window_ns: int) -> tuple[dict[str, Any], int]:
+    """The arguments of the ``Wakeup`` of those that listen so long after the instant of every so many steps.
+
+    Also by how much longer the preambles of beacons are.
+    """
+    unsure_ns, open_ns = (0 if air.radio is None else air.unsure_ns + air.access_ns), LEAST_NS
+    if air.radio is None:
+        open_ns += 2 * air.unsure_ns + air.most_ns - air.least_ns
+    else:
+        open_ns = max(open_ns, 2 * air.radio.detect_ns)
+    detect_ns, spare_ns = (0, 0) if air.radio is None else (air.radio.detect_ns, _spare_ns(air.radio))
+    wakeup = {
+        "every_ns": every * site.step_ns,
+        "open_ns": open_ns,
+        "from_ns": site.origin_ns + window_ns,
+        "detect_ns": detect_ns,
+        "spare_ns": spare_ns,
+        "unsure_ns": unsure_ns,
+    }
+    return wakeup, max(2 * unsure_ns - spare_ns, 0)
 
 
 @dataclass(frozen=True)
@@ -236,33 +263,20 @@ def planned(site: Site, field: Clustered) -> Plan:
     budget = budget_of(air, field, step_ns)
     least_ns = HANDOVER_NS if step_ns >= 2 * NS else min(HANDOVER_NS, step_ns // 8)
     handover_ns = max(least_ns, _handed_ns(air, sizes))
-    beacon_ns, window_ns = _beacon_ns(air, field, step_ns)
-    unsure_ns, open_ns = (0 if air.radio is None else air.unsure_ns + air.access_ns), LEAST_NS
-    if air.radio is None:
-        open_ns += 2 * air.unsure_ns + air.most_ns - air.least_ns
-    else:
-        open_ns = max(open_ns, 2 * air.radio.detect_ns)
+    beacon_ns, window_ns = beacon_ns_of(air, sizes["wake"], step_ns)
     _check(site, field, budget)
     setup = SetUp.of(site, field)
     needed_ns = setup.needed_ns
     if site.origin_ns < needed_ns:
         what = f"is {site.origin_ns / NS:g} s, and {field.slaves} slaves take {needed_ns / NS:.1f} s to find masters"
         raise ScenarioError(what, key="run.setup_s", expected=f"at least {ceil(needed_ns / NS)}")
-    detect_ns, spare_ns = (0, 0) if air.radio is None else (air.radio.detect_ns, _spare_ns(air.radio))
-    wakeup = {
-        "every_ns": field.listen_every * step_ns,
-        "open_ns": open_ns,
-        "from_ns": site.origin_ns + window_ns,
-        "detect_ns": detect_ns,
-        "spare_ns": spare_ns,
-        "unsure_ns": unsure_ns,
-    }
+    wakeup, preamble_ns = window_of(air, site, field.listen_every, window_ns)
     times = {
         "slot_ns": budget.slot_ns,
         "slots": budget.slots,
         "gather_slots": ceil(air.frame_ns(sizes["aggregate"]) / budget.slot_ns),
         "beacon_ns": beacon_ns,
-        "preamble_ns": max(2 * unsure_ns - spare_ns, 0),
+        "preamble_ns": preamble_ns,
         "handover_ns": handover_ns,
         "frame_ns": air.frame_ns(sizes["hand-over"]),
         "late_ns": air.unsure_ns + (air.most_ns if air.radio is None else 0),
@@ -291,11 +305,16 @@ def _spare_ns(radio: Radio) -> int:
 
 def _base_every(air: Air, step_ns: int, share_every: int) -> int:
     """Every how many steps the base is told; not at those at which the belief is shared, if that is not at each."""
+    every = base_every_of(air, BYTES["led-track"], step_ns)
+    return every if every == 1 or share_every == 1 else share_every * ceil(every / share_every)
+
+
+def base_every_of(air: Air, size: int, step_ns: int) -> int:
+    """The same for what has so many bytes, at any step."""
     if air.radio is None:
         return 1
-    cost_ns = HOPS * (air.frame_ns(BYTES["led-track"]) + air.frame_ns(BYTES["hop-ack"]))
-    every = ceil(cost_ns / (BUSY * step_ns))
-    return every if every == 1 or share_every == 1 else share_every * ceil(every / share_every)
+    cost_ns = HOPS * (air.frame_ns(size) + air.frame_ns(BYTES["hop-ack"]))
+    return ceil(cost_ns / (BUSY * step_ns))
 
 
 def _check(site: Site, field: Clustered, budget: Budget) -> None:

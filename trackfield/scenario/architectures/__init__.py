@@ -12,13 +12,25 @@ from trackfield.scenario.architectures.architecture import ArchitectureSection
 from trackfield.scenario.architectures.centralised import CENTRALISED, Centralised
 from trackfield.scenario.architectures.clusters import CLUSTERS, Clusters
 from trackfield.scenario.architectures.own import OwnArchitecture
+from trackfield.scenario.architectures.peers import ELECTED, LOCATION_CENTRAL, Elected, LocationCentral
 from trackfield.scenario.section import OTHER, open_union
 
-__all__ = ["ARCHITECTURES", "Architecture", "ArchitectureSection", "Centralised", "Clusters", "OwnArchitecture"]
+__all__ = [
+    "ARCHITECTURES",
+    "Architecture",
+    "ArchitectureSection",
+    "Centralised",
+    "Clusters",
+    "Elected",
+    "LocationCentral",
+    "OwnArchitecture",
+]
 
 ARCHITECTURES: Final[Mapping[str, type[ArchitectureSection]]] = {
     CENTRALISED: Centralised,
     CLUSTERS: Clusters,
+    LOCATION_CENTRAL: LocationCentral,
+    ELECTED: Elected,
     OTHER: OwnArchitecture,
 }
 
