@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from launcher.plan.forecast.association import FULL, NO_MASTER
 from launcher.plan.forecast.foresight import foresee
-from launcher.plan.forecast.led import orphaned
-from launcher.plan.forecast.load import Load, _most_in_an_hour
-from launcher.plan.forecast.scheduled import Scheduled
+from launcher.plan.forecast.masters.association import FULL, NO_MASTER
+from launcher.plan.forecast.masters.led import orphaned
+from launcher.plan.forecast.masters.load import Load, _most_in_an_hour
+from launcher.plan.forecast.masters.scheduled import Scheduled
 from launcher.plan.forecast.warnings import summary, warnings
 from launcher.plan.prepare import planned
 from launcher.record.figures.channel import air_of_run, channel_metrics
@@ -246,8 +246,8 @@ def test_reports_are_those_of_the_schedule() -> None:
 def test_of_a_long_run_some_steps_stand_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = plan_of()
     whole = foresee(plan)
-    monkeypatch.setattr("launcher.plan.forecast.scheduled.MOST_STEPS", 20)
-    monkeypatch.setattr("launcher.plan.forecast.load.MOST_LOOKED", 10)
+    monkeypatch.setattr("launcher.plan.forecast.masters.scheduled.MOST_STEPS", 20)
+    monkeypatch.setattr("launcher.plan.forecast.masters.load.MOST_LOOKED", 10)
     some = foresee(plan)
     assert some.scheduled is not None
     assert len(some.scheduled.turns) == 20

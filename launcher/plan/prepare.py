@@ -26,7 +26,7 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
 from trackfield.scenario.paths import FromFile
 from trackfield.scenario.problems import section_of
-from trackfield.tracking.smoothing import lagged_name
+from trackfield.tracking.smoothing import lagged_name, rts_name
 from trackfield.world.path import Path as TruePath
 
 SLOWEST: Final = 0.001
@@ -207,7 +207,12 @@ def remarks(plan: Plan) -> list[str]:
     Gaps and jumps in tracks, trackers that cannot be smoothed, recorded reports that nobody will send.
     """
     lag, tracks = plan.tracking.get("smooth_lag", 0), plan.info.trackers
-    rough = [name for name in plan.tracking["trackers"] if lag and lagged_name(name, lag) not in tracks]
+    live = plan.tracking["trackers"]
+    rough = [
+        name
+        for name in live
+        if (lag and lagged_name(name, lag) not in tracks) or (plan.smoothers and rts_name(name) not in tracks)
+    ]
     return [
         *(text for target, path in plan.paths.items() for text in _in_gaps(plan, target, path)),
         *(f"{name} does not report its motion model, so its track is not smoothed" for name in rough),

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from launcher.plan.forecast.crowd import Crowd, crowd
 from launcher.plan.forecast.duty import Duty, duties_of
+from launcher.plan.forecast.heads.polled import Polled
 from launcher.plan.forecast.heard import Array, Heard, Indices
-from launcher.plan.forecast.load import Load
+from launcher.plan.forecast.masters.load import Load
+from launcher.plan.forecast.masters.relayed import relayed
+from launcher.plan.forecast.masters.scheduled import Scheduled
 from launcher.plan.forecast.reception import Shares, hops, receptions, varies
-from launcher.plan.forecast.relayed import relayed
-from launcher.plan.forecast.scheduled import Scheduled
 from launcher.plan.forecast.trial import Trial, Way, sent_on_trial, ways_of
-from launcher.records import SENSES, Plan
+from launcher.records import SENSES, Plan, Polls
 from trackfield.drivers.spec import link_of
 from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
@@ -63,7 +64,8 @@ class Foresight:
     ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has
     any. ``crowd`` is what they are to each other on the channel; None without a radio. ``duties`` are who sends longest
     in any hour, of each role and of each kind of frame; none where no rule limits that. Where leaders choose who
-    measures, ``scheduled`` says whom; then the use of the channel and duties are those of all that is sent.
+    measures, ``scheduled`` says whom; then the use of the channel and duties are those of all that is sent. What a head
+    measures itself counts for fixes, and is no report.
     """
 
     needs: int
@@ -82,7 +84,7 @@ class Foresight:
     air_s: Array
     crowd: Crowd | None
     duties: tuple[Duty, ...]
-    scheduled: Scheduled | None = None
+    scheduled: Scheduled | Polled | None = None
 
 
 def best(shares: Shares) -> dict[str, float]:
@@ -95,32 +97,39 @@ def best(shares: Shares) -> dict[str, float]:
 
 def foresee(plan: Plan) -> Foresight:
     """What to expect of this plan."""
-    field = Scheduled.of(plan)
+    schedule = plan.schedule
+    field = Polled.of(plan, schedule) if isinstance(schedule, Polls) else Scheduled.of(plan)
     load = None if field is None else Load.of(field)
     plan = plan if field is None else field.plan
     ways = ways_of(plan)
-    sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways]
+    sensors = [place for place in plan.info.tagged(SENSES) if place.id in ways or not ways or isinstance(field, Polled)]
     ids = [place.id for place in sensors]
     positions = np.array([(place.x, place.y) for place in sensors])
     heard = Heard.of(plan, ids, positions) if field is None else Heard.of_turns(field, ids)
-    senders, counts = np.unique(heard.sensor, return_counts=True)
+    by_radio = heard.sent
+    senders, counts = np.unique(heard.sensor[by_radio], return_counts=True)
     reports = {ids[i]: n * heard.every for i, n in zip(senders.tolist(), counts.tolist(), strict=True)}
-    rows = len(heard.sensor) if ways else 0
-    some = np.unique(np.linspace(0, rows - 1, min(rows, MOST_FRAMES)).round().astype(int))
+    rows = np.flatnonzero(by_radio) if ways else np.empty(0, int)
+    some = rows[np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_FRAMES)).round().astype(int))]
     trial = sent_on_trial(plan, ids, heard, some, ways)
     wait_s = _waits(plan, heard, trial)
     sent = np.isfinite(wait_s)
     leaves_ns = heard.t_ns + (np.where(sent, wait_s, 0.0) * NS).astype(np.int64)
-    by_sender = np.split(leaves_ns[np.argsort(heard.sensor, kind="stable")], np.cumsum(counts)[:-1])
+    order = np.argsort(heard.sensor[by_radio], kind="stable")
+    by_sender = np.split(leaves_ns[by_radio][order], np.cumsum(counts)[:-1])
     when = {ids[i]: times.tolist() for i, times in zip(senders.tolist(), by_sender, strict=False)}
     used = receptions(plan, when)
-    chance = _chances(plan, ids, heard, leaves_ns, _shares(plan, used), ways) * sent
-    if field is not None:
+    if isinstance(field, Polled):
+        used = {**used, **field.receptions}
+        chance = field.chances(zip(heard.t_ns.tolist(), (ids[i] for i in heard.sensor.tolist()), strict=True)) * sent
+    else:
+        chance = _chances(plan, ids, heard, leaves_ns, _shares(plan, used), ways) * sent
+    if isinstance(field, Scheduled):
         chance = chance * relayed(field, ids, heard)
     use_s = max(plan.deadline_s, plan.max_age_s)
-    share = chance * trial.in_time(use_s - wait_s)
+    share = np.where(by_radio, chance * trial.in_time(use_s - wait_s), chance)
     delay_s = trial.delay_s + wait_s[some]
-    needs = _needs(plan, len(ids))
+    needs = _needs(plan, min(len(ids), schedule.count) if isinstance(schedule, Polls) else len(ids))
     per_report = float(np.mean(trial.air_s + trial.ack_s)) if len(trial.air_s) else 0.0
     receivers = [ways[id].to if ways and field is None else "" for id in ids]
     return Foresight(
@@ -134,12 +143,12 @@ def foresee(plan: Plan) -> Foresight:
         reports=reports,
         receptions=used,
         hops=hops(plan),
-        arriving=float(chance.mean()) if len(chance) else 0.0,
-        of_use=float(share.sum() / chance.sum()) if chance.any() else 1.0,
+        arriving=float(chance[by_radio].mean()) if by_radio.any() else 0.0,
+        of_use=float(share[by_radio].sum() / chance[by_radio].sum()) if chance[by_radio].any() else 1.0,
         delay_s=delay_s[np.isfinite(delay_s)],
         trial=trial,
         use_s=use_s,
-        air_s=np.asarray(np.unique(heard.t_ns, return_counts=True)[1] * per_report, np.float64),
+        air_s=np.asarray(np.unique(heard.t_ns[by_radio], return_counts=True)[1] * per_report, np.float64),
         crowd=crowd(plan, ids, heard) if load is None else load.crowd,
         duties=duties_of(plan, ids, heard, trial, ways) if load is None else load.duties,
         scheduled=field,
@@ -158,7 +167,7 @@ def _adaptive(plan: Plan) -> bool:
 
 
 def _needs(plan: Plan, sensors: int) -> int:
-    """How many sensors a fix takes; in a field of fewer that starts from a prior, all of them."""
+    """How many sensors a fix takes; where fewer measure, from a prior on, all of them."""
     needs = max(make_sensor(**arguments).fix_sensors for arguments in plan.tracking["sensing"].values())
     return min(needs, sensors) if plan.tracking.get("prior") else needs
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from launcher.plan.forecast.scheduled import Scheduled
+from launcher.plan.forecast.heads.polled import Polled
+from launcher.plan.forecast.masters.scheduled import Scheduled
 from launcher.records import Plan
 from trackfield.role import NS
 from trackfield.world.path import Path
@@ -28,7 +29,8 @@ class Heard:
     """Reports to come, one a row: of which target (its number), which sensor (its number), and when.
 
     A sensor reports the nearest target. The instants ``times`` were looked at, one in ``every`` of ``steps``. A report
-    leaves ``after_ns`` (n,) after its instant, if sensors have slots.
+    leaves ``after_ns`` (n,) after its instant, if sensors have slots. Some are ``own`` (n,) readings of a head, which
+    needs no radio for them.
     """
 
     t_ns: NDArray[np.int64]
@@ -38,6 +40,12 @@ class Heard:
     every: int
     steps: int
     after_ns: NDArray[np.int64] | None = None
+    own: NDArray[np.bool_] | None = None
+
+    @property
+    def sent(self) -> NDArray[np.bool_]:
+        """(n,) whether a report is sent."""
+        return np.ones(len(self.t_ns), bool) if self.own is None else ~self.own
 
     @classmethod
     def of(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:
@@ -60,18 +68,18 @@ class Heard:
         return cls(t_ns[first], target[first], sensor[first], times, every, len(steps))
 
     @classmethod
-    def of_turns(cls, field: Scheduled, ids: list[str]) -> Heard:
+    def of_turns(cls, field: Scheduled | Polled, ids: list[str]) -> Heard:
         """Those of sensors that are chosen, step by step."""
         plan, number = field.plan, {id: i for i, id in enumerate(ids)}
         rows = sorted(
-            (turn.t_ns, number[id], target, turn.slots[id] * field.schedule.slot_ns)
-            for turn in field.turns.values()
-            for id, target in field.sensed(turn).items()
+            (turn.t_ns, number[id], target, turn.slots[id] * field.schedule.slot_ns, id == turn.leader)
+            for turn, sensed in field.each
+            for id, target in sensed.items()
         )
-        t_ns, sensor, target, after_ns = np.array(rows, np.int64).reshape(-1, 4).T
+        t_ns, sensor, target, after_ns, own = np.array(rows, np.int64).reshape(-1, 5).T
         steps = range(plan.origin_ns + plan.step_ns, plan.run.end_ns, plan.step_ns)
         times = tuple(steps[:: field.every])
-        return cls(t_ns, target, sensor, times, field.every, len(steps), after_ns)
+        return cls(t_ns, target, sensor, times, field.every, len(steps), after_ns, own.astype(bool))
 
     @classmethod
     def _of_passes(cls, plan: Plan, ids: list[str], positions: Array) -> Heard:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from launcher.plan.forecast.answers import HOST_S, answers
 from launcher.plan.forecast.duty import HOUR_S, Duty
 from launcher.plan.forecast.foresight import Coverage, Foresight
-from launcher.plan.forecast.led import orphaned, who_measures
+from launcher.plan.forecast.masters.led import doubtful, leading, who_measures
 from launcher.records import Plan
 from trackfield.role import NS
 
@@ -31,8 +31,8 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)]
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
     channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_colliding(plan, seen), *_over_duty(plan, seen)]
-    masters = orphaned(seen.scheduled) if seen.scheduled is not None else ()
-    return (*geometry, *masters, *radio, *weak, *channel, *_restless(plan, seen))
+    leaders = doubtful(seen.scheduled) if seen.scheduled is not None else ()
+    return (*geometry, *leaders, *radio, *weak, *channel, *_restless(plan, seen))
 
 
 def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
@@ -63,8 +63,9 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
             f"acknowledgements for {_time(float(seen.air_s.max()))} at most; a step lasts {_time(plan.step_ns / NS)}"
         )
     if (crowd := seen.crowd) is not None:
+        busiest = f", the busiest of {leading(seen.scheduled)} and base" * led
         yield (
-            f"on the channel at {crowd.busiest}{', the busiest of masters and base' * led}, "
+            f"on the channel at {crowd.busiest}{busiest}, "
             f"{_at_most(seen)}{crowd.use_mean:.1%} of the time is used{'' if led else ' by reports'} "
             f"({crowd.use_peak:.1%} of the busiest second); {_at_most(seen)}{crowd.overlapped:.1%} of the reports "
             f"overlap others, {_at_most(seen)}{crowd.spared:.1%} would be lost by that, which the model leaves out"

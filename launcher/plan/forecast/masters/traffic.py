@@ -9,41 +9,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from head.leading import NOTICES
-from launcher.plan.forecast.scheduled import TOLD, Scheduled, aggregate_bytes, merge_bytes, wake_bytes
+from launcher.plan.forecast.masters.scheduled import TOLD, Scheduled, aggregate_bytes, merge_bytes, wake_bytes
+from launcher.plan.forecast.masters.turns import Turn
+from launcher.plan.forecast.sent import Again, Sent, of_trees, repeated, trees_again
 from launcher.plan.forecast.tree import ACK, HOP
-from launcher.plan.forecast.turns import Turn
 from launcher.records import SENSES
 from trackfield.draw import uniform
 from trackfield.protocols.association.admitting import TOLD as ROSTERS
 from trackfield.protocols.timesync import SPREAD_NS
 from trackfield.role import NEIGHBOURHOOD, NS
 
-ROUTE_SHARE: Final = 0.75
-"""Of the interval of the tree's beacons, after which the next one comes on average."""
 PAUSES: Final = 3
 """Rounds of asking for the time that fail begin after so many times their length, on average."""
-
-
-class Sent(NamedTuple):
-    """A message of this ``kind`` and ``size`` (bytes) that leaves at ``t_ns``; to all, if ``dst`` is ``*``."""
-
-    t_ns: int
-    src: str
-    dst: str
-    kind: str
-    size: int
-    preamble_ns: int = 0
-
-
-class Again(NamedTuple):
-    """What comes at intervals: messages (ns after its beginning), every ``every_ns`` from ``from_ns`` on."""
-
-    from_ns: int
-    every_ns: int
-    sent: tuple[Sent, ...]
 
 
 @dataclass(frozen=True)
@@ -129,11 +109,7 @@ class Traffic:
 
     def at_intervals(self, begin_ns: int, end_ns: int) -> Iterator[Sent]:
         """What leaves in this time by intervals alone: clocks that are set, places renewed, beacons of the tree."""
-        for from_ns, every_ns, sent in self._again:
-            number = max(-(-(begin_ns - from_ns) // every_ns), 0)
-            while (at_ns := from_ns + number * every_ns) < end_ns:
-                yield from (one._replace(t_ns=at_ns + one.t_ns) for one in sent)
-                number += 1
+        yield from repeated(self._again, begin_ns, end_ns)
 
     @cached_property
     def _again(self) -> list[Again]:
@@ -145,16 +121,7 @@ class Traffic:
             joined_ns = schedule.joins_ns + number * schedule.turn_ns
             sent = (self._plain(0, id, master, "join"), self._plain(0, master, id, "admit"))
             found.append(Again(joined_ns + round(share * schedule.renew_ns), round(share * schedule.renew_ns), sent))
-        for process in self._trees:
-            most_ns = round(ROUTE_SHARE * process.tree["most_ns"])
-            phase_ns = round(most_ns * uniform(seed, process.id, "forecast", "route"))
-            from_ns = self.field.plan.origin_ns + phase_ns
-            found.append(Again(from_ns, most_ns, (self._plain(0, process.id, NEIGHBOURHOOD, "route"),)))
-        return found
-
-    @property
-    def _trees(self) -> list[Any]:
-        return [process for process in self.field.plan.processes if process.tree and not process.incarnation]
+        return [*found, *trees_again(self.field.plan, self.field.sizes)]
 
     def _plain(self, t_ns: int, src: str, dst: str, kind: str) -> Sent:
         return Sent(t_ns, src, dst, kind, self.field.sizes.get(kind, 0))
@@ -163,7 +130,7 @@ class Traffic:
 
     def of_setup(self) -> Iterator[Sent]:
         """What is sent before the first step."""
-        plan, schedule, seed = self.field.plan, self.field.schedule, self.field.plan.run.seed
+        plan, schedule = self.field.plan, self.field.schedule
         round_ns = schedule.announce_ns // schedule.announcements
         for rank, id in enumerate((schedule.base, *(id for id, _, _ in schedule.masters))):
             turn_ns = int(round_ns * rank / (len(schedule.masters) + 1))
@@ -183,12 +150,7 @@ class Traffic:
             for number in range(ROSTERS):
                 yield self._plain(turn_ns + number * round_ns, id, NEIGHBOURHOOD, "roster")
         yield from self._first_rounds
-        for process in self._trees:
-            now, interval_ns = round(NS * uniform(seed, process.id, "forecast", "tree")), process.tree["least_ns"]
-            while now < plan.origin_ns:
-                yield self._plain(now, process.id, NEIGHBOURHOOD, "route")
-                now += round(ROUTE_SHARE * interval_ns)
-                interval_ns = min(2 * interval_ns, process.tree["most_ns"])
+        yield from of_trees(plan, self.field.sizes)
 
     def _round(self, id: str, sync: Mapping[str, Any], *, answered: bool = True) -> Iterator[Sent]:
         """A round of asking for the time."""

@@ -1,5 +1,6 @@
-"""How much masters and slaves will send: how full that makes the channel, and whether a radio sends for too long.
+"""How much masters and slaves will send, or nodes of which any may lead.
 
+That is how full the channel will be, and whether a radio sends for too long.
 Single steps, evenly spread, stand for all; the setup is counted as it is.
 """
 
@@ -15,8 +16,11 @@ import numpy as np
 from launcher.plan.air import Air, Due, Use, air_of
 from launcher.plan.forecast.crowd import Crowd
 from launcher.plan.forecast.duty import HOUR_S, Duty, allowances
-from launcher.plan.forecast.scheduled import Scheduled
-from launcher.plan.forecast.traffic import Sent, Traffic
+from launcher.plan.forecast.heads.polled import Polled
+from launcher.plan.forecast.heads.polling import Polling
+from launcher.plan.forecast.masters.scheduled import Scheduled
+from launcher.plan.forecast.masters.traffic import Traffic
+from launcher.plan.forecast.sent import Sent
 from launcher.records import SENSES
 from trackfield.drivers.spec import places_of
 from trackfield.link.fate import Transmission
@@ -30,16 +34,17 @@ MOST_LOOKED: Final = 200
 class Load:
     """The messages of a field with a schedule: those of the ``setup``, and of ``steps``, one in ``every`` of all."""
 
-    field: Scheduled
+    field: Scheduled | Polled
     setup: Sequence[Transmission]
     steps: Sequence[Transmission]
     every: float
 
     @classmethod
-    def of(cls, field: Scheduled) -> Load:
+    def of(cls, field: Scheduled | Polled) -> Load:
         """What is expected to be sent."""
-        traffic, plan = Traffic(field), field.plan
-        known = list(field.turns)
+        plan, traffic = field.plan, Polling(field) if isinstance(field, Polled) else Traffic(field)
+        steps = (plan.run.end_ns - 1 - plan.origin_ns) // plan.step_ns
+        known = [*range(1, steps + 1, field.every)] if isinstance(field, Polled) else list(field.turns)
         spread = np.linspace(0, len(known) - 1, min(len(known), MOST_LOOKED)).round().astype(int)
         some = [known[i] for i in spread.tolist()]
         last_ns = plan.run.end_ns
@@ -50,7 +55,6 @@ class Load:
                 yield from traffic.of_step(step)
                 yield from traffic.at_intervals(begin_ns, min(begin_ns + plan.step_ns, last_ns))
 
-        steps = (last_ns - 1 - plan.origin_ns) // plan.step_ns
         return cls(field, _frames(traffic.of_setup()), _frames(of_steps()), steps / len(some) if some else 1.0)
 
     # --- the channel ---------------------------------------------------------------------------------------------
@@ -71,8 +75,10 @@ class Load:
 
     def _air(self, frames: Sequence[Transmission], dues: Sequence[Due]) -> Air | None:
         plan = self.field.plan
-        at = [place.id for place in plan.info.places if SENSES not in place.tags]
-        return air_of(self.field.link, places_of(plan.processes), frames, dues, plan.run.end_ns, at)
+        at = {place.id for place in plan.info.places if SENSES not in place.tags}
+        if isinstance(self.field, Polled):
+            at |= {id for turn in self.field.turns.values() for id in turn.polled}
+        return air_of(self.field.link, places_of(plan.processes), frames, dues, plan.run.end_ns, sorted(at))
 
     # --- duty cycles ---------------------------------------------------------------------------------------------
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from launcher.plan.forecast.heard import Array, Heard
-from launcher.plan.forecast.scheduled import Scheduled, aggregate_bytes
-from launcher.plan.forecast.turns import Turn
+from launcher.plan.forecast.masters.scheduled import Scheduled, aggregate_bytes
+from launcher.plan.forecast.masters.turns import Turn
 from trackfield.role import NS
 
 

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from launcher.plan.forecast.association import GOOD, Association
+from launcher.plan.forecast.masters.association import GOOD, Association
 from launcher.records import SENSES, Plan, Schedule
 from trackfield.filters.types import Array, Gaussian
 from trackfield.link.fate import Link

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import hypot, inf
@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 
 from head.beliefs import MOST_BYTES, packed_beliefs
-from launcher.plan.forecast.association import Association, associated
+from launcher.plan.forecast.masters.association import Association, associated
+from launcher.plan.forecast.masters.turns import Turn, Turns
 from launcher.plan.forecast.tree import Tree
-from launcher.plan.forecast.turns import Turn, Turns
 from launcher.records import Flow, Plan, Schedule
 from trackfield.drivers.spec import link_of
 from trackfield.filters.belief import Belief
@@ -59,7 +59,7 @@ class Scheduled:
     def of(cls, plan: Plan) -> Scheduled | None:
         """What is expected of a plan; None if all sensors measure that have a target in reach."""
         schedule = plan.schedule
-        if schedule is None:
+        if not isinstance(schedule, Schedule):
             return None
         link, samples = link_of(plan.run, plan.processes, cut=False), _samples(plan, schedule)
         plan = replace(plan, flows=tuple(replace(f, message=samples.get(_name(f), f.message)) for f in plan.flows))
@@ -87,6 +87,11 @@ class Scheduled:
     def after(self, step: int) -> Turn | None:
         """The turn of the step after this one."""
         return self.seen.at(step + 1)
+
+    @property
+    def each(self) -> Iterator[tuple[Turn, Mapping[str, int]]]:
+        """The turns, each with the sensors that measure and have a target in reach, with the number of the nearest."""
+        return ((turn, self.sensed(turn)) for turn in self.turns.values())
 
     def sensed(self, turn: Turn) -> dict[str, int]:
         """The sensors that measure then and have a target in reach, with the number of the nearest one."""

@@ -8,15 +8,37 @@ from typing import Final
 
 import numpy as np
 
-from launcher.plan.forecast.association import FULL
-from launcher.plan.forecast.scheduled import Scheduled
+from launcher.plan.forecast.heads.headed import astray, who_is_polled
+from launcher.plan.forecast.heads.polled import Polled
+from launcher.plan.forecast.masters.association import FULL
+from launcher.plan.forecast.masters.scheduled import Scheduled
 
 MANY: Final = 0.03
 """If so many slaves find no master, there is a warning."""
 
 
-def who_measures(field: Scheduled) -> Iterator[str]:
-    """Which slaves have a master, how many measure, and what that takes of a step; a line each."""
+def leading(field: Scheduled | Polled | None) -> str:
+    """Who leads there."""
+    return "heads" if isinstance(field, Polled) else "masters"
+
+
+def doubtful(field: Scheduled | Polled) -> Iterator[str]:
+    """What is likely to go wrong because of who leads and who measures."""
+    return astray(field) if isinstance(field, Polled) else orphaned(field)
+
+
+def who_measures(field: Scheduled | Polled) -> Iterator[str]:
+    """Who leads and how many measure, and what that takes of a step; a line each."""
+    yield from who_is_polled(field) if isinstance(field, Polled) else _clusters(field)
+    parts = dict(field.schedule.budget)
+    least_s, step_s = parts.pop("at least", 0.0), field.plan.step_ns / 1e9
+    if parts:
+        each = ", ".join(f"{what} {seconds:.2f} s" for what, seconds in parts.items())
+        yield f"budget: {each} at most, of a step of {step_s:g} s, which needs {least_s:.2f} s"
+
+
+def _clusters(field: Scheduled) -> Iterator[str]:
+    """Which slaves have a master, and how many measure."""
     association, turns = field.association, list(field.turns.values())
     slaves, masters = len(association.asked), len(field.schedule.masters)
     yield (
@@ -31,11 +53,6 @@ def who_measures(field: Scheduled) -> Iterator[str]:
             f"schedule: by policy '{field.schedule.policy}' {np.mean(counts):.1f} slaves measure in a step "
             f"({max(counts)} at most), of {np.mean([len(turn.sensors) for turn in turns]):.1f} clusters{handed}"
         )
-    parts = dict(field.schedule.budget)
-    least_s, step_s = parts.pop("at least", 0.0), field.plan.step_ns / 1e9
-    if parts:
-        each = ", ".join(f"{what} {seconds:.2f} s" for what, seconds in parts.items())
-        yield f"budget: {each} at most, of a step of {step_s:g} s, which needs {least_s:.2f} s"
 
 
 def orphaned(field: Scheduled) -> Iterator[str]:

@@ -1,0 +1,1 @@
+"""What is predicted of nodes of which any may lead."""
