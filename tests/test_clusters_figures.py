@@ -79,6 +79,7 @@ def test_without_terms_there_is_nothing() -> None:
     found = leaders_metrics(plan, [frame(100, "fusion", Wake(0, b"", 1, 0, 0, b""))], [point(1, (0, 0, 0, 0))])
     nulls = ("per_step_mean", "per_step_max", "reports_used", "reports_asked")
     assert {key: found.pop(key) for key in nulls} == dict.fromkeys(nulls)
+    assert [found.pop(key) for key in ("election_s", "healed_s")] == [{"mean": None, "max": None}] * 2
     assert set(found.values()) == {0}
 
 

@@ -29,13 +29,14 @@ scenario seed driver ended_s complete end_reason wall_s cpu_s
 trackers.<name>.rmse.{x,y,position,velocity}
 trackers.<name>.{median_error,nees,nees_band,nees_position,nees_position_band,steps,bound_m,times_bound}
 trackers.<name>.{verdict,lost,steps_expected,steps_tracked,share_within,longest_blackout_s}
-trackers.<name>.gap.{rmse,steps} trackers.<name>.association
+trackers.<name>.gap.{rmse,steps} trackers.<name>.{detection_s,association}
 trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id> trackers.<name>.views.<view>
 bound.{position,trajectory}
 leaders.{per_step_mean,per_step_max,two_leader_steps,handovers,lost_handovers,take_overs,false_take_overs}
-leaders.{elections,split_elections,reports_used,reports_asked}
+leaders.{dissolved,elections,split_elections,unwon_elections} leaders.election_s.{mean,max} leaders.healed_s.{mean,max}
+leaders.{reports_used,reports_asked,out_of_reach_steps}
 clusters.members.<master> clusters.{orphans_first,orphans_last,overheard}
-age_of_information_s.{mean,p95}
+age_of_information_s.{mean,p95,base_mean,base_p95}
 processes.{started,ready_s,died,stopped,pss_mb_per_node,unwritten}
 frames.{sent,expected,delivered,late,duplicate,ignored}
 frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
@@ -44,6 +45,7 @@ frames.by_role.<role>.{delivered,ignored}
 bytes.{payload,on_air}
 channel.{use_mean,use_peak,use_limit,overlapped_share,captured_share,deaf_share,spared_share}
 latency_ms.link.{p50,p95,p99,max} latency_ms.to_filter.{p50,p95,p99,max} latency_ms.to_track.{p50,p95,p99,max}
+latency_ms.to_base.{p50,p95,p99,max}
 latency_ms.hops.<hops>.{n,p50,p95}
 host_latency_ms.{p50,p99}
 timing.speed timing.slip_ms.{p50,p99} timing.{inversions,host_late,retractions}
@@ -52,6 +54,12 @@ energy_j.{total,max_node} energy_j.by.{send,receive,listen,sleep,sense}
 energy_j.by_accounting.{metered,without_listening,with_overhearing,first_order}
 energy_j.by_accounting.{cc2420,cc2420-20dbm,sx1276,wifi11b}
 energy_j.by_role.<role>
+awake_share.{mean,most}
+ledger.setup.{s,bytes,total_j} ledger.setup.by.{sync,reports,control,overhear,listen,sleep,sense}
+ledger.present.{s,bytes,total_j} ledger.present.by.{sync,reports,control,overhear,listen,sleep,sense}
+ledger.settling.{s,bytes,total_j} ledger.settling.by.{sync,reports,control,overhear,listen,sleep,sense}
+ledger.idle.{s,bytes,total_j} ledger.idle.by.{sync,reports,control,overhear,listen,sleep,sense}
+ledger.power_w.{present,idle} ledger.{hottest,share_present} ledger.lifetime_s.{first_death,half_dead}
 lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens,questions}
@@ -68,6 +76,7 @@ SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "nees_position", "nees_position_band"),
     *("steps", "bound_m", "times_bound", "verdict", "lost"),
     *("steps_expected", "steps_tracked", "share_within", "longest_blackout_s", "gap"),
+    "detection_s",
 )
 """What is told of each view."""
 
@@ -133,7 +142,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
         "median_error": None, "nees": None, "nees_band": None, "nees_position": None, "nees_position_band": None,
         "steps": 0, "bound_m": None, "times_bound": None,
         "verdict": "lost", "lost": True, "steps_expected": 4, "steps_tracked": 0, "share_within": 0.0,
-        "longest_blackout_s": 4.0, "gap": {"rmse": None, "steps": 0},
+        "longest_blackout_s": 4.0, "gap": {"rmse": None, "steps": 0}, "detection_s": None,
     }  # fmt: skip
     told = {"association": None, "targets": {}, "sources": {}, "views": {"base": nothing}}
     assert metrics["trackers"]["t"] == {**nothing, **told}
@@ -239,6 +248,7 @@ def test_a_whole_tiny_run() -> None:
         # Step 1 was told at 1300 ms: 300 and 260 ms after its reports in time were sent.
         "to_filter": pytest.approx({"p50": 280.0, "p95": 298.0, "p99": 299.6, "max": 300.0}),
         "to_track": pytest.approx({"p50": 300.5, "p95": 300.95, "p99": 300.99, "max": 301.0}),
+        "to_base": pytest.approx({"p50": 300.5, "p95": 300.95, "p99": 300.99, "max": 301.0}),
         "hops": {},
     }
     assert metrics["timing"] == {

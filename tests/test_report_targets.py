@@ -180,3 +180,10 @@ def test_tracks_of_an_older_version_are_named(pair: Path, tmp_path: Path) -> Non
         str(tmp_path / "tracks.parquet"),
         "was written by an older version",
     )
+
+
+def test_a_view_without_sources_has_no_tracks(paired: Run) -> None:
+    """As that of whole smoothed tracks in a field in which nobody smooths."""
+    assert paired.points.num_rows
+    assert tracks.read(paired.points, View("nobody", ()), paired.trackers) == ()
+    assert not paired.frames.where("outcome").any()

@@ -246,6 +246,13 @@ def test_leaders_slaves_and_the_age_of_what_is_known_have_a_line_each(plan: Plan
     assert "what the base knew was 4 s old, mean; 9.5 s, 95 %\n" in said()
 
 
+def test_elections_are_named_where_there_are_any(plan: Plan, said: Said) -> None:
+    metrics = metrics_of(plan)
+    metrics["leaders"] |= {"per_step_mean": 1.0, "elections": 3, "split_elections": 1, "reports_used": 2.5}
+    show.conclude(outcome(metrics))
+    assert "0 take-overs (0 false), 3 elections (1 split), two at once in 0 steps; 2.5 reports a step\n" in said()
+
+
 def test_a_folders_name_stays_whole_whatever_the_width(plan: Plan, said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
     """The lines are there to be copied, or read by a script."""
     show.console.width = 60

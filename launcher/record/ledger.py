@@ -52,6 +52,20 @@ class Published(NamedTuple):
     point: TrackPoint
 
 
+class Sending(NamedTuple):
+    """A frame that left at ``sent_ns``: by whom, of which kind, on which medium, and how long it was, in bytes.
+
+    ``on_air`` counts headers, fragments and repeats too; 0 without a radio.
+    """
+
+    sent_ns: int
+    src: str
+    kind: str
+    medium: str
+    size: int
+    on_air: int
+
+
 Arriving = tuple[int, Identity, str, int, Way, Frame, Said, int | None, int]
 """A frame at one of its hearers: when (ns) it is settled what became of it, the order of such, and what is known."""
 
@@ -60,7 +74,7 @@ class Ledger:
     """The frames of one run; ``rows`` grows as outcomes settle.
 
     ``corrected`` counts the frames to each place that were taken back or replaced, and ``foreign`` are the places that
-    send frames without versions; ``aired`` are the frames by radio. What a ``provisional`` ledger has
+    send frames without versions; ``aired`` are the frames by radio, ``sendings`` all. What a ``provisional`` ledger has
     handed on can still be undone.
     """
 
@@ -74,6 +88,7 @@ class Ledger:
         self.payload_bytes = 0
         self.on_air = 0
         self.aired: list[Transmission] = []
+        self.sendings: list[Sending] = []
         self.sent_bytes: defaultdict[str, tuple[int, int]] = defaultdict(lambda: (0, 0))
         self.finals: dict[str, dict[str, Any]] = {}
         self.counts: dict[str, dict[str, int]] = {}
@@ -305,6 +320,9 @@ class Ledger:
         self.payload_bytes += len(frame.payload)
         self.payload_max[frame.kind] = max(self.payload_max[frame.kind], len(frame.payload))
         self.on_air += cost.bytes_on_air
+        self.sendings.append(
+            Sending(frame.sent_ns, frame.src, frame.kind, frame.medium, len(frame.payload), cost.bytes_on_air)
+        )
         if cost.busy_ns or frame.preamble_ns:
             self.aired.append(frame.transmission(frame.to))
         size, frames = self.sent_bytes[frame.src]

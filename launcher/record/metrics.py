@@ -9,13 +9,18 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.record.figures.at_base import base_age, base_rows
+from launcher.record.figures.awake import awake_share
 from launcher.record.figures.bounds import bound_metrics, headline_bound, run_bounds
 from launcher.record.figures.channel import air_of_run, channel_metrics
 from launcher.record.figures.clusters import clusters_metrics
-from launcher.record.figures.energy import batteries_of, energy_metrics, lifetime_metrics
+from launcher.record.figures.energy import batteries_of, devices_of, energy_metrics, lifetime_metrics
 from launcher.record.figures.hops import hop_latencies
 from launcher.record.figures.leaders import age_metrics, leaders_metrics
-from launcher.record.figures.scores import offsets, scored
+from launcher.record.figures.overhearing import overheard_ns
+from launcher.record.figures.periods import spans_of
+from launcher.record.figures.scores import detection_s, first_in_range, offsets, scored
+from launcher.record.figures.spending import ledger_metrics, period_of
 from launcher.record.ledger import Ledger
 from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
@@ -42,32 +47,37 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
 
     ``bounds`` is what ``run_bounds`` finds for these tracks, if that is known.
     """
-    batteries = batteries_of(plan, ledger)
+    batteries, end_ns = batteries_of(plan, ledger), ledger.run.end_ns
+    heard = overheard_ns(ledger, devices_of(batteries), period_of(spans_of(plan, end_ns)))
+    at_base = base_rows(plan, tracks)
     bounds = run_bounds(plan, tracks) if bounds is None else bounds
     return {
         "scenario": plan.info.scenario,
         "seed": plan.run.seed,
         "driver": None,
-        "ended_s": (ledger.run.end_ns - plan.origin_ns) / NS,
+        "ended_s": (end_ns - plan.origin_ns) / NS,
         **ended_because(THE_END),
         "wall_s": None,
         "cpu_s": time.process_time() + sum(r.get("cpu_s", 0.0) for r in ledger.finals.values()),
-        "trackers": tracker_metrics(plan, tracks, ledger.run.end_ns, bounds),
+        "trackers": tracker_metrics(plan, tracks, end_ns, bounds),
         "bound": bound_metrics(plan, headline(plan, tracks), headline_bound(plan, tracks, bounds)),
-        "leaders": leaders_metrics(plan, ledger.rows, tracks),
+        "leaders": leaders_metrics(plan, ledger.rows, tracks, ledger.diaries.values()),
         "clusters": clusters_metrics(plan, ledger),
-        "age_of_information_s": age_metrics(plan, tracks),
+        "age_of_information_s": {**age_metrics(plan, tracks), **base_age(plan, at_base, end_ns)},
         "processes": _processes(len(plan.processes), _total(ledger, "unwritten")),
         "frames": _frames(plan, ledger),
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
         "channel": channel_metrics(air_of_run(ledger)),
         "latency_ms": {
             **_latencies(ledger.rows, tracks, headline(plan, tracks)),
+            "to_base": _exact([row.told_ns - row.t_ns for row in at_base if row.has_track]),
             "hops": hop_latencies(plan.bases, ledger.rows),
         },
         "host_latency_ms": _quantiles(_merged(ledger, "latency")),
         "timing": _timing(plan, ledger),
-        "energy_j": energy_metrics(plan, ledger, batteries),
+        "energy_j": energy_metrics(plan, ledger, batteries, heard),
+        "awake_share": awake_share(plan, ledger.diaries.values(), batteries),
+        "ledger": ledger_metrics(plan, ledger, batteries, heard),
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped(), "complaints": []},
@@ -92,7 +102,8 @@ def cut_off(metrics: Metrics) -> Metrics:
     parts = {part: metrics[part] | dict.fromkeys(unknown) for part, unknown in known.items()}
     parts["frames"]["by_role"] = _blank(metrics["frames"]["by_role"])
     parts["timing"] |= {key: _blank(metrics["timing"][key]) for key in ("slip_ms", "lag_ms")}
-    return metrics | parts | {key: _blank(metrics[key]) for key in ("cpu_s", "host_latency_ms", "energy_j")}
+    measured = ("cpu_s", "host_latency_ms", "energy_j", "awake_share", "ledger")
+    return metrics | parts | {key: _blank(metrics[key]) for key in measured}
 
 
 def _blank(value: object) -> Any:
@@ -108,31 +119,52 @@ def tracker_metrics(
     """
     own = {name: [row for row in tracks if row.point.tracker == name] for name in plan.info.trackers}
     until_ns = plan.run.end_ns if end_ns is None else end_ns
-    return {name: _tracker(plan, rows, until_ns, bounds or {}, plan.lag_of(name)) for name, rows in own.items()}
+    reached = first_in_range(plan)
+    return {name: _tracker(plan, name, rows, until_ns, bounds or {}, reached) for name, rows in own.items()}
 
 
-def _tracker(plan: Plan, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, lag: int) -> Metrics:
-    views = {view.name: seen(rows, view) for view in plan.views}
+def _tracker(
+    plan: Plan, name: str, rows: Sequence[TrackRow], end_ns: int, bounds: Bounds, reached: int | None
+) -> Metrics:
+    lag, seen_by = plan.lag_of(name), {view.name: seen(rows, view) for view in _ordered(plan, name)}
     scores = {
         view.name: scored(
-            plan, views[view.name], end_ns, bounds, lag, awaited=bool(views[view.name]) or _smooths(plan, view, lag)
+            plan,
+            seen_by[view.name],
+            end_ns,
+            bounds,
+            lag,
+            awaited=bool(seen_by[view.name]) or _smooths(plan, view, name, end_ns),
         )
-        for view in plan.views
+        | {"detection_s": None if lag else detection_s(plan, seen_by[view.name], reached)}
+        for view in _ordered(plan, name)
     }
     several = len(plan.paths) > 1
-    first = plan.views[0].name
+    first = next(iter(scores))
     return {
         **scores[first],
         "association": NEAREST if several else None,
-        "targets": {id: _target(views[first], id) for id in plan.paths} if several else {},
+        "targets": {id: _target(seen_by[first], id) for id in plan.paths} if several else {},
         "sources": dict(sorted(Counter(row.point.source for row in rows if row.has_track).items())),
         "views": scores,
     }
 
 
-def _smooths(plan: Plan, view: View, lag: int) -> bool:
-    """Whether a view can have this track: one that is smoothed is not handed on, but is of who fuses reports."""
-    return not lag or any(source in plan.banks for source in view.sources)
+def _ordered(plan: Plan, track: str) -> list[View]:
+    """The views, the headline first; of a track that is smoothed as a whole, the first that can have it."""
+    if not plan.whole(track):
+        return list(plan.views)
+    return sorted(plan.views, key=lambda view: set(plan.smoothers).isdisjoint(view.sources))
+
+
+def _smooths(plan: Plan, view: View, track: str, end_ns: int) -> bool:
+    """Whether a view can have this track: one that is smoothed is not handed on, but is of who fuses reports.
+
+    One that is smoothed as a whole is of the base that does so, and only if the run went on to its end.
+    """
+    if plan.whole(track):
+        return end_ns >= plan.run.end_ns and not set(plan.smoothers).isdisjoint(view.sources)
+    return not plan.lag_of(track) or any(source in plan.banks for source in view.sources)
 
 
 def _target(rows: Sequence[TrackRow], target: str) -> Metrics:

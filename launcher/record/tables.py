@@ -14,6 +14,7 @@ from launcher.files import whole_file
 from launcher.record.ledger import Published
 from launcher.records import MessageRow
 from trackfield.role import NS, TrackPoint
+from trackfield.tracking.smoothing import RTS
 from trackfield.world.path import Path, State
 
 STATE = ("x", "y", "vx", "vy")
@@ -50,7 +51,8 @@ class TrackRow:
 
 def bound_of(row: TrackRow, bounds: Bounds) -> float | None:
     """The bound beside a point; None where there is none, and for smoothed tracks, which use later reports."""
-    return None if row.point.lag else bounds.get(row.point.source, {}).get(row.t_ns)
+    smoothed = row.point.lag or row.point.tracker.endswith(RTS)
+    return None if smoothed else bounds.get(row.point.source, {}).get(row.t_ns)
 
 
 def track_rows(published: Iterable[Published], paths: Mapping[str, Path]) -> list[TrackRow]:

@@ -52,10 +52,12 @@ def led(metrics: Mapping[str, Any]) -> list[str]:
     leaders, clusters, age = (metrics[key] for key in ("leaders", "clusters", "age_of_information_s"))
     found = []
     if leaders["per_step_mean"] is not None:
+        elections = _many(leaders["elections"], "election")
+        elected = f"{elections} ({leaders['split_elections']} split), " if leaders["elections"] else ""
         asked = "" if leaders["reports_asked"] is None else f" of {leaders['reports_asked']:.1f} asked for"
         found.append(
             f"leaders: {_many(leaders['handovers'], 'hand-over')} ({leaders['lost_handovers']} more lost), "
-            f"{_many(leaders['take_overs'], 'take-over')} ({leaders['false_take_overs']} false), "
+            f"{_many(leaders['take_overs'], 'take-over')} ({leaders['false_take_overs']} false), {elected}"
             f"two at once in {_many(leaders['two_leader_steps'], 'step')}; "
             f"{leaders['reports_used']:.1f} reports a step{asked}"
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -22,11 +22,12 @@ from launcher.record.figures.hops import end_to_end
 from launcher.record.journal import METRICS
 from launcher.record.reading import files as reading
 from launcher.record.reading.files import Manifest
-from launcher.records import ARRIVED, SENSES, MessageRow, Place, last_due
+from launcher.records import ARRIVED, SENSES, MessageRow, Place, View, last_due
 from launcher.report import tracks
 from launcher.report.tracks import Array, Course, Track
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
+from trackfield.tracking.smoothing import RTS
 from trackfield.words import quoted
 
 REPORTS: Final = ("doa", "measurement", "range", "rss", "energy")
@@ -58,7 +59,7 @@ class Frames:
 
     def where(self, column: str, *values: str) -> npt.NDArray[np.bool_]:
         """(n,) whether the column holds one of these values."""
-        return np.asarray(pc.is_in(self.table[column], pa.array(values)))
+        return np.asarray(pc.is_in(self.table[column], pa.array(values, pa.string())))
 
     @property
     def on_air(self) -> npt.NDArray[np.bool_]:
@@ -270,7 +271,7 @@ def read_run(folder: Path) -> Run:
         planned_faults(field),
         points,
         course,
-        tracks.read(points, field.views[0], scenario.fusion.trackers, course),
+        _tracks(points, field, course),
         Frames(frames, site.origin_ns, frames.num_rows - on_air),
     )
     jumps = (run.faults.of(place.id).jumps for place in run.places)
@@ -282,6 +283,17 @@ def read_run(folder: Path) -> Run:
         what = f"is {quoted(min(strange))}, which has no figures"
         reading.refuse(folder / TRACKS_TABLE, "tracker", what, f"one of {', '.join(run.trackers)}")
     return run
+
+
+def _tracks(points: pa.Table, field: Built, course: Course) -> tuple[Track, ...]:
+    """The tracks of the headline view, and those that a base smoothed as a whole."""
+    order = field.site.scenario.fusion.trackers
+    if not field.smoothers:
+        return tracks.read(points, field.views[0], order, course)
+    smoothed = pc.ends_with(points["tracker"], RTS)
+    found = tracks.read(points.filter(pc.invert(smoothed)), field.views[0], order, course)
+    whole = tracks.read(points.filter(smoothed), View("smoothed", field.smoothers), order, course)
+    return (*found, *(replace(track, lag=0, whole=True) for track in whole))
 
 
 def _with_reports_over_trees(folder: Path, field: Built, frames: pa.Table) -> pa.Table:

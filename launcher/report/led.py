@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 
 from launcher.files import MESSAGES_TABLE
 from launcher.record.figures import terms
+from launcher.record.figures.elections import Election, elections
 from launcher.record.figures.leaders import reports_asked
 from launcher.record.reading import files as reading
 from launcher.records import MessageRow
@@ -27,8 +28,8 @@ _COLUMNS: Final = tuple(one.name for one in fields(MessageRow))
 class Led:
     """The terms of a run in their order, hand-overs that were lost, and how long each leader published in its term.
 
-    ``until_ns`` is by (number, leader). ``used`` and ``asked`` are the reports of each step, and for how many its
-    leader had asked.
+    ``until_ns`` is by (number, leader), and so is ``over``, when it said that its term is over. ``used`` and ``asked``
+    are the reports of each step, and for how many its leader had asked.
     """
 
     turns: tuple[terms.Turn, ...] = ()
@@ -36,12 +37,14 @@ class Led:
     until_ns: Mapping[terms.Key, int] | None = None
     used: Mapping[int, int] | None = None
     asked: Mapping[int, int] | None = None
+    elections: tuple[Election, ...] = ()
+    over: Mapping[terms.Key, int] | None = None
 
 
 def read_led(run: Run) -> Led:
     """As metrics.json counts it; empty where nobody takes turns."""
     view = run.field.views[0]
-    own = run.points.filter(pc.is_in(run.points["source"], pa.array(view.sources)))
+    own = run.points.filter(pc.is_in(run.points["source"], pa.array(view.sources, pa.string())))
     own = own.filter(pc.and_(pc.greater(own["term"], 0), pc.equal(own["origin"], "")))
     if not own.num_rows:
         return Led()
@@ -60,14 +63,15 @@ def read_led(run: Run) -> Led:
     used, leaders = _used(run)
     asked = reports_asked(frames, leaders, run.site.origin_ns, run.site.step_ns)
     lost = tuple(terms.lost_hand_overs(found))
-    return Led(tuple(terms.turns(found)), lost, until_ns, used, asked)
+    votes = elections(found, run.site.step_ns)
+    return Led(tuple(terms.turns(found)), lost, until_ns, used, asked, tuple(votes), found.over)
 
 
 def _used(run: Run) -> tuple[dict[int, int], dict[int, str]]:
     """By step, how many reports the first tracker used, and who led."""
     first = run.points.filter(pc.equal(run.points["tracker"], run.trackers[0]))
     first = first.filter(pc.and_(pc.equal(first["lag"], 0), pc.is_valid(first["step"])))
-    first = first.filter(pc.is_in(first["source"], pa.array(run.field.views[0].sources)))
+    first = first.filter(pc.is_in(first["source"], pa.array(run.field.views[0].sources, pa.string())))
     first = first.sort_by([("step", "ascending"), ("term", "ascending"), ("told_ns", "descending")])
     rows = list(zip(*(first[name].to_pylist() for name in ("step", "reports", "source")), strict=True))
     return {step: reports for step, reports, _ in rows}, {step: source for step, _, source in rows}

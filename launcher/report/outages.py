@@ -83,7 +83,7 @@ def told_late(run: Run, track: Track) -> str:
     due_s = track.t_s + run.scenario.fusion.deadline_s + track.lag * run.step_s
     late_s = np.where(track.known & track.expected, track.told_s - due_s, 0.0)
     slow = late_s > run.step_s
-    if not slow.any():
+    if track.whole or not slow.any():
         return ""
     causes = [one.text for one in downs(run) if ((one.from_s <= due_s) & (due_s < one.until_s))[slow].any()]
     steps = "1 step was" if slow.sum() == 1 else f"{slow.sum():,} steps were"

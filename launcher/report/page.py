@@ -12,6 +12,7 @@ from launcher.record.words import alarms, span
 from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
+from launcher.report.leading import peers
 from launcher.report.outages import few_reports
 from launcher.report.parts import PARTS, clusters
 from launcher.report.templates import inline, templates
@@ -24,6 +25,7 @@ _SECTIONS: Final = {
     "error": "Error",
     "consistency": "Consistency",
     "clusters": "Clusters",
+    "heads": "Heads",
     "messages": "Messages",
     "channel": "The channel",
     "latency": "Latency",
@@ -71,6 +73,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
     shown = {
         "consistency": "nees" in pictures,
         "clusters": clusters.shown(run),
+        "heads": peers(run),
         "channel": run.metrics["channel"]["use_mean"] is not None,
         "energy": bool(run.metrics["energy_j"]["total"]),
     }

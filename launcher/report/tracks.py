@@ -72,7 +72,8 @@ class Track:
     track and no report; ``mean`` and ``truth`` (T, 4) as (x, y, vx, vy) in m and m/s, with several targets that of the
     nearest; ``covariance`` (T, 4, 4); ``bound`` (T,) in m, the least sd of the position. Where there was
     no track, target or bound, they are NaN. ``expected`` (T,) where a target was there; ``interpolated`` (T,) where
-    its truth is a straight line over a gap of the recording. ``lag`` is the delay of a smoothed track, in steps.
+    its truth is a straight line over a gap of the recording. ``lag`` is the delay of a smoothed track, in steps;
+    one that is smoothed as a ``whole`` has none of its own, as all of its points come at its end.
     """
 
     tracker: str
@@ -88,6 +89,7 @@ class Track:
     expected: Mask
     interpolated: Mask
     lag: int = 0
+    whole: bool = False
 
     @cached_property
     def known(self) -> Mask:
@@ -119,7 +121,7 @@ def read(points: pa.Table, view: View, order: Sequence[str], course: Course = Co
 
     Where several sources published a point for one instant, the highest term counts, of equal ones the first published.
     """
-    table = points.filter(pc.is_in(points["source"], pa.array(view.sources)))
+    table = points.filter(pc.is_in(points["source"], pa.array(view.sources, pa.string())))
     table = table.sort_by([("at_ns", "ascending"), ("term", "descending"), ("told_ns", "ascending")])
     rows: dict[tuple[str, str], dict[int, int]] = {}
     keys = zip(*(table[name].to_pylist() for name in ("tracker", "target", "at_ns")), strict=True)

@@ -37,12 +37,17 @@ STATE_COLOURS: Final[dict[str, Colour]] = {
     "following": 0x606C88FF,
     "helping": 0x9C8452FF,
     "leading": 0xF2A93BFF,
+    "sensing": 0xDDE2ECFF,
+    "polled": 0x3DBE6CFF,
+    "electing": 0xB48CF2FF,
     DEAD: 0x8E2420FF,
 }
 OTHER_STATE: Final[Colour] = 0xAA78DCFF
 CENTRE: Final[Colour] = 0xF2A93BFF
 MASTER: Final[Colour] = 0x8C7B5AFF
 HELPING: Final[Colour] = 0xC7A566FF
+ELECTING: Final[Colour] = 0xB48CF2FF
+POLLED: Final[Colour] = 0x4FA873FF
 MEMBER: Final[Colour] = 0x4C556CFF
 WAY: Final[Colour] = 0x2F6F9EFF
 TRUTH: Final[Colour] = 0x969BA5FF

@@ -9,7 +9,7 @@ import rerun as rr
 
 from launcher.records import BATTERY, SENSES, SLAVE, FieldInfo, Place
 from launcher.timeline import look
-from launcher.timeline.layers import READINGS, closeup, clusters, truth
+from launcher.timeline.layers import READINGS, closeup, clusters, heads, truth
 from launcher.timeline.scene import crosses, halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
@@ -44,6 +44,7 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     for name in sorted(set(info.layers.values())):
         yield f"/field/{name}", READINGS[name].style
     yield from clusters.styles(info)
+    yield from heads.styles(info)
     yield from truth.styles(info)
     yield from closeup.styles(info)
     yield from _legend(info)
@@ -53,6 +54,8 @@ def _legend(info: FieldInfo) -> Iterator[Part]:
     """What the colours of the sensors mean."""
     slaves = any(place.role == SLAVE for place in info.places)
     states = [look.REST, "active", "orphan"] if slaves else [look.REST, "awake", "reporting"]
+    if heads.any_may_lead(info):
+        states = [look.REST, "sensing", "active", heads.ELECTING, heads.LEADING]
     entries = [(name, look.state_colour(name)) for name in states] + [("dead", 0)]
     if ringed := bool(info.tagged(BATTERY)):
         entries.append(("battery low", look.state_colour(look.REST)))

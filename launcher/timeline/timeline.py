@@ -23,6 +23,7 @@ from launcher.records import SENSES, FieldInfo, MessageRow
 from launcher.timeline import look, rows, scenery, views
 from launcher.timeline.curves import Curves
 from launcher.timeline.file import TimelineFile
+from launcher.timeline.layers import heads
 from launcher.timeline.layers.tracks import Tracks
 from launcher.timeline.layers.truth import Truths
 from launcher.timeline.look import path as entity
@@ -109,8 +110,9 @@ class Timeline:
         """A process (or one lane of it) entered a state, of any name."""
         self._newest = max(self._newest, t_ns)
         self._lane(t_ns, process, name, lane)
-        self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
-        self._picture.clusters.state(t_ns, process, name)
+        if not self._picture.heads.state(t_ns, process, name, lane):
+            self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
+            self._picture.clusters.state(t_ns, process, name)
         if name != look.DEAD:
             self._tracks.lives(t_ns, process)
 
@@ -151,6 +153,7 @@ class Timeline:
         """A sentence among the messages; ``level`` is INFO, WARN or ERROR."""
         self._newest = max(self._newest, t_ns)
         self._note(t_ns, process, text, level)
+        self._picture.heads.note(t_ns, process, text, level)
 
     def estimate(self, point: TrackPoint, truth: tuple[float, float] | None, late_ns: int = 0) -> None:
         """A tracker published a point; ``truth`` is where the target was at its instant (metres).
@@ -179,9 +182,10 @@ class Timeline:
         self._picture.close(self._newest + max(self._info.step_ns, self._mark_ns))
         for second in self._seconds.until(math.inf):
             self._second(*second)
-        if words := self._picture.words:
-            colours = np.array(list(words.values()), np.uint32)
-            self._static("/faults", rr.StateConfiguration(values=list(words), colors=colours))
+        for path, words in (("/faults", self._picture.words), (heads.EVENTS, self._picture.heads.words)):
+            if words:
+                colours = np.array(list(words.values()), np.uint32)
+                self._static(path, rr.StateConfiguration(values=list(words), colors=colours))
         self._send(everything=True)
         if not self._live:
             axes = {plot: self._curves.axis(plot, views.labels(self._info, plot)) for plot in views.PLOTS}
@@ -278,6 +282,7 @@ class Timeline:
         self._seconds.message(t_ns, row)
         if row.src not in self._places or row.dst not in self._places:
             return
+        self._picture.heads.message(row)
         begin_ns, over_ns = t_ns, row.sent_ns + self._info.step_ns
         if row.step is not None and row.outcome != "late":
             begin_ns = self._info.origin_ns + row.step * self._info.step_ns

@@ -13,6 +13,7 @@ from launcher.records import FieldInfo
 from launcher.timeline import look
 from launcher.timeline.curves import Axis
 from launcher.timeline.layers.closeup import WIDE
+from launcher.timeline.layers.heads import EVENTS, any_may_lead
 from trackfield.role import NS
 
 PLOTS: Final = ("error", "latency", "clock", "lost", "queue", "bytes")
@@ -32,12 +33,13 @@ def layout(info: FieldInfo, axes: Axes | None = None, *, live: bool = False) -> 
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(
-                _tabs(_field(info), _network(info)), _states(info, "Node states", look.LANES), row_shares=[3, 2]
+                _tabs(_field(info), _network(info)), _states(info, "Node states", _lanes(info)), row_shares=[3, 2]
             ),
             rrb.Vertical(
                 *([_tabs(*(_closeup(info, truth.target) for truth in info.truths))] if info.truths else []),
                 *([_links(info)] if info.receptions else []),
                 _tabs(
+                    *([_log("Heads", EVENTS)] if any_may_lead(info) else []),
                     _log("Messages", "/messages/**", "/notes/**", "/faults"),
                     _log("Faults", "/faults"),
                     _times(),
@@ -155,10 +157,19 @@ def _plot(info: FieldInfo, what: str, name: str, axis: Axis | None) -> rrb.TimeS
     )
 
 
+def _lanes(info: FieldInfo) -> int:
+    """How many places have room for their lanes below the field; nodes of which any may lead have two each."""
+    return look.LANES // 2 if any_may_lead(info) else look.LANES
+
+
 def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:
     return rrb.StateTimelineView(
         origin="/",
-        contents=["/faults", *(look.path("state", place.id) + "/**" for place in look.lanes(info)[:count])],
+        contents=[
+            "/faults",
+            *([EVENTS] if any_may_lead(info) else []),
+            *(look.path("state", place.id) + "/**" for place in look.lanes(info)[:count]),
+        ],
         name=name,
         time_view=_whole_run(info),
         defaults=[

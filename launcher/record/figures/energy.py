@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import ceil, dist, inf
 from typing import Any, Final
 
-from launcher.record.figures.overhearing import overheard_fj
+from launcher.record.figures.overhearing import Overheard, overheard_fj, overheard_ns
 from launcher.record.ledger import Ledger
 from launcher.records import BATTERY, SENSES, Plan
 from trackfield.drivers.engine.meter import Activity, done
@@ -99,8 +99,10 @@ def _activities(spec: ProcessSpec, lives: Sequence[Mapping[str, Activity]]) -> d
     return {medium: Activity.total(life[medium] for life in lives if medium in life) for medium in spec.powers}
 
 
-def energy_metrics(plan: Plan, ledger: Ledger, batteries: Sequence[Battery]) -> dict[str, Any]:
-    """``energy_j`` of metrics.json; null where no energy is metered."""
+def energy_metrics(
+    plan: Plan, ledger: Ledger, batteries: Sequence[Battery], heard: Overheard | None = None
+) -> dict[str, Any]:
+    """``energy_j`` of metrics.json; null where no energy is metered. ``heard`` is what was overheard, if known."""
     if not batteries:
         nothing = {"by": dict.fromkeys(CAUSES), "by_accounting": dict.fromkeys((*ACCOUNTINGS, *DEVICES))}
         return {"total": None, "max_node": None, **nothing, "by_role": {}}
@@ -109,7 +111,9 @@ def energy_metrics(plan: Plan, ledger: Ledger, batteries: Sequence[Battery]) -> 
     total = sum(by.values())
     asleep = sum(a.listen_ns * n.powers[medium].sleep_uw for n in batteries for medium, a in n.activities.items())
     silent = total - by["listen"] + asleep * _FJ
-    figures = total, silent, silent + overheard_fj(ledger, _devices(batteries)) * _FJ, _first_order_j(ledger, batteries)
+    devices = devices_of(batteries)
+    overheard = overheard_fj(overheard_ns(ledger, devices) if heard is None else heard, devices) * _FJ
+    figures = total, silent, silent + overheard, _first_order_j(ledger, batteries)
     return {
         "total": total,
         "max_node": max(sum(one.values()) for one in spent),
@@ -169,7 +173,7 @@ def _coverage_lost(plan: Plan, ends: Mapping[str, float], killed: Collection[str
 # --- other accountings ------------------------------------------------------------------------------------------------
 
 
-def _devices(batteries: Iterable[Battery]) -> dict[str, Mapping[str, Power]]:
+def devices_of(batteries: Iterable[Battery]) -> dict[str, Mapping[str, Power]]:
     """What each place on a battery has for each medium."""
     return {one.spec.id: one.powers for one in batteries}
 

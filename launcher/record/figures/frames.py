@@ -103,11 +103,12 @@ class Hops(Figures):
 
 
 class Latencies(Figures):
-    """Emulated times in ms: on the link, from sending to fusion, from an instant to the track of it, and of messages
-    over a tree to its base, by the number of their hops.
+    """Emulated times in ms: on the link, from sending to fusion, from an instant to the track of it, in the headline
+    view and at the base, and of messages over a tree to its base, by the number of their hops.
     """
 
     link: Quantiles
     to_filter: Quantiles
     to_track: Quantiles
+    to_base: Quantiles
     hops: Mapping[str, Hops]

@@ -8,18 +8,24 @@ from typing import Any, Final
 
 import numpy as np
 
+from head.peers.choice import OUT_OF_REACH
+from launcher.record.diary import Diary
 from launcher.record.figures import terms
+from launcher.record.figures.elections import election_metrics, elections
 from launcher.record.tables import TrackRow
 from launcher.record.views import headline
 from launcher.records import MessageRow, Plan
-from trackfield.role import NS
+from trackfield.role import NS, Note
 from trackfield.wire.clusters import Merge, Wake
+from trackfield.wire.peers import Poll
 
 SENSOR_BYTES: Final = 2
 """Of a sensor's number in a list of them."""
 
 
-def leaders_metrics(plan: Plan, frames: Iterable[MessageRow], tracks: Sequence[TrackRow]) -> dict[str, Any]:
+def leaders_metrics(
+    plan: Plan, frames: Iterable[MessageRow], tracks: Sequence[TrackRow], diaries: Iterable[Diary] = ()
+) -> dict[str, Any]:
     """``leaders`` of metrics.json; zeros and nulls where nobody takes turns at tracking."""
     frames = list(frames)
     own = [row for row in tracks if row.point.source in plan.views[0].sources and not row.point.origin]
@@ -38,11 +44,22 @@ def leaders_metrics(plan: Plan, frames: Iterable[MessageRow], tracks: Sequence[T
         "handovers": sum(turn.how == terms.HAND_OVER for turn in turns),
         "lost_handovers": len(terms.lost_hand_overs(seen)),
         "take_overs": sum(turn.how == terms.TAKE_OVER for turn in turns),
-        "false_take_overs": sum(turn.false for turn in turns),
-        "elections": 0,
-        "split_elections": 0,
+        "false_take_overs": sum(turn.how == terms.TAKE_OVER and turn.false for turn in turns),
+        "dissolved": len(seen.over),
+        **election_metrics(elections(seen, plan.step_ns)),
         "reports_used": _mean(list(used.values())),
         "reports_asked": _mean(list(asked.values())),
+        "out_of_reach_steps": len(out_of_reach(plan, diaries)),
+    }
+
+
+def out_of_reach(plan: Plan, diaries: Iterable[Diary]) -> set[int]:
+    """The steps at which a leader noted that sensors nearer to the target than those it asks are out of its reach."""
+    return {
+        plan.step_of(told.key[0])
+        for diary in diaries
+        for told in diary.told
+        if isinstance(told.effect, Note) and told.effect.text.startswith(OUT_OF_REACH)
     }
 
 
@@ -76,9 +93,10 @@ def _reports(
 def reports_asked(
     frames: Iterable[MessageRow], leaders: Mapping[int, str], origin_ns: int, step_ns: int
 ) -> dict[int, int]:
-    """By step, how many sensors its leader asked to measure: its own by its beacon, those of others by their masters.
+    """By step, how many sensors its leader asked to measure: by a poll; or its own by its beacon, and those of others
+    by their masters.
 
-    Only of steps for which it sent a beacon, heard or not.
+    Only of steps for which it sent a poll or a beacon, heard or not.
     """
     own: dict[tuple[str, int], int] = {}
     merges = defaultdict[str, dict[tuple[int, str], Merge]](dict)
@@ -86,6 +104,8 @@ def reports_asked(
         match message:
             case Wake() as wake if wake.leader == row.src.encode():
                 own[row.src, wake.step] = len(wake.places) if wake.steps else 0
+            case Poll() as poll:
+                own[row.src, poll.step] = len(poll.sensors) // SENSOR_BYTES
             case Merge():
                 merges[row.src][row.sent_ns, row.dst] = message
     found = {}

@@ -8,6 +8,7 @@ from typing import Any, Final, Literal, Self
 from pydantic import StrictBool, ValidationError
 
 from launcher.nested import flat
+from launcher.record.figures.costs import LedgerFigures
 from launcher.record.figures.frames import (
     Bytes,
     ChannelFigures,
@@ -21,6 +22,7 @@ from launcher.record.figures.frames import (
     Signed,
 )
 from launcher.record.figures.verdict import Verdict
+from launcher.records import BASE
 from trackfield.errors import ScenarioError
 from trackfield.words import quoted
 
@@ -60,6 +62,7 @@ class ScoreFigures(Figures):
     share_within: Number | None
     longest_blackout_s: Number
     gap: Gap
+    detection_s: Number | None
 
 
 class TargetFigures(Figures):
@@ -77,6 +80,18 @@ class TrackerFigures(ScoreFigures):
     sources: Mapping[str, Count]
     views: Mapping[str, ScoreFigures]
 
+    @property
+    def by_place(self) -> dict[str, float | None]:
+        """Figures at the base, and in the network if another view is of that; by their names in a study."""
+        base: ScoreFigures = self.views.get(BASE, self)
+        inside = next((view for name, view in self.views.items() if name != BASE), None)
+        return {
+            "base.rmse.position": base.rmse.position,
+            "base.share_within": base.share_within,
+            "base.detection_s": base.detection_s,
+            "network.rmse.position": None if inside is None else inside.rmse.position,
+        }
+
 
 class Bound(Figures):
     """The least error (m) of any tracker: with every report in reach, and with those that came."""
@@ -85,8 +100,18 @@ class Bound(Figures):
     trajectory: Number | None
 
 
+class Spread(Figures):
+    """Mean and maximum of a time in s."""
+
+    mean: Number | None
+    max: Number | None
+
+
 class Leaders(Figures):
-    """Processes that take turns at tracking: how many led in a step, their terms, and their reports in a step."""
+    """Processes that take turns at tracking: how many led in a step, their terms, and their reports in a step.
+
+    ``election_s`` is how long elections took, ``healed_s`` how long more than one led after a split one.
+    """
 
     per_step_mean: Number | None
     per_step_max: Count | None
@@ -95,10 +120,15 @@ class Leaders(Figures):
     lost_handovers: Count
     take_overs: Count
     false_take_overs: Count
+    dissolved: Count
     elections: Count
     split_elections: Count
+    unwon_elections: Count
+    election_s: Spread
+    healed_s: Spread
     reports_used: Number | None
     reports_asked: Number | None
+    out_of_reach_steps: Count
 
 
 class Clusters(Figures):
@@ -111,10 +141,12 @@ class Clusters(Figures):
 
 
 class Age(Figures):
-    """How old (s) what a base knew was, of the points that it predicted from that."""
+    """How old (s) what a base knew was: of the points that it predicted from that, and over all time."""
 
     mean: Number | None
     p95: Number | None
+    base_mean: Number | None
+    base_p95: Number | None
 
 
 class Death(Figures):
@@ -192,6 +224,13 @@ class Energy(Figures):
     by_role: Mapping[str, Number | None]
 
 
+class AwakeShare(Figures):
+    """The share of the time in which a sensor's receiver was on: mean of the sensors, and of the one with the most."""
+
+    mean: Number | None
+    most: Number | None
+
+
 class Empty(Figures):
     """A battery that was empty at ``t``, emulated s."""
 
@@ -267,6 +306,8 @@ class RunFigures(Figures):
     host_latency_ms: HostQuantiles
     timing: Timing
     energy_j: Energy
+    awake_share: AwakeShare
+    ledger: LedgerFigures
     lifetime_s: Lifetime
     clock_error_ms: ClockError
     recorder: Recorder
@@ -292,7 +333,7 @@ class RunFigures(Figures):
         run = {key: whole[key] for key in OF_RUN}
         for name, tracker in self.trackers.items():
             figures = tracker.model_dump(exclude=set(TrackerFigures.model_fields) - set(ScoreFigures.model_fields))
-            yield {"seed": self.seed, "tracker": name, **flat(figures), **run}
+            yield {"seed": self.seed, "tracker": name, **flat(figures), **tracker.by_place, **run}
 
 
 OF_RUN: Final[tuple[str, ...]] = (
@@ -313,5 +354,17 @@ OF_RUN: Final[tuple[str, ...]] = (
     "lifetime_s.half_dead",
     "lifetime_s.coverage_lost",
     "lifetime_s.extrapolated",
+    "latency_ms.to_base.p95",
+    "age_of_information_s.base_mean",
+    "ledger.setup.total_j",
+    "ledger.present.bytes",
+    "ledger.present.total_j",
+    "ledger.idle.total_j",
+    "ledger.power_w.present",
+    "ledger.power_w.idle",
+    "ledger.hottest",
+    "ledger.lifetime_s.first_death",
+    "ledger.lifetime_s.half_dead",
+    "channel.use_peak",
 )
 """Figures of the whole run that stand in the table of a study, the same for all its trackers."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -28,15 +28,30 @@ Devices = Mapping[str, Mapping[str, Power]]
 """What each process has for each medium, by its id."""
 
 
-def overheard_fj(ledger: Ledger, devices: Devices) -> int:
-    """What overhearing costs those with these devices above sleeping (fJ): frames for others, and lost ones, in reach
-    of a radio that is on.
+Overheard = Mapping[tuple[str, str, str], int]
+"""How long (ns), by (process, medium, period)."""
 
-    In windows, a radio overhears what it catches, from that instant on. A radio that listens draws as much as one that
-    receives, or nearly: this is a part of ``listen``, not beside it.
+
+def overheard_ns(ledger: Ledger, devices: Devices, period_of: Callable[[int], str] = lambda at_ns: "") -> Overheard:
+    """For how long those with these devices overhear: frames for others, and lost ones, in reach of a radio that is on.
+
+    In windows, a radio overhears what it catches, from that instant on. A frame counts for the period in which it was
+    sent.
     """
-    media = sorted({medium for powers in devices.values() for medium in powers})
-    return sum(_on(medium, ledger, devices) for medium in media)
+    total: Counter[tuple[str, str, str]] = Counter()
+    for medium in sorted({medium for powers in devices.values() for medium in powers}):
+        for id, sent_ns, took_ns in _on(medium, ledger, devices):
+            total[id, medium, period_of(sent_ns)] += took_ns
+    return total
+
+
+def overheard_fj(heard: Overheard, devices: Devices) -> int:
+    """What that costs above sleeping (fJ).
+
+    A radio that listens draws as much as one that receives, or nearly: this is a part of ``listen``, not beside it.
+    """
+    powers = ((devices[id][medium], took_ns) for (id, medium, _), took_ns in heard.items())
+    return sum(took_ns * (power.receive_uw - power.sleep_uw) for power, took_ns in powers)
 
 
 @dataclass(frozen=True)
@@ -49,10 +64,10 @@ class _Heard:
     broadcast: bool
 
 
-def _on(medium: str, ledger: Ledger, devices: Devices) -> int:
-    """Of the frames on one medium."""
+def _on(medium: str, ledger: Ledger, devices: Devices) -> Iterator[tuple[str, int, int]]:
+    """Of the frames on one medium: who overhears one, when it was sent, and for how long."""
     powers = {id: own[medium] for id, own in devices.items() if medium in own}
-    reach, windows, total = _Reach(medium, ledger, powers), _Caught(medium, ledger), 0
+    reach, windows = _Reach(medium, ledger, powers), _Caught(medium, ledger)
     for heard, openings in _openings(medium, ledger, powers):
         row = heard.row
         for id in reach.of(row):
@@ -62,8 +77,7 @@ def _on(medium: str, ledger: Ledger, devices: Devices) -> int:
                 took_ns = (row.bytes + power.overhead_bytes) * power.byte_ns + heard.preamble_ns
                 if isinstance(opening, Windows):
                     took_ns = windows.caught_ns(heard, id, took_ns)
-                total += took_ns * (power.receive_uw - power.sleep_uw)
-    return total
+                yield id, row.sent_ns, took_ns
 
 
 class _Reach:

@@ -11,7 +11,7 @@ import numpy as np
 
 from launcher.record.figures.verdict import verdict
 from launcher.record.tables import Bounds, TrackRow, bound_of
-from launcher.records import Plan, last_due
+from launcher.records import SENSES, Plan, last_due
 from trackfield.filters import metrics as score
 from trackfield.filters.types import Array
 from trackfield.role import NS
@@ -45,6 +45,36 @@ def scored(
         **_presence(plan, rows, end_ns, lag, awaited=awaited),
         "gap": {"rmse": score.rmse(offsets(guessed)[:, :2]) if guessed else None, "steps": len(guessed)},
     }
+
+
+def first_in_range(plan: Plan) -> int | None:
+    """The first step at which a target is within reach of a sensor; None if none ever is.
+
+    Where the places of sensors or their reach are not known: at which a target is there.
+    """
+    sensors = [place for place in plan.info.tagged(SENSES) if place.id in plan.reaches]
+    at = np.array([(place.x, place.y) for place in sensors]).reshape(-1, 2)
+    reach = np.array([plan.reaches[place.id] for place in sensors])
+    for step in range(1, last_due(plan.run.end_ns - plan.origin_ns, plan.step_ns, 0.0) + 1):
+        t_s = (plan.origin_ns + step * plan.step_ns) / NS
+        for state in filter(None, (path.at(t_s) for path in plan.paths.values())):
+            if not sensors or (np.hypot(*(at - state[:2]).T) <= reach).any():
+                return step
+    return None
+
+
+def detection_s(plan: Plan, rows: Iterable[TrackRow], reached: int | None) -> float | None:
+    """How long after the step at which a target is first in range (``first_in_range``) a track of it was known first.
+
+    A track of which the truth is known counts if it is near enough, others do not. None: there never was one.
+    """
+    if reached is None:
+        return None
+    from_ns = plan.origin_ns + reached * plan.step_ns
+    told = [
+        row.told_ns for row in rows if row.has_track and row.t_ns >= from_ns and _worst([row]) <= plan.lost.beyond_m
+    ]
+    return (min(told) - from_ns) / NS if told else None
 
 
 def offsets(rows: Sequence[TrackRow]) -> Array:

@@ -12,12 +12,18 @@ from typing import Any, Final, NamedTuple
 from launcher.records import MessageRow
 from trackfield.wire.clusters import HandOver, HandOverAck, Merge, Share, Wake
 from trackfield.wire.codec import WireError, decode
+from trackfield.wire.peers import Claim, Dissolve, HeadEstimate, Poll, Result
 
-KINDS: Final = frozenset({"wake", "merge", "share", "hand-over", "hand-over-ack"})
-"""The kinds of message that say who leads."""
+KINDS: Final = frozenset(
+    {"wake", "merge", "share", "hand-over", "hand-over-ack", "claim", "poll", "result", "estimate", "dissolve"}
+)
+"""The kinds of message that say who leads, or wants to."""
 START: Final = "start"
 HAND_OVER: Final = "hand-over"
 TAKE_OVER: Final = "take-over"
+ELECTION: Final = "election"
+MOST_NS: Final = 1 << 62
+"""Beyond any instant of a run."""
 Key = tuple[int, str]
 """A term: its number, and who leads."""
 Life = tuple[str, int]
@@ -34,10 +40,10 @@ class Point(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """A term that began, and was first seen at ``begun_ns``; ``how``: by a hand-over, or by itself.
+    """A term that began, and was first seen at ``begun_ns``; ``how``: by a hand-over, an election, or by itself.
 
-    A ``TAKE_OVER`` is one that began by itself while an earlier term was not over; it is ``false`` if the leader of
-    that one lived on.
+    A ``TAKE_OVER`` is one that began by itself while an earlier term was not over. It, or an ``ELECTION`` at such a
+    time, is ``false`` if the leader of that one lived on.
     """
 
     number: int
@@ -56,15 +62,29 @@ class Lost(NamedTuple):
     dst: str
 
 
+class Claimed(NamedTuple):
+    """That process ``src`` claimed to lead in the term of this number, with which ``key``."""
+
+    sent_ns: int
+    number: int
+    src: str
+    key: int
+
+
 @dataclass
 class Seen:
-    """What frames and points say: when each term was seen first, and in which life of its leader.
+    """What frames and points say: when each term was seen first, and in which life of its leader; ``until`` when.
 
-    ``acks`` are the terms that were acknowledged, ``offers`` the hand-overs that were sent. ``over`` is when a leader
-    said that its term is over, and ``last`` when each life sent or published something last.
+    ``acks`` are the terms that were acknowledged, ``offers`` the hand-overs that were sent, ``claims`` those to lead.
+    ``polls`` and ``words`` are when a head first polled sensors in a term, and first said what it knew.
+    ``over`` is when a leader said that its term is over, and ``last`` when each life sent or published something last.
     """
 
     first: dict[Key, tuple[int, int]] = field(default_factory=dict)
+    until: dict[Key, int] = field(default_factory=dict)
+    claims: set[Claimed] = field(default_factory=set)
+    polls: dict[Key, int] = field(default_factory=dict)
+    words: dict[Key, int] = field(default_factory=dict)
     acks: set[Key] = field(default_factory=set)
     offers: set[Lost] = field(default_factory=set)
     over: dict[Key, int] = field(default_factory=dict)
@@ -74,6 +94,7 @@ class Seen:
         """This process led in this term."""
         key = number, leader
         self.first[key] = min(self.first.get(key, (at_ns, incarnation)), (at_ns, incarnation))
+        self.until[key] = max(self.until.get(key, at_ns), at_ns)
 
     def lives(self, id: str, incarnation: int, at_ns: int) -> None:
         """This process was alive."""
@@ -87,12 +108,26 @@ class Seen:
             case HandOverAck(number=number):
                 self.acks.add((number, row.src))
                 self.led(number, row.src, row.sent_ns, row.incarnation)
-            case Share(number=number, beliefs=b""):
+            case Share(number=number, beliefs=b"") | Dissolve(number=number):
                 self.over.setdefault((number, row.src), row.sent_ns)
+            case Claim(number=number, key=key):
+                self.claims.add(Claimed(row.sent_ns, number, row.src, key))
             case Wake(number=number, leader=leader) if leader.decode("ascii", "replace") != row.src or not number:
                 pass
             case Wake(number=number) | Merge(number=number) | Share(number=number):
                 self.led(number, row.src, row.sent_ns, row.incarnation)
+            case Poll(number=number) | Result(number=number) | HeadEstimate(number=number):
+                self.led(number, row.src, row.sent_ns, row.incarnation)
+                times = self.polls if isinstance(message, Poll) else self.words
+                times[number, row.src] = min(times.get((number, row.src), row.sent_ns), row.sent_ns)
+
+    def elected(self) -> set[Key]:
+        """The terms that began by an election: of those who claimed to lead in them.
+
+        One that was handed the term acknowledged that. One that takes over says at once what it knows, before it polls.
+        """
+        claimed = {(claim.number, claim.src) for claim in self.claims} & self.first.keys() - self.acks
+        return {key for key in claimed if key not in self.words or self.polls.get(key, MOST_NS) <= self.words[key]}
 
 
 def seen(frames: Iterable[MessageRow], points: Iterable[Point]) -> Seen:
@@ -132,19 +167,21 @@ def _decoded(payload: bytes) -> Any:
 def turns(found: Seen) -> list[Turn]:
     """The terms in the order in which they began."""
     ordered = sorted(found.first, key=lambda key: (found.first[key][0], key))
-    return [_turn(found, ordered[:index], key) for index, key in enumerate(ordered)]
+    elected = found.elected()
+    return [_turn(found, ordered[:index], key, elected=key in elected) for index, key in enumerate(ordered)]
 
 
-def _turn(found: Seen, before: Sequence[Key], key: Key) -> Turn:
+def _turn(found: Seen, before: Sequence[Key], key: Key, *, elected: bool) -> Turn:
     begun_ns = found.first[key][0]
     if key in found.acks:
         return Turn(*key, begun_ns, HAND_OVER)
     running = [one for one in before if one < key and found.over.get(one, begun_ns) >= begun_ns]
     if not running:
-        return Turn(*key, begun_ns, START)
+        return Turn(*key, begun_ns, ELECTION if elected else START)
     old = max(running)
     life = old[1], found.first[old][1]
-    return Turn(*key, begun_ns, TAKE_OVER, old[1] != key[1] and found.last.get(life, -1) >= begun_ns)
+    false = old[1] != key[1] and found.last.get(life, -1) >= begun_ns
+    return Turn(*key, begun_ns, ELECTION if elected else TAKE_OVER, false)
 
 
 def lost_hand_overs(found: Seen) -> list[Lost]:

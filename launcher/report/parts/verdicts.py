@@ -13,6 +13,7 @@ from launcher.report.cells import number, percent
 from launcher.report.folder import Run
 from launcher.report.parts.consistency import in_words
 from launcher.report.tracks import Track
+from trackfield.tracking.smoothing import RTS
 
 FIGURES: Final[style.Figures] = {}
 NEAREST: Final = "With several targets, each step is scored against the nearest one."
@@ -50,7 +51,7 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
         "" if run.site.paths else f"A track at {m['steps_tracked']:,} of {m['steps_expected']:,} steps.",
         *(outages.in_words(run, track) for track in own if there),
         *(outages.told_late(run, track) for track in own),
-        "" if there else outages.never(run, _lag(run, name)),
+        "" if there else _never(run, name),
         _rule(run) if m["lost"] and there else "",
         _in_gaps(m),
         NEAREST if m["association"] and there else "",
@@ -60,9 +61,21 @@ def _verdict(run: Run, name: str, m: dict[str, Any]) -> Verdict:
     return Verdict(name, style.colour(run, name), told(m), look, " ".join(filter(None, sentences)))
 
 
+def _never(run: Run, name: str) -> str:
+    """Why a tracker never had a track."""
+    if _whole(run, name) and run.ended_early:
+        return "The run ended before the track did, and only then is it smoothed."
+    return outages.never(run, _lag(run, name))
+
+
 def _lag(run: Run, name: str) -> int:
     """By how many steps a tracker comes later that said nothing: those with names of their own are smoothed."""
-    return 0 if name in run.scenario.fusion.trackers else run.scenario.fusion.smooth_lag
+    live = name in run.scenario.fusion.trackers or _whole(run, name)
+    return 0 if live else run.scenario.fusion.smooth_lag
+
+
+def _whole(run: Run, name: str) -> bool:
+    return bool(run.field.smoothers) and name.endswith(RTS)
 
 
 def _error(own: list[Track], m: dict[str, Any]) -> str:
