@@ -15,10 +15,12 @@ from typing import Any, Final
 import numpy as np
 
 from launcher.plan.prepare import checked, planned, warned
+from launcher.study.settings.fairness import Facts, facts_of
 from trackfield.errors import ScenarioError, told_of
 from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
 from trackfield.scenario.quantities import MOST_SEED
+from trackfield.scenario.sections.run import IDLE_S
 from trackfield.scenario.toml import check_values, parsed
 from trackfield.words import quoted, shortened
 
@@ -28,6 +30,9 @@ MOST_SEEDS: Final = 1_000_000
 MOST_VARIANTS: Final = 10_000
 """Each is planned before the first of them runs."""
 _TRACKERS: Final = "fusion.trackers"
+ARCHITECTURE: Final = "architecture.kind"
+"""A study that varies it compares fields of which most of the life has no target."""
+_IDLE: Final = "run.idle_s"
 _VARY: Final = "--vary"
 _EXAMPLE: Final = "KEY=VALUE,VALUE,... like field.spacing_m=50,75,100"
 
@@ -56,11 +61,13 @@ class Axis:
 
 @dataclass(frozen=True)
 class Variant:
-    """One combination: the value of each axis, the scenario that has them, and what is likely to go wrong with it."""
+    """One combination: the value of each axis, the scenario that has them, what is likely to go wrong with it, and
+    what there is in its field."""
 
     values: Mapping[str, Any]
     scenario: Scenario
     warnings: tuple[str, ...] = ()
+    facts: Facts | None = None
 
     @property
     def name(self) -> str:
@@ -89,6 +96,7 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
     if (variants := prod(len(axis.values) for axis in axes)) > MOST_VARIANTS:
         raise ScenarioError(f"{variants:,} combinations", key="vary", expected=f"{MOST_VARIANTS:,} or fewer")
     _apart(axes)
+    scenario = _with_idle(scenario, axes)
     given = islice(_listed("seeds", seeds, "one or more, like range(100)"), MOST_SEEDS + 1)
     chosen = tuple(index(seed) if hasattr(seed, "__index__") else seed for seed in given)
     if len(chosen) > MOST_SEEDS:
@@ -101,6 +109,13 @@ def design(scenario: Scenario, seeds: Iterable[int], vary: Mapping[str, Iterable
         if not isinstance(seed, int) or not 0 <= seed <= MOST_SEED:
             checked(scenario, seed)  # raises the error
     return Design(scenario, axes, tuple(_variants(scenario, axes, chosen[0])), chosen)
+
+
+def _with_idle(scenario: Scenario, axes: Sequence[Axis]) -> Scenario:
+    """The scenario, with time without a target if architectures are compared: most of a field's life has none."""
+    if scenario.run.idle_s is not None or any(overlap(axis.sets, _IDLE) for axis in axes):
+        return scenario
+    return scenario.set(_IDLE, IDLE_S) if any(overlap(axis.sets, ARCHITECTURE) for axis in axes) else scenario
 
 
 def _axis(key: str, values: Iterable[Any]) -> Axis:
@@ -167,7 +182,7 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
             if not named or error.key in settings:
                 raise
             raise told_of(f"with {in_words(named)}", error) from None
-        yield Variant(named, varied, plan.warnings)
+        yield Variant(named, varied, plan.warnings, facts_of(varied, plan))
 
 
 # --- as text ----------------------------------------------------------------------------------------------------------

@@ -56,15 +56,32 @@ FIGURES: Final = {
         Figure(LOST, "frames lost", ""),
         Figure("bytes.payload", "payload", "bytes"),
         Figure("bytes.on_air", "bytes on the air", "bytes"),
+        Figure("base.rmse.position", "RMSE at the base", "m"),
+        Figure("base.share_within", "share of steps tracked at the base", "", "more"),
+        Figure("base.detection_s", "detection delay at the base", "s"),
+        Figure("network.rmse.position", "RMSE in the network", "m"),
+        Figure("latency_ms.to_base.p95", "latency from step to base, 95 %", "ms"),
+        Figure("age_of_information_s.base_mean", "age of what the base knows", "s"),
+        Figure("ledger.present.bytes", "bytes sent with a target", "bytes"),
+        Figure("ledger.setup.total_j", "energy of the set-up", "J"),
+        Figure("ledger.power_w.present", "power with a target", "W"),
+        Figure("ledger.power_w.idle", "power without a target", "W"),
+        Figure("ledger.hottest", "hottest node / mean", ""),
+        Figure("ledger.lifetime_s.first_death", "first battery empty, target 1 % of the time", "s", "more"),
+        Figure("ledger.lifetime_s.half_dead", "half of the batteries empty, target 1 % of the time", "s", "more"),
+        Figure("channel.use_peak", "peak channel use", ""),
     )
 }
 """By their keys."""
 COST: Final = ("energy_j.total", "bytes.on_air", "frames.sent")
 """What a field costs, the most meaningful first."""
 ERROR: Final = "rmse.position"
+LIFE: Final = "ledger.lifetime_s.first_death"
+BASE_ERROR: Final = "base.rmse.position"
 
 _SCALES: Final = {
     "s": ((172_800.0, 86_400.0, "days"), (7_200.0, 3_600.0, "h"), (0.0, 1.0, "s")),
+    "W": ((0.1, 1.0, "W"), (0.0, 1e-3, "mW")),
     "J": ((1e4, 1e3, "kJ"), (0.1, 1.0, "J"), (0.0, 1e-3, "mJ")),
 }
 """(least largest value, factor, unit) of each unit that large or small values are shown in."""

@@ -17,6 +17,7 @@ from launcher.study.pictures.drawing import PLOTS, draw, pictured
 from launcher.study.pictures.effects import lines
 from launcher.study.pictures.pareto import default_pair, front_of
 from launcher.study.results import StudyRun, median_run
+from launcher.study.settings.choice import choice_of
 from launcher.study.store import RESULTS
 from launcher.study.summary import Summary
 from launcher.study.table import caption, grid
@@ -50,6 +51,7 @@ def write_page(
         .render(
             name=summary.name,
             facts=_facts(summary, len(runs)),
+            choice=choice_of(folder.design, runs),
             grid=grid(summary),
             caption=caption(summary),
             lifetimes=summary.told("lifetime_s.first_death"),

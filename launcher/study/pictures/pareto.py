@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from launcher.record.figures.verdict import LOST
 from launcher.report.style import INK, SOFT, WIDTH
-from launcher.study.axes import label
-from launcher.study.figures import COST, ERROR, FIGURES, scale_of
+from launcher.study.axes import ARCHITECTURE, label, overlap
+from launcher.study.figures import BASE_ERROR, COST, ERROR, FIGURES, LIFE, scale_of
 from launcher.study.pictures.look import COLOURS, MARKERS, Picture, columns, styled, wide, y_scale
 from launcher.study.summary import Row, Summary
 
@@ -49,7 +49,9 @@ class Front:
 
 
 def default_pair(summary: Summary) -> tuple[str, str]:
-    """The cost of a field, and its error."""
+    """The cost of a field, and its error; of architectures, how long the field lasts, and the error at its base."""
+    if summary.told(LIFE) and any(overlap(axis.sets, ARCHITECTURE) for axis in summary.axes):
+        return LIFE, BASE_ERROR
     return next((key for key in COST if summary.told(key)), COST[-1]), ERROR
 
 
