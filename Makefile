@@ -39,7 +39,9 @@ study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn 
 	$(BIN)/python -m tests.studies
 	$(BIN)/trackfield reproduce zhai --runs 300
 	$(BIN)/trackfield reproduce yu --kernels --runs 400
+	$(BIN)/trackfield reproduce yu --runs 6
 	$(BIN)/trackfield reproduce zhou --kernels --runs 500
+	$(BIN)/trackfield reproduce zhou --runs 3
 	$(BIN)/trackfield reproduce ozfidan --runs 100
 
 bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)

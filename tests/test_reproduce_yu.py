@@ -12,7 +12,7 @@ import pytest
 from launcher.reproduce.kernels.draws import generators
 from launcher.reproduce.kernels.study import Found
 from launcher.reproduce.papers import kernels_named
-from launcher.reproduce.papers.yu import truth
+from launcher.reproduce.papers.yu import dimension, truth
 from launcher.reproduce.papers.yu.bound import bounds
 from launcher.reproduce.papers.yu.crossing import Crossing, crossings, held, nearest
 from launcher.reproduce.papers.yu.experiments import CASES, EXPERIMENTS, PLAIN, RULE, followed
@@ -255,18 +255,19 @@ def test_two_targets_that_cross_are_followed() -> None:
 def _study() -> Found:
     """Two runs of each experiment."""
     kernels = kernels_named("yu")
-    return Found(2, {name: one.run(one.seeds(2)) for name, one in kernels.experiments.items()})
+    return Found(2, {name: one.run(one.seeds(2)) for name, one in kernels.experiments_of(roles=False).items()})
 
 
 @pytest.mark.long
 def test_the_study_as_a_whole(tmp_path: Any) -> None:
     kernels, found = kernels_named("yu"), _study()
-    assert found.figures.keys() == EXPERIMENTS.keys()
+    assert found.figures.keys() == EXPERIMENTS.keys() | dimension.EXPERIMENTS.keys()
     assert {claim.verdict for claim in kernels.claims(found)} <= {"holds", "does not hold", "too few runs to tell"}
     text = "\n".join(part for _, part in kernels.parts(found))
     assert all(f"| {name} " in text for name in CASES)
     kernels.draw(tmp_path, found)
-    assert {file.stem for file in tmp_path.iterdir()} == {name for name, *_ in kernels.figures}
+    bare = {name for name, *_ in kernels.figures if not name.endswith("-roles")}
+    assert {file.stem for file in tmp_path.iterdir()} == bare
 
 
 def test_periods_are_those_of_the_turns() -> None:

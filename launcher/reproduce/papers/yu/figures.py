@@ -13,7 +13,9 @@ from matplotlib.figure import Figure
 from launcher.colours import tracker_colours
 from launcher.report.style import SOFT, STYLE, TRUTH
 from launcher.reproduce.kernels.study import Found
+from launcher.reproduce.papers.yu import messages
 from launcher.reproduce.papers.yu.experiments import CROSSING_PARTICLES, SENSORS, crossing
+from launcher.reproduce.papers.yu.roles import BASE, R, places_of
 from launcher.reproduce.papers.yu.runs import PLAIN
 from launcher.reproduce.papers.yu.truth import TURNS, drawn
 from trackfield.filters.types import Array
@@ -22,6 +24,7 @@ NAMES: Final = ("rbpf", "mrbpf", "jm-rbpf")
 COLOURS: Final = tracker_colours(NAMES)
 LABELS: Final = {"rbpf": "RBPF", "mrbpf": "MRBPF, Table 1", "jm-rbpf": "JM-RBPF"}
 DASHES: Final[Mapping[str, Any]] = {"rbpf": (0, (5, 1.5)), "mrbpf": "-", "jm-rbpf": (0, (1, 1))}
+OF: Final = {"": "", R: ", through roles"}
 LOOKS: Final[dict[Any, Any]] = {**STYLE, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8}
 
 
@@ -30,38 +33,47 @@ def draw(folder: Path, found: Found) -> None:
     with mpl.rc_context(LOOKS):
         for name, figure in {"fig02": over_time, "fig03": typical_run, "crossing": two_targets}.items():
             figure(found).savefig(folder / f"{name}.png")
+        if messages.done(found):
+            over_time(found, R).savefig(folder / "fig02-roles.png")
+            typical_run(found, R).savefig(folder / "fig03-roles.png")
 
 
-def over_time(found: Found) -> Figure:
-    """Fig. 2: RMSE(t) (12), on a logarithmic scale, since the errors are so different."""
+def over_time(found: Found, among: str = "") -> Figure:
+    """Fig. 2: RMSE(t) (12), on a logarithmic scale, since the errors are so different; of runs through roles or not."""
     figure = Figure(figsize=(7.2, 3.8), layout="constrained")
     axes = figure.subplots()
     for name in NAMES:
-        errors = found.figures[name]["errors"]
-        rmse = np.sqrt(np.square(errors).sum(axis=-1).mean(axis=0))
+        errors = found.figures[f"{among}{name}"]["errors"]
+        rmse = np.sqrt(np.nanmean(np.square(errors).sum(axis=-1), axis=0))
         axes.plot(_steps(rmse), rmse, color=COLOURS[name], ls=DASHES[name], lw=1.5, label=LABELS[name])
-    least = np.sqrt(np.square(found.figures["bound"][f"{SENSORS[0]}"]).mean(axis=0))
+    bounds = found.figures[BASE]["bound"] if among else found.figures["bound"][f"{SENSORS[0]}"]
+    least = np.sqrt(np.square(bounds).mean(axis=0))
     axes.plot(_steps(least), least, color=TRUTH, lw=1.0, label="bound, modes known")
     for first, last, _ in TURNS:
         axes.axvspan(first, last, color=SOFT, alpha=0.25, lw=0)
-    axes.set(xlabel="time, s", ylabel="RMSE of the position, m", yscale="log", title=f"{found.runs} runs; turns shaded")
+    axes.set(
+        xlabel="time, s",
+        ylabel="RMSE of the position, m",
+        yscale="log",
+        title=f"{len(bounds)} runs{OF[among]}; turns shaded",
+    )
     axes.legend(ncols=2)
     return figure
 
 
-def typical_run(found: Found) -> Figure:
+def typical_run(found: Found, among: str = "") -> Figure:
     """Fig. 3: the run in which MRBPF has its median error, of those that RBPF loses if it loses any."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
-    run = _typical(found)
-    places = drawn(PLAIN, [run + 1]).places[0]
-    truth = found.figures["rbpf"]["truth"][run]
+    run = _typical(found, among)
+    places = places_of(run + 1) if among else drawn(PLAIN, [run + 1]).places[0]
+    truth = found.figures[f"{among}rbpf"]["truth"][run]
     axes.plot(*places.T, ".", color=SOFT, ms=4, label="sensors")
     axes.plot(*truth.T, color=TRUTH, lw=3.0, alpha=0.6, label="true path")
     for name in NAMES:
-        track = truth + found.figures[name]["errors"][run]
+        track = truth + found.figures[f"{among}{name}"]["errors"][run]
         axes.plot(*track.T, color=COLOURS[name], ls=DASHES[name], lw=1.4, label=LABELS[name])
-    axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", title=f"Run {run + 1}")
+    axes.set(xlabel="east, m", ylabel="north, m", aspect="equal", title=f"Run {run + 1}{OF[among]}")
     figure.legend(loc="outside lower center", ncols=5)
     return figure
 
@@ -85,12 +97,13 @@ def _steps(values: Array) -> Array:
     return np.arange(1.0, len(values) + 1.0)
 
 
-def _typical(found: Found) -> int:
+def _typical(found: Found, among: str) -> int:
     """The index of a run."""
-    own, other = (np.square(found.figures[name]["errors"]).mean(axis=(1, 2)) for name in ("mrbpf", "rbpf"))
+    errors = (found.figures[f"{among}{name}"]["errors"] for name in ("mrbpf", "rbpf"))
+    own, other = (np.nanmean(np.square(one), axis=(1, 2)) for one in errors)
     gone = np.flatnonzero(other > np.median(other))
-    among = gone if len(gone) else np.arange(len(own))
-    return int(among[_median(own[among])])
+    some = gone if len(gone) else np.arange(len(own))
+    return int(some[_median(own[some])])
 
 
 def _median(values: Array) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from launcher.reproduce.kernels.study import Found
+from launcher.reproduce.papers.yu import dimension, messages
 from launcher.reproduce.papers.yu.experiments import CASES, RULE, WINDOW_S
 from launcher.reproduce.papers.yu.tables import consistency, crossings, filters, headers, published, ratios, sound
 
@@ -25,6 +26,8 @@ SOUND: Final = ("jm-rbpf", *(name for name in CASES if name.split(", ")[-1] in (
 FIGURES: Final = (
     ("fig02", "RMSE(t) of all runs, with the bound", "RBPF below MRBPF until the turn, then far above"),
     ("fig03", "a typical run", "RBPF astray after the turn, MRBPF on the path"),
+    ("fig02-roles", "the same through roles and messages", "as fig02"),
+    ("fig03-roles", "a typical run of them", "as fig03"),
     ("crossing", "two targets that cross, a typical run", "no figure"),
 )
 """Name, what it shows, and what the paper has of it."""
@@ -42,5 +45,7 @@ def parts(found: Found) -> list[tuple[str, str]]:
         (f"The delay of sound, and a window of {WINDOW_S:g} s", sound(found, SOUND)),
         ("Two targets that cross", crossings(found)),
         ("Hand-overs", headers(found)),
+        ("Velocities outside of the particles", dimension.table(found)),
         ("Are errors as large as covariances say? (2 if they are)", consistency(found)),
+        *messages.parts(found),
     ]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 from launcher.reproduce.kernels.study import Found, Kernels
-from launcher.reproduce.papers.zhou.claims import claims
+from launcher.reproduce.papers.zhou import claims, roles, tables, whole_claims, whole_tables, words
 from launcher.reproduce.papers.zhou.experiments import EXPERIMENTS, times
-from launcher.reproduce.papers.zhou.tables import tables
-from launcher.reproduce.papers.zhou.words import FIGURES, parts
+from launcher.reproduce.tables import Claim, Row
 
 
 def _draw(folder: Path, found: Found) -> None:
@@ -18,14 +18,27 @@ def _draw(folder: Path, found: Found) -> None:
     draw(folder, found)
 
 
+def _tables(found: Found) -> Mapping[str, Sequence[Row]]:
+    return {**tables.tables(found), **whole_tables.tables(found)}
+
+
+def _claims(found: Found) -> list[Claim]:
+    return [*claims.claims(found), *whole_claims.claims(found)]
+
+
+def _parts(found: Found) -> list[tuple[str, str]]:
+    return [*words.parts(found), *whole_tables.parts(found)]
+
+
 KERNELS: Final = Kernels(
     name="zhou",
     title="Zhou et al. 2011, UPF",
-    experiments=EXPERIMENTS,
-    tables=tables,
-    claims=claims,
-    parts=parts,
-    figures=FIGURES,
+    experiments={**EXPERIMENTS, **roles.EXPERIMENTS},
+    tables=_tables,
+    claims=_claims,
+    parts=_parts,
+    figures=words.FIGURES,
     draw=_draw,
     times=times,
+    with_roles=True,
 )

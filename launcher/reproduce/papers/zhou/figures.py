@@ -19,11 +19,9 @@ from launcher.reproduce.kernels.study import Found
 from launcher.reproduce.papers.zhou.costs import swept_error
 from launcher.reproduce.papers.zhou.experiments import FILTERS, SWEEPS
 from launcher.reproduce.papers.zhou.setups import DT, SETUPS, neighbours, world
-from launcher.reproduce.papers.zhou.tables import bound, bound_over_time, errors
+from launcher.reproduce.papers.zhou.tables import PUBLISHED, bound, bound_over_time, errors
 from launcher.reproduce.scores import rmse_over_time
 
-PUBLISHED: Final = {"upf-paper": (2.0, 3.0, 4.0, 5.0), "bootstrap-100": (7.0, 18.0, 10.0, 15.0)}
-"""The mean errors of x, y, vx and vy in the text of sec. III-B, of its UPF and PF."""
 _COLOURS: Final = dict(zip(FILTERS, (*PALETTE[2:5], PALETTE[0], PALETTE[1], PALETTE[6], PALETTE[5]), strict=True))
 _DASHES: Final = dict(zip(FILTERS, ("--", "-.", "-", "-", "-", (0, (1, 1)), "--"), strict=True))
 FEW_TICKS: Final = 5.0

@@ -15,7 +15,9 @@ from launcher.reproduce.kernels.scores import mean, mean_rmse, percentile, ratio
 from launcher.reproduce.kernels.study import Figures, Found
 from launcher.reproduce.papers.zhou.experiments import FILTERS, ROBUST, SWEEPS, UNGUARDED
 from launcher.reproduce.papers.zhou.setups import LINEAR, ORIGIN, OUTLIERS, RSS, SETUPS, WITHIN, Setup
+from launcher.reproduce.scores import over_steps
 from launcher.reproduce.tables import FACTOR, Band, Row, inside
+from launcher.reproduce.tables import beside as beside_published
 from trackfield.filters.bounds import pcrlb, position_sd
 from trackfield.filters.measurement import moving
 from trackfield.filters.types import Array
@@ -45,6 +47,10 @@ UNSOUND: Final = ("bootstrap-100", "upf-paper", "ukf, distances")
 """Filters that are not made for what they get; so is the plain UKF with outliers."""
 BOUNDS: Final[Mapping[str, float]] = {"walk": 0.724, "sharp": 0.113, "paperlike": 3.37}
 """The prototype's posterior bounds, m."""
+PUBLISHED: Final[Mapping[str, tuple[float, float, float, float]]] = {
+    "upf-paper": (2.0, 3.0, 4.0, 5.0), "bootstrap-100": (7.0, 18.0, 10.0, 15.0),
+}  # fmt: skip
+"""The mean errors of x, y, vx and vy in the text of sec. III-B, of its UPF and PF."""
 LOST_BY_ORIGIN: Final = Band(0.48, 0.58)
 """The share of runs that any filter of the prototype loses under eq. 11."""
 CONSISTENT: Final = 3.357
@@ -62,6 +68,7 @@ def tables(found: Found) -> dict[str, list[Row]]:
         "smoothing": [row for name in SETUPS for row in _rows(found, name, SETUPS[name], ("ukf", "ukf, smoothed"))],
         "consistency": list(_consistency(found)),
         "tails": [row for name in SETUPS for row in _tails(found, name)],
+        "published": list(_published(found)),
         "linear": list(_rows(found, "linear", LINEAR, FILTERS)),
         "origin": list(_origin(found)),
         "outliers": list(_rows(found, "outliers", OUTLIERS, ROBUST)),
@@ -83,6 +90,16 @@ def bound(found: Found, case: str, setup: Setup) -> float:
 def bound_over_time(figures: Figures, setup: Setup) -> Array:
     """The posterior bound (T,) on the position (m)."""
     return position_sd(pcrlb(setup.prior.covariance, moving(setup.model, 1.0), figures["information"]))
+
+
+def _published(found: Found) -> Iterator[Row]:
+    """On paperlike the mean over the steps of RMSE(t) in each coordinate, beside the paper's."""
+    for name, means in PUBLISHED.items():
+        for column, (coordinate, told) in enumerate(zip(("x, m", "y, m", "vx, m/s", "vy, m/s"), means, strict=True)):
+            some = errors(found, "paperlike", name)[..., column]
+            ours = positive(over_steps(some, np.mean), len(some))
+            ratio_to = ours.over(told)
+            yield Row("paperlike", name, coordinate, ours, told, ratio_to, verdict=beside_published(ratio_to))
 
 
 def _guarded() -> list[str]:

@@ -14,6 +14,7 @@ TITLES: Final = {
     "bounds": "The posterior bound, beside the prototype's",
     "errors": f"The filters on the three setups (band: at most {CLOSE:g} of the prototype's error; within a factor of "
     f"{FACTOR:g} for filters that are not sound)",
+    "published": "Beside the paper's own figures (sec. III-B), on paperlike: the mean over the steps of RMSE(t)",
     "linear": "The same, on a target that moves uniformly and linearly while filters expect accelerations, as in walk",
     "consistency": f"Consistency: the NEES of a filter that knows its errors has a median of {CONSISTENT:.2f}",
     "used": "Particles that count, N_eff / N",
