@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, Final
 
 import pytest
 
@@ -144,10 +144,23 @@ def test_what_goes_round_is(name: str) -> None:
     assert answers(plan_of(maker, {"link.model": "ideal"})) == Answers(kinds, 0.001)
 
 
-@pytest.mark.parametrize("name", [name for name in names() if name != "ozfidan-clusters"])
-def test_no_packaged_field_answers_itself_but_that_of_masters(name: str) -> None:
+LED: Final = frozenset({"ozfidan-clusters", "yu-mrbpf", "zhou-upf"})
+"""Fields of processes that lead each other."""
+
+
+@pytest.mark.parametrize("name", [name for name in names() if name not in LED])
+def test_no_packaged_field_answers_itself_but_those_that_are_led(name: str) -> None:
     plan = planned(tf.Scenario.load(name, {"target.steps": 3}), 100.0)
     assert answers(plan) is None
+
+
+@pytest.mark.parametrize("name", ["yu-mrbpf", "zhou-upf"])
+def test_nodes_that_may_lead_answer_each_other_within_milliseconds(name: str) -> None:
+    """Claims, polls and hand-overs are followed by other messages at once: over processes some are taken back."""
+    found = answers(planned(tf.Scenario.load(name, {"target.steps": 3}), 100.0))
+    assert found is not None
+    assert {"claim", "poll", "hand-over"} <= set(found.kinds)
+    assert found.delay_s == pytest.approx(0.004, abs=0.001)
 
 
 def test_masters_answer_each_other_slowly_enough_for_five_times_the_speed() -> None:

@@ -22,7 +22,7 @@ from trackfield.wire.codec import encode
 from trackfield.wire.listed import packed
 from trackfield.wire.messages import Range, SyncReply, SyncRequest
 
-KINDS = [known for known in registry.product_kinds() if known.number >= 30]
+KINDS = [known for known in registry.product_kinds() if 30 <= known.number < 50]
 SENDERS = ("base", "m0", "m1", "m2", "s00", "s05", "s11", "nobody")
 SYNC = {"reference": "base", "exchanges": 1, "resync_ns": 5 * NS, "timeout_ns": 100 * MS, "seed": 1, "id": "any"}
 
