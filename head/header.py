@@ -51,7 +51,7 @@ from trackfield.wire.peers import Claim, Dissolve, HeadEstimate, JoinClaim, Loca
 
 OWN: Final = (
     "announce", "claim", "join-claim", "poll", "result", "estimate", "dissolve", "hand-over", "hand-over-ack",
-    "doubt", "alive", "no-target",
+    "doubt", "alive", "no-target", "local-estimate",
 )  # fmt: skip
 """The messages that a header takes besides reports."""
 
@@ -86,8 +86,7 @@ class Header:
         self.leading = Leading(self.settings, self.bank, self.steps, lease, self.local)
         contest = Election(id=self.settings.id, seed=self.bank.seed, **election)
         self.following = Following(self.settings, self.bank, self.steps, lease, contest, self.leading, self.local)
-        local = {"local-estimate"} if self.settings.local else set[str]()
-        self.kinds = frozenset(OWN) | local | self.bank.messages
+        self.kinds = frozenset(OWN) | self.bank.messages
 
     def begin(self) -> Memory:
         """A header that has not started."""

@@ -20,8 +20,7 @@ from tests.peered import (
 )
 from tests.puppet import MS
 from trackfield.role import NS, Send
-from trackfield.wire.clusters import HandOver, HandOverAck
-from trackfield.wire.peers import Poll
+from trackfield.wire.peers import LocalEstimate, Poll
 
 # --- dissolve, lease --------------------------------------------------------------------------------------------------
 
@@ -219,16 +218,14 @@ def test_a_head_that_yields_says_what_it_knows(manner: Manner) -> None:
         .role.roles["header"]
         .following.word(field.header(old), field.local(old), Poll(number, 9, b""), new)
     )
-    (given,) = (one.message for one in effects if isinstance(one, Send) and isinstance(one.message, HandOver))
+    (given,) = (one.message for one in effects if isinstance(one, Send) and isinstance(one.message, LocalEstimate))
     assert (yielded.leads, given.number, given.step) == (None, number, field.leads(old).progress.step)
     blind, _ = header.following._lead(field.header(new), now, number, None, 8, "it senses a target")
     assert header.bank.ahead(blind.leads.progress.tracks) is None
-    sees, acknowledges = header.following.handed(blind, now, given, old)
-    assert acknowledges == (Send(HandOverAck(number), old),)
+    sees, _ = header.leading.concluded(blind, now, given, old)
     known = header.bank.ahead(sees.leads.progress.tracks)
     assert known is not None
     assert abs(known[0].mean[0] - field.points[-1][2].mean[0]) < 6.0
-    again, _ = header.following.handed(sees, now, replace(given, beliefs=b"no belief"), old)
-    assert again == sees
-    for beliefs in (b"no belief", b""):
-        assert header.following.handed(blind, now, replace(given, beliefs=beliefs), old)[0] == blind
+    assert header.leading.concluded(sees, now, given, old)[0] == sees
+    for useless in (replace(given, beliefs=b"no belief"), replace(given, number=number - 1), replace(given, step=60)):
+        assert header.leading.concluded(blind, now, useless, old)[0] == blind

@@ -97,7 +97,7 @@ class Following:
         assert memory.leads is not None
         step, beliefs = memory.leads.progress.step, self.bank.beliefs(memory.leads.progress.tracks)
         after, effects = self.leading.end(memory)
-        given = Send(HandOver(term.number, step, packed_beliefs(step, beliefs)), term.leader)
+        given = Send(LocalEstimate(term.number, step, packed_beliefs(step, beliefs)), term.leader)
         knows = (given,) if all(one is not None for one in beliefs.values()) else ()
         return after, (*effects, *knows, Note(f"yields to {term.leader}, term {term.number}"))
 
@@ -317,7 +317,7 @@ class Following:
         """A head hands over: this node leads, and acknowledges it; once more, if the first one was lost."""
         term, ack = Term(message.number, self.settings.id), Send(HandOverAck(message.number), sender)
         if memory.leads and memory.held.term == term:
-            return self._given(memory, message), (ack,)
+            return memory, (ack,)
         if term <= memory.held.term or message.number > MOST_NUMBER:
             return memory, (Ignored("outdated"),)
         if message.step > self.bank.step_at(memory.time.corrected(now)) + 1:
@@ -330,23 +330,6 @@ class Following:
             return memory, (Ignored("unusable belief"),)
         after, effects = self._lead(memory, now, message.number, beliefs, message.step, f"{sender} hands over")
         return after, (ack, *effects)
-
-    def _given(self, memory: Memory, message: HandOver) -> Memory:
-        """A head that has no track goes on with what one that yields to it knows; any other one has that already."""
-        leads = memory.leads
-        assert leads is not None
-        progress = leads.progress
-        fresh = 0 <= progress.step - message.step <= self.settings.expiry_steps
-        if not fresh or any(one is not None for one in self.bank.beliefs(progress.tracks).values()):
-            return memory
-        try:
-            beliefs = unpack(message.beliefs).beliefs
-        except ValueError:
-            return memory
-        if not plausible(beliefs):
-            return memory
-        tracks = self.bank.resume(beliefs, message.step, progress.step).tracks
-        return self.leading.chosen(replace(memory, leads=replace(leads, progress=replace(progress, tracks=tracks))))
 
     def _lead(
         self,

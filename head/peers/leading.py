@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from immutables import Map
 
-from head.beliefs import MOST_M, MOST_M_S, packed_beliefs
+from head.beliefs import MOST_M, MOST_M_S, packed_beliefs, plausible
 from head.peers import choice
 from head.peers.local import Local
 from head.peers.memory import Known, Leadership, Memory, Offer
@@ -31,7 +31,7 @@ from trackfield.role import (
 )
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.steps import Progress, Steps, Taken
-from trackfield.tracking.stored import pack
+from trackfield.tracking.stored import pack, unpack
 from trackfield.wire.clusters import HandOver, HandOverAck, NoTarget
 from trackfield.wire.listed import packed
 from trackfield.wire.peers import Dissolve, HeadEstimate, LocalEstimate, Poll, Result
@@ -138,12 +138,27 @@ class Leading:
         return replace(memory, joined=joined, leads=replace(leads, deaf=leads.deaf | {sender})), ()
 
     def concluded(self, memory: Memory, now: int, message: LocalEstimate, sender: str) -> Step:
-        """What a polled sensor concludes itself from the last estimate and its reading."""
+        """What a polled sensor concludes from the last estimate and its reading, or what one that yields knows."""
         leads = memory.leads
+        if leads is not None and all(one is None for one in self.bank.beliefs(leads.progress.tracks).values()):
+            return self._given(memory, leads, message)
         if self.local is None or leads is None or message.step != leads.progress.step + 1:
             return memory, (Ignored("not asked"),)
         heard = leads.concluded.set(sender, message.beliefs)
         return replace(memory, leads=replace(leads, concluded=heard, came=leads.came | {sender})), ()
+
+    def _given(self, memory: Memory, leads: Leadership, message: LocalEstimate) -> Step:
+        """A head that has no track goes on with what another one knows, if that is not old."""
+        progress = leads.progress
+        try:
+            beliefs = unpack(message.beliefs).beliefs
+        except ValueError:
+            return memory, (Ignored("unusable belief"),)
+        fresh = 0 <= progress.step - message.step <= self.settings.expiry_steps
+        if not fresh or message.number != memory.held.term.number or not plausible(beliefs):
+            return memory, (Ignored("unusable belief"),)
+        tracks = self.bank.resume(beliefs, message.step, progress.step).tracks
+        return self.chosen(replace(memory, leads=replace(leads, progress=replace(progress, tracks=tracks)))), ()
 
     def fuse(self, memory: Memory, now: int) -> Step:
         """The deadline of a step: its reports are used, and the next one is planned."""

@@ -107,7 +107,10 @@ class Dissolve:
 @kind(56, "local-estimate")
 @dataclass(frozen=True, slots=True)
 class LocalEstimate:
-    """What a polled node concludes from the head's last estimate and its own reading of ``step``: ``beliefs``."""
+    """What a polled node concludes from the head's last estimate and its own reading of ``step``: ``beliefs``.
+
+    A head that yields to one of a higher term tells it by this message, too, what its trackers know.
+    """
 
     number: Annotated[int, _NUMBER]
     step: Annotated[int, _STEP]

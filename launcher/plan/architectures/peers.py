@@ -215,7 +215,7 @@ class Peers:
         }
         word = "result" if settings["short"] else "estimate"
         reports = {kind_of_class(one.sensing.message).name for one in site.sections.values()}
-        sends = (*sorted(reports), *SENT, word, *(("local-estimate",) if settings.get("local") else ()))
+        sends = (*sorted(reports), *SENT, word)
         return Process(
             id,
             PEER,
@@ -243,7 +243,7 @@ class Peers:
 
 SENT: Final = (
     "announce", "claim", "join-claim", "poll", "dissolve", "hand-over", "hand-over-ack", "doubt", "alive",
-    "no-target",
+    "no-target", "local-estimate",
 )  # fmt: skip
 """What any node sends to those in reach, besides reports and what a head says of the target."""
 
