@@ -112,8 +112,7 @@ def test_a_hand_over_that_comes_late(manner: Manner) -> None:
     field, head, third, step = before_the_hand_over(manner)
     field.rule("hand-over", head, third, count=1, delays=(900 * MS,))
     field.to_step(step + 2)
-    if manner == "location-central":
-        assert "outdated" in field.reasons(third)
+    assert ("outdated" in field.reasons(third)) == (manner == "location-central")
     assert len(field.leaders()) == 1
     assert field.follows_well(step, step + 6) if field.to_step(step + 6) else False
 

@@ -132,8 +132,9 @@ class Following:
 
     def dissolved(self, memory: Memory, now: int, message: Dissolve, sender: str) -> Step:
         """A head gives up its term."""
-        if memory.held.term != Term(message.number, sender):
-            return memory, (Ignored("outdated"),)
+        term = Term(message.number, sender)
+        if memory.held.term != term:
+            return memory, (Ignored("repeated" if memory.held.over == term else "outdated"),)
         held, effects = self.lease.end(memory.held, message.number)
         known = None if message.lost else memory.known
         after = replace(memory, held=held, known=known, polled=Polled(), waits_ns=0)
