@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final, Literal
 
-from pydantic import Field, JsonValue, field_validator
+from pydantic import Field
 
-from trackfield.scenario.architectures.architecture import ArchitectureSection
-from trackfield.scenario.places import RESERVED
+from trackfield.scenario.architectures.architecture import BASE_WORDS, BaseSection
 from trackfield.scenario.quantities import Joules
-from trackfield.scenario.section import ID_WORDS, Id, wrong
+from trackfield.scenario.section import Id
 
 CLUSTERS: Final = "clusters"
-_BASE: JsonValue = f"{ID_WORDS}, other than {', '.join(RESERVED)}"
 
 Policies = Literal[
     "closest",
@@ -28,7 +25,7 @@ Policies = Literal[
 ]
 
 
-class Clusters(ArchitectureSection):
+class Clusters(BaseSection):
     """Masters with slaves: the master that is nearest to the target leads, and tells a base."""
 
     kind: Literal["clusters"] = Field(
@@ -39,7 +36,7 @@ class Clusters(ArchitectureSection):
         default="among", description="where they stand: anywhere in the field, or among the sensors, spread over them"
     )
     capacity: int = Field(default=5, ge=1, le=50, description="the most slaves that a master has")
-    base: Id = Field(default="base", json_schema_extra={"expected": _BASE}, description="the base's id")
+    base: Id = Field(default="base", json_schema_extra={"expected": BASE_WORDS}, description="the base's id")
     policy: Policies = Field(
         default="merge_until_3",
         description="who measures next: slaves of the closest master; of the next ones, too, until there are 3; ...",
@@ -64,26 +61,3 @@ class Clusters(ArchitectureSection):
     announcements: int = Field(default=3, ge=1, le=100, description="how often a master announces itself")
     renew_s: float = Field(default=1800.0, ge=1, le=1e6, description="a slave renews its place after so long")
     master_battery_j: Joules | None = Field(default=None, description="battery of each master; unset: mains")
-
-    @field_validator("base")
-    @classmethod
-    def _free(cls, base: str) -> str:
-        if base in RESERVED:
-            raise wrong(f"is {base!r}, which names another process of the run", str(_BASE))
-        return base
-
-    @property
-    def options(self) -> Mapping[str, bool | int | float | str]:
-        """See ``ArchitectureSection``."""
-        given = self.model_dump(exclude={"kind"}, exclude_none=True)
-        return dict(given)
-
-    @property
-    def centre_id(self) -> str | None:
-        """See ``ArchitectureSection``."""
-        return self.base
-
-    @property
-    def centre_key(self) -> str:
-        """See ``ArchitectureSection``."""
-        return "architecture.base"

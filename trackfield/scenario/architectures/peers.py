@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final, Literal
 
-from pydantic import Field, JsonValue, field_validator
+from pydantic import Field
 
-from trackfield.scenario.architectures.architecture import ArchitectureSection
-from trackfield.scenario.places import RESERVED
-from trackfield.scenario.section import ID_WORDS, Id, wrong
+from trackfield.scenario.architectures.architecture import BASE_WORDS, BaseSection
+from trackfield.scenario.section import Id
 
 LOCATION_CENTRAL: Final = "location-central"
 ELECTED: Final = "elected"
 MOST_CHOSEN: Final = 50
-_BASE: JsonValue = f"{ID_WORDS}, other than {', '.join(RESERVED)}"
 
 Form = Literal["gaussian", "modes", "particles"]
 
 
-class PeersSection(ArchitectureSection):
+class PeersSection(BaseSection):
     """What both have in common."""
 
-    base: Id = Field(default="base", json_schema_extra={"expected": _BASE}, description="the base's id")
+    base: Id = Field(default="base", json_schema_extra={"expected": BASE_WORDS}, description="the base's id")
     multihop: bool = Field(
         default=False,
         strict=True,
@@ -45,29 +42,6 @@ class PeersSection(ArchitectureSection):
         default=10, ge=2, le=1000, description="steps for which it holds that a node senses the target"
     )
     announcements: int = Field(default=3, ge=1, le=100, description="how often a node announces itself at the start")
-
-    @field_validator("base")
-    @classmethod
-    def _free(cls, base: str) -> str:
-        if base in RESERVED:
-            raise wrong(f"is {base!r}, which names another process of the run", str(_BASE))
-        return base
-
-    @property
-    def options(self) -> Mapping[str, bool | int | float | str]:
-        """See ``ArchitectureSection``."""
-        given = self.model_dump(exclude={"kind"}, exclude_none=True)
-        return dict(given)
-
-    @property
-    def centre_id(self) -> str | None:
-        """See ``ArchitectureSection``."""
-        return self.base
-
-    @property
-    def centre_key(self) -> str:
-        """See ``ArchitectureSection``."""
-        return "architecture.base"
 
 
 class LocationCentral(PeersSection):
