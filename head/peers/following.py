@@ -14,18 +14,17 @@ from typing import Any, Final
 import numpy as np
 
 from head.beliefs import packed_beliefs, plausible
-from head.peers.choice import by_distance
+from head.peers.known import rank_of, stored_of
 from head.peers.leading import Leading, prior_beliefs, untold
 from head.peers.local import Local
 from head.peers.memory import Known, Memory, Polled, Sensed
 from head.peers.settings import Settings
-from trackfield.filters.belief import Belief, moments
+from trackfield.filters.belief import Belief
 from trackfield.protocols.collection.links import text_of
 from trackfield.protocols.election import Election
 from trackfield.protocols.lease import MOST_NUMBER, TAKE_OVER, Lease, Term
 from trackfield.role import (
     NEIGHBOURHOOD,
-    NS,
     CancelTimer,
     Effect,
     Ignored,
@@ -39,7 +38,7 @@ from trackfield.tracking.bank import Bank
 from trackfield.tracking.collecting import Collected
 from trackfield.tracking.results import beliefs_of
 from trackfield.tracking.steps import Progress, Steps
-from trackfield.tracking.stored import Stored, unpack
+from trackfield.tracking.stored import unpack
 from trackfield.wire.clusters import Alive, Doubt, HandOver, HandOverAck
 from trackfield.wire.peers import MOST_KEY, Claim, Dissolve, HeadEstimate, JoinClaim, LocalEstimate, Poll, Result
 
@@ -147,34 +146,12 @@ class Following:
         """No word in time, to one that measured: are the others as deaf? If so, it takes over when its turn comes."""
         if self.bank.step_at(memory.time.corrected(now)) > memory.polled.step + HOLD:
             memory = replace(memory, polled=Polled())
-        rank = self._rank(memory, now)
+        rank = rank_of(self.settings, self.bank, memory, now)
         if rank is None or memory.leads is not None or not memory.polled.awake:
             return memory, ()
         number, leader = memory.held.term
         turn = SetTimer(TAKE_OVER, now + (1 + rank) * self.settings.times.turn_ns)
         return memory, (Send(Doubt(number, leader.encode()), NEIGHBOURHOOD), turn)
-
-    def _rank(self, memory: Memory, now: int) -> int | None:
-        """Its place among those that measured last, by distance to where the target should be; None: it is in none."""
-        stored = self._stored(memory, now)
-        known = None if stored is None else next(iter(stored.beliefs.values()), None)
-        if stored is None or known is None:
-            return None
-        mean = moments(known).mean
-        seconds = (memory.time.corrected(now) - self.bank.at_ns(stored.step)) / NS
-        living = [id for id in memory.polled.ids if id != memory.held.term.leader and id in self.bank.positions]
-        order = by_distance(self.bank, living, mean[:2] + mean[2:4] * seconds)
-        return order.index(self.settings.id) if self.settings.id in order else None
-
-    def _stored(self, memory: Memory, now: int) -> Stored | None:
-        """What it knows of the target, if that can be used; what was said of steps to come cannot."""
-        try:
-            stored = None if memory.known is None else unpack(memory.known.beliefs)
-        except ValueError:
-            return None
-        latest = self.bank.step_at(memory.time.corrected(now)) + 1
-        fresh = stored is not None and latest - self.settings.expiry_steps <= stored.step <= latest
-        return stored if stored is not None and fresh and plausible(stored.beliefs) else None
 
     def doubted(self, memory: Memory, now: int, message: Doubt, sender: str) -> Step:
         """Another node did not hear the head: if this one did, or knows of a later term, it says so."""
@@ -208,7 +185,7 @@ class Following:
 
     def take_over(self, memory: Memory, now: int) -> Step:
         """The head is still silent, and it is this node's turn: it goes on with what was said last, and says so."""
-        stored, (number, silent) = self._stored(memory, now), memory.held.term
+        stored, (number, silent) = stored_of(self.settings, self.bank, memory, now), memory.held.term
         if stored is None or memory.leads is not None or not memory.polled.awake:
             return memory, ()
         after, effects = self._lead(memory, now, number + 1, stored.beliefs, stored.step, f"{silent} is silent")
@@ -232,7 +209,7 @@ class Following:
         sensed, (number, leader) = memory.sensed, memory.held.term
         if self.local is None or not leader or memory.leads is not None:
             return memory, ()
-        stored = self._stored(memory, now)
+        stored = stored_of(self.settings, self.bank, memory, now)
         if stored is None or stored.step != sensed.step - 1 or None in stored.beliefs.values():
             return memory, (Send(sensed.report, leader),)
         beliefs = self.local.packed(stored, sensed.step, self.settings.id, sensed.report)
@@ -289,7 +266,7 @@ class Following:
         return after, (*effects, *more)
 
     def _elected(self, memory: Memory, now: int, number: int) -> Step:
-        stored = self._stored(memory, now)
+        stored = stored_of(self.settings, self.bank, memory, now)
         beliefs, since = (stored.beliefs, stored.step) if stored else (None, 0)
         if beliefs is None and not memory.held.term.number and (prior := prior_beliefs(self.bank)):
             beliefs = unpack(prior).beliefs

@@ -22,7 +22,7 @@ class Elected(Peers):
 
     def needs(self, field: Field) -> Needs:
         """See ``Peers``."""
-        needs = self._needs(field, short=False, lease=self.lease_steps, takes_over=False)
+        needs = self._needs(field, short=False, lease=self.lease_steps)
         return replace(needs, report=needs.word) if self.local else needs
 
     def settings(self, field: Field) -> dict[str, Any]:

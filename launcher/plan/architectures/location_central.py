@@ -18,7 +18,7 @@ class LocationCentral(Peers):
 
     def needs(self, field: Field) -> Needs:
         """See ``Peers``."""
-        return self._needs(field, short=True, lease=2, takes_over=True)
+        return self._needs(field, short=True, lease=2)
 
     def settings(self, field: Field) -> dict[str, Any]:
         """See ``Peers``."""

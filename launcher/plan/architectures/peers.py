@@ -117,7 +117,7 @@ class Peers:
             (*budget, ("at least", sum(plan.budget.values()))),
         )
 
-    def _needs(self, field: Field, *, short: bool, lease: int, takes_over: bool) -> Needs:
+    def _needs(self, field: Field, *, short: bool, lease: int) -> Needs:
         sensing = [section.sensing for section in field.site.sections.values()]
         state = 4 + sum(len(kind.unknowns) for kind in sensing)
         trackers = field.scenario.fusion.trackers
@@ -134,7 +134,6 @@ class Peers:
             RESULT_BYTES if short else AROUND_BYTES + gaussian,
             AROUND_BYTES + handed[self.handover],
             lease,
-            takes_over,
             self.announcements,
             self.multihop,
             self.base_every,
@@ -169,11 +168,11 @@ class Peers:
             draws=self.base,
         )
 
-    def _peer(self, field: Field, plan: Periods, number: int) -> Process:
+    def _member(self, field: Field, plan: Periods, number: int) -> dict[str, Any]:
+        """The arguments of the member with the sensor of this number."""
         site, (id, x, y), (bx, by) = field.site, field.sensors[number], field.centre
         kind: Kind = site.sections[site.kind_of(number)].sensing
-        known, beyond = _around(field, number)
-        member: dict[str, Any] = {
+        return {
             "id": id,
             "number": number,
             "step_ns": site.step_ns,
@@ -184,13 +183,20 @@ class Peers:
                 "spread_ns": plan.setup.spread_ns,
                 "settled_ns": site.origin_ns,
             },
-            **if_used(local=bool(self.settings(field).get("local"))),
-            **if_used(wakeup=None if self.multihop else dict(plan.wakeup), origin_ns=site.origin_ns),
+            **if_used(
+                local=bool(self.settings(field).get("local")),
+                wakeup=None if self.multihop else dict(plan.wakeup),
+                origin_ns=site.origin_ns,
+            ),
             **({} if kind.thresholds is None else {"threshold_db": kind.threshold}),
         }
-        quiet_db, loud_db = loudness_of(kind)
+
+    def _header(self, field: Field, plan: Periods, number: int) -> dict[str, Any]:
+        """The arguments of the header of the same node."""
+        site, (known, beyond) = field.site, _around(field, number)
+        quiet_db, loud_db = loudness_of(site.sections[site.kind_of(number)].sensing)
         settings = {
-            "id": id,
+            "id": field.sensors[number][0],
             "number": number,
             "numbers": known,
             "base": self.base if self.multihop else "",
@@ -207,31 +213,36 @@ class Peers:
             "beyond": beyond,
             **self.settings(field),
         }
-        header = {
+        return {
             "settings": settings,
             "times": dict(plan.times),
             "election": dict(plan.election),
             "deadline_ns": round(field.scenario.fusion.deadline_s * NS),
         }
-        word = "result" if settings["short"] else "estimate"
-        reports = {kind_of_class(one.sensing.message).name for one in site.sections.values()}
-        sends = (*sorted(reports), *SENT, word)
+
+    def _peer(self, field: Field, plan: Periods, number: int) -> Process:
+        """The node with the sensor of this number."""
+        id, x, y = field.sensors[number]
+        header = self._header(field, plan, number)
+        word = "result" if header["settings"]["short"] else "estimate"
+        reports = {kind_of_class(one.sensing.message).name for one in field.site.sections.values()}
+        takes = (*sorted(reports), *SENT, word)
+        sends: dict[str, tuple[str, ...]] = dict.fromkeys(takes, (NEIGHBOURHOOD,))
+        if self.multihop:
+            sends[word] = (NEIGHBOURHOOD, self.base)
         return Process(
             id,
             PEER,
             x,
             y,
             roles={
-                "member": Hosted(config=member, clock="keeps"),
+                "member": Hosted(config=self._member(field, plan, number), clock="keeps"),
                 "header": Hosted(config=header, fuses=True, clock="follows"),
             },
-            sends={
-                name: (NEIGHBOURHOOD, self.base) if name == word and self.multihop else (NEIGHBOURHOOD,)
-                for name in sends
-            },
-            hears=sends,
+            sends=sends,
+            hears=takes,
             senses=True,
-            fuses=list(known),
+            fuses=list(header["settings"]["numbers"]),
             asks=self.base,
             tags=(BATTERY, TRACKS),
             battery_j=field.scenario.energy.battery_j,

@@ -41,8 +41,8 @@ TREE_NS: Final = 20 * NS
 @dataclass(frozen=True)
 class Needs:
     """What the times depend on: ``nodes``, how many ``sensors`` measure, bytes of a report, of what a head tells all,
-    and of a hand-over; the ``lease`` in steps; whether others ``take over`` in the middle of a step. The base is told
-    over the tree every ``base_every`` steps; 0: as the radio allows.
+    and of a hand-over; the ``lease`` in steps. The base is told over the tree every ``base_every`` steps; 0: as the
+    radio allows.
     """
 
     nodes: int
@@ -51,7 +51,6 @@ class Needs:
     word: int
     handed: int
     lease: int
-    takes_over: bool
     announcements: int
     multihop: bool
     base_every: int = 1
