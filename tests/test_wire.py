@@ -311,6 +311,12 @@ def test_each_kind_has_a_limit_of_its_own() -> None:
     assert {kind: limits.pop(kind) - 256 for kind in bytes_of_clusters} == bytes_of_clusters
     bytes_of_peers = {"join-claim": 32, "poll": 100, "estimate": 1024, "local-estimate": 1024}
     assert {kind: limits.pop(kind) - 256 for kind in bytes_of_peers} == bytes_of_peers
+    bytes_of_diffusion = {
+        "interest": 32, "data": 2 * 32 + 1024, "reinforce": 2 * 32, "data-ack": 32, "arrived": 32 + 1024,
+    }  # fmt: skip
+    assert {kind: limits.pop(kind) - 256 for kind in bytes_of_diffusion} == bytes_of_diffusion
+    bytes_of_passes = {"fix": 1024 + 8 * 8}
+    assert {kind: limits.pop(kind) - 256 for kind in bytes_of_passes} == bytes_of_passes
     assert set(limits.values()) == {256}
     assert reason_of(_packed([1, 1, 3, 100, bytes(300)])) == "size"
     assert reason_of(_packed([1, 1, 3, 100, bytes(200)])) == "type"
@@ -372,6 +378,7 @@ def test_a_kind_of_ones_own() -> None:
     own += ["route", "hop", "hop-ack", "announce", "solicit", "join", "admit", "wake", "no-target", "merge"]
     own += ["aggregate", "hand-over", "hand-over-ack", "share", "roster", "led-track", "doubt", "alive"]
     own += ["claim", "join-claim", "poll", "result", "estimate", "dissolve", "local-estimate"]
+    own += ["cpa-report", "cpa-report-sds", "interest", "data", "reinforce", "data-ack", "fix", "arrived"]
     assert [known.name for known in registry.product_kinds()] == own
 
 

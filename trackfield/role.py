@@ -171,6 +171,10 @@ class TrackPoint:
 
     ``known_step`` is the step up to which reports are in a point that was predicted from there, by a source that was
     told of that step last; None if nothing is told of it.
+
+    A tracker that solves for a path from the reports of one *event*, such as a pass, says so in the point of the step
+    in which the event was closed: ``event_ns`` is when the target was nearest to the middle of its sensors or, without
+    a fix, the mean of the reports' times; ``refused`` is then why there is no fix.
     """
 
     tracker: str
@@ -189,6 +193,8 @@ class TrackPoint:
     unknowns: tuple[float, ...] = ()
     unknown_sds: tuple[float, ...] = ()
     known_step: int | None = None
+    event_ns: int | None = None
+    refused: str = ""
 
     @property
     def reports(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackfield.wire import clusters, keys, peers
+from trackfield.wire import clusters, interests, keys, passes, peers
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -28,8 +28,10 @@ __all__ = [
     "clusters",
     "decode",
     "encode",
+    "interests",
     "keys",
     "kind",
     "kind_name",
+    "passes",
     "peers",
 ]
