@@ -38,6 +38,7 @@ study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn 
 	$(BIN)/python -m tests.hostile
 	$(BIN)/python -m tests.studies
 	$(BIN)/trackfield reproduce zhai --runs 300
+	$(BIN)/trackfield reproduce yang --runs 500
 	$(BIN)/trackfield reproduce yu --kernels --runs 400
 	$(BIN)/trackfield reproduce yu --runs 6
 	$(BIN)/trackfield reproduce zhou --kernels --runs 500
@@ -53,6 +54,8 @@ bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that 
 	$(BIN)/python -m bench.recorder
 	OPENBLAS_NUM_THREADS=1 PYTHONPATH=build/peers $(BIN)/python -m bench.kernels
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.growth
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.passes
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.hearing
 
 base-image:  ## the image that ours stands on: the official slim Python, or one from Debian packages
 	@containers/base

@@ -16,6 +16,7 @@ from launcher.commands import (
     calibrate,
     choices,
     compare,
+    listen,
     listing,
     new,
     recover,
@@ -50,6 +51,7 @@ command("compare")(compare.compare)
 command("replay")(replay.replay)
 command("recover")(recover.recover)
 command("study")(study.study)
+command("listen")(listen.listen)
 command("reproduce")(reproduce.reproduce)
 command("router")(router.router)
 app.add_typer(calibrate.group)

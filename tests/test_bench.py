@@ -7,7 +7,7 @@ from math import dist
 
 import pytest
 
-from bench import latency, ready, recorder, start
+from bench import hearing, latency, ready, recorder, start
 from bench.processes import GROUPS
 from bench.scale import PROCESS_COLUMNS, VIRTUAL_COLUMNS, Column, measured, table
 from bench.virtual import SPEED_M_S, route, scenario
@@ -89,3 +89,9 @@ def test_the_target_stays_amid_the_sensors_at_its_speed(side_m: float) -> None:
 
 def test_the_field_has_the_packaged_spacing() -> None:
     assert scenario(100, "ideal", 60, 1).field.spacing_m == 50.0  # type: ignore[union-attr]
+
+
+def test_sound_is_made_and_heard() -> None:
+    lines = hearing.table(seconds=20.0, rounds=1)
+    assert len(lines) == 5
+    assert "2 passes in 20 s" in lines[3]

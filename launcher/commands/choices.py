@@ -29,6 +29,13 @@ def trackers() -> Iterator[str]:
     yield from TRACKERS
 
 
+def detectors() -> Iterator[str]:
+    """How the time of a pass is found in a recording."""
+    from trackfield.acoustics.listener import DETECTORS
+
+    yield from DETECTORS
+
+
 def papers() -> Iterator[str]:
     """The papers that can be reproduced."""
     from launcher.reproduce.papers import names
@@ -79,6 +86,7 @@ class _Named(dict[str, str]):
         "scenarios": scenarios,
         "links": links,
         "trackers": trackers,
+        "detectors": detectors,
         "papers": papers,
         "kinds": kinds,
     }
