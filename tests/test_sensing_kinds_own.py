@@ -188,7 +188,7 @@ def test_a_report_in_words(name: str, says: str) -> None:
 
 
 def test_reports_of_all_kinds_are_reports_for_whoever_counts_them() -> None:
-    made = (make_sensor(name, {}) for name in SENSORS.own)
+    made = [*(make_sensor(name, {}) for name in SENSORS.own), make_sensor("cpa", {"variances": True})]
     assert set(REPORTS) == {kind_of_class(kind.message).name for kind in made} | {kind_of_class(Measurement).name}
 
 
@@ -197,6 +197,7 @@ def test_what_they_measure_in_words() -> None:
     assert make_sensor("range", {"growth_m": 0.0}).summary == "range (sd 1 m)"
     assert make_sensor("rss", {"shadow_sd_db": 6.0}).summary == "received signal strength (shadowing sd 6 dB)"
     assert make_sensor("energy", {}).summary == "received energy (noise 0.9298, calibration to 20 %)"
+    assert make_sensor("cpa", {}).summary == "times of passes (sd 0.1 s), and strengths to 10 %"
 
 
 @pytest.mark.parametrize("name", ["doa", *OWN])

@@ -134,7 +134,7 @@ class Deployment(Logged):
         self._children.fork(life.name, body, settings, life.name, niceness, *own)
 
     def _is_heavy(self, life: ProcessSpec) -> bool:
-        return life.factory in self._preload.factories
+        return self._preload.is_heavy(life)
 
     def _connect(self) -> None:
         connect = partial(session_by, self.endpoint, self.plan.run.run)

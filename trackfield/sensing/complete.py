@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from copy import copy
+from dataclasses import replace
 from functools import partial
 from math import dist, inf, isfinite
 from typing import TYPE_CHECKING, Any, Final
 
 from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
+from trackfield.sensing.listening import Audible, Hear
 from trackfield.sensing.readings import Measured, Reading
 from trackfield.sensing.sensing import Numbers, Point, Scene, Uniform
 from trackfield.wire.messages import Measurement
 
 if TYPE_CHECKING:
-    from trackfield.filters.types import Array, Gaussian
+    from trackfield.filters.types import Array, Gaussian, PassNoise
 
 MOST_STEPS: Final = 10**15
 """The largest number of a report (docs/wire.md)."""
@@ -37,7 +39,7 @@ METHODS: Final = (
     *("biased", "corrected", "possible"),
 )
 """Methods that a class may have; there are defaults for them."""
-METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented")
+METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented", "hearing")
 """The same, without a default."""
 OPEN: Final = -1
 """Their number if it is open."""
@@ -48,9 +50,9 @@ _VARARGS: Final = 0x04
 class Kind:
     """The kind ``name`` as ``own`` has it, with defaults for what it lacks; the members of ``sensing.Full``.
 
-    ``variance``, ``log_clutter``, ``fix`` and ``invented`` are None where there is none. Of the ``n`` numbers of a
-    reading ``h`` predicts the first ``m``. One that is ``recorded`` is of sensors that play what real ones reported:
-    they report by themselves, whatever the level, in messages that say when the reading was made.
+    Those of ``METHODS_OR_NONE`` are None where there is none. Of the ``n`` numbers of a reading ``h`` predicts the
+    first ``m``. One that is ``recorded`` is of sensors that play what real ones reported: they report by themselves,
+    whatever the level, in messages that say when the reading was made.
     """
 
     simulate: Callable[[Scene, int, Point, tuple[float, ...]], Numbers | None]
@@ -61,6 +63,7 @@ class Kind:
     log_clutter: Callable[[Array, Array], Array] | None
     fix: Callable[[Array, Array, Array], Gaussian | None] | None
     invented: Callable[[str, float, Uniform], Numbers | None] | None
+    hearing: Callable[[Audible], Hear] | None
     loudness: Callable[[Array], Array]
     level: Callable[[Numbers], float]
     z: Callable[[Array], Array]
@@ -94,7 +97,9 @@ class Kind:
         self.rhythm: str = has("rhythm", "steps")
         self.draws: tuple[str, ...] | None = has("draws", None)
         self.colour: Colour | None = has("colour", None)
+        self.passes: PassNoise | None = own if has("passes", False) else None
         self.missing = float(has("missing", 0.0))
+        self.modules: tuple[str, ...] = tuple(has("modules", ()))
         self.simulate = own.simulate if arguments(own.simulate) == FIELD else self._of_nearest
         self.h, self.jacobian = own.h, own.jacobian
         for method in METHODS:
@@ -107,6 +112,7 @@ class Kind:
     def _play(self) -> None:
         """Sensors report by themselves what was recorded."""
         self.rhythm, self.thresholds, self.message = "events", None, Measurement
+        self.hearing, self.modules = None, ()
         for method in ("reading", "values", "words", "longest"):
             setattr(self, method, getattr(self, f"_{method}"))
 
@@ -118,6 +124,9 @@ class Kind:
         found.sd = tuple(noise * sd for sd in self.sd)
         if variance is not None:
             found.variance = lambda x, at: noise**2 * variance(x, at)
+        if self.passes is not None:
+            names = ("time_sd_s", "strength_sd", "place_sd_m")
+            found.passes = replace(self.own, **{name: noise * getattr(self.own, name) for name in names})
         return found
 
     @property
@@ -207,11 +216,11 @@ class Kind:
 
         It comes nearer before, and within range. A target that appears or vanishes nearby does not pass.
         """
-        found = (at for one in scene.alone() for at in _closest(one, window, place, self.range_m))
+        found = (at for one in scene.alone() for at in closest(one, window, place, self.range_m))
         return tuple(sorted(found))
 
 
-def _closest(scene: Scene, window: tuple[int, int], place: Point, range_m: float) -> Iterator[int]:
+def closest(scene: Scene, window: tuple[int, int], place: Point, range_m: float) -> Iterator[int]:
     """When (ns) the only target of a scene is closest to a place, each time that it comes within range."""
 
     def away_m(t_ns: int) -> float:

@@ -14,6 +14,7 @@ from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
 from trackfield.plugins import Maker, Plugins
 from trackfield.sensing.complete import FIELD, METHODS, METHODS_OR_NONE, NEAREST, OPEN, Kind, arguments
+from trackfield.sensing.cpa import Cpa
 from trackfield.sensing.doa import Doa
 from trackfield.sensing.energy import Energy
 from trackfield.sensing.range import Range
@@ -39,7 +40,7 @@ MOST_UNKNOWNS: Final = 8
 SENSORS: Final = Plugins(
     "sensor",
     "trackfield.sensors",
-    {DEFAULT: Doa, "range": Range, "rss": Rss, "energy": Energy},
+    {DEFAULT: Doa, "range": Range, "rss": Rss, "energy": Energy, "cpa": Cpa},
     methods=("simulate", "h", "jacobian"),
 )
 
@@ -251,6 +252,7 @@ _RULES: Final = (
     ("memory_s", _memory, f"seconds, from 0 to {LONG_S:g}"),
     ("colour", _colour, "None, or a Colour(slow, slow_s, fixed): shares of at most 1 together, seconds above 0"),
     ("missing", _share, "a share from 0 to 1"),
+    ("modules", _texts, "a tuple of texts"),
     ("summary", _text, "a text"),
     ("bearings", _flag, "True or False"),
     ("draws", _names, "a tuple of texts, or None"),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from trackfield.filters.types import Gaussian
+    from trackfield.sensing.listening import Audible, Hear
 
     Array = NDArray[np.float64]
 
@@ -111,6 +112,10 @@ class Full(Sensing, Protocol):
     """What of its noise is not drawn anew for every reading; None: nothing."""
     missing: float
     """The share of its readings that are not there."""
+    modules: tuple[str, ...]
+    """What its nodes have to import, beyond what all do; they are forked from a process that has it."""
+    passes: bool
+    """Whether its readings begin with (time s, strength dB, width s) of a target's pass, as those of ``cpa`` do."""
     summary: str
     """What it measures, in a few words for reports."""
     layer: str
@@ -145,6 +150,10 @@ class Full(Sensing, Protocol):
 
         An instant, several, or None. Of several for one step a node reports the first.
         """
+        ...
+
+    def hearing(self, audible: Audible) -> Hear:
+        """How a sensor listens that finds passes in sound; it reports them, and ``event`` is a forecast."""
         ...
 
     def reading(self, values: Numbers) -> Reading:

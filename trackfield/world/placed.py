@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import cos, hypot, isinf, sin, sqrt, tau
 from typing import Any, Final, Self
 
@@ -13,10 +13,12 @@ from trackfield.errors import RunFailed
 from trackfield.models.noise import Colour
 from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import known_sensor, own_options
+from trackfield.sensing.listening import Audible, Hear
 from trackfield.sensing.readings import Reading, Window, window_at
 from trackfield.sensing.sensing import Numbers
 from trackfield.sensing.sensing import Scene as AnyScene
 from trackfield.words import quoted
+from trackfield.world.heard import NO_SOUNDS, Heard, Sounds
 from trackfield.world.path import Path
 from trackfield.world.scene import Scene, Still, left_at
 
@@ -37,7 +39,8 @@ class Placed:
     ``windows`` hold all times at which any target may be within reach here, in order and disjoint; the paths of the
     ``scene`` are only used within them. Its noise is drawn for every instant, and so is whether there is a reading.
     ``threshold`` is the level from which its node reports. A sensor that has readings to be ``played`` reports these,
-    in order of time, by itself; if only their ``times`` are, it reads its targets then.
+    in order of time, by itself; if only their ``times`` are, it reads its targets then. One whose kind finds passes in
+    sound hears these ``sounds``.
     """
 
     id: str
@@ -51,6 +54,24 @@ class Placed:
     incarnation: int = 0
     played: tuple[Played, ...] | None = None
     times: bool = False
+    sounds: Sounds = NO_SOUNDS
+    heard: Heard | None = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        lead_ns = round(self.kind.memory_s * _NS)
+        heard = None if self.kind.hearing is None else Heard(self.windows, self._listen, lead_ns)
+        object.__setattr__(self, "heard", heard)
+
+    def _listen(self) -> Hear:
+        assert self.kind.hearing is not None
+        return self.kind.hearing(self.audible)
+
+    @property
+    def audible(self) -> Audible:
+        """What there is to hear."""
+        sounds = self.sounds.targets or (None,) * len(self.scene.paths)
+        own = (self.seed, self.id, self.incarnation)
+        return Audible(self.position, self.scene.paths, sounds, *own, *self.sounds[1:])
 
     def sample(self, t_ns: int) -> Reading | None:
         """The reading at this true time; None if nothing is sensed."""
@@ -58,6 +79,9 @@ class Placed:
 
     def latest(self, t_ns: int, oldest_ns: int = NEVER_NS) -> Reading | None:
         """The same, but of a recording the latest reading that is no older than that."""
+        if self.heard is not None:
+            values = self.heard.at(t_ns)
+            return None if values is None or self._misses(t_ns) else self.read(self.kind.biased(values, self.id), t_ns)
         if self.played is None:
             return None if self._misses(t_ns) else self._reading(self.scene, "reading", t_ns)
         i = bisect_right(self.played, t_ns + PLAYED_NS, key=lambda one: one[0]) - 1
@@ -69,15 +93,21 @@ class Placed:
     def next_window(self, t_ns: int) -> int | None:
         """The start (ns) of the window that this time lies in, or else of the next; None after the last.
 
-        For a kind that reports by itself, the next instant after this one at which it does.
+        For a kind that reports by itself, the next instant after this one at which it does; one that listens may have
+        nothing to report then.
         """
+        if self.heard is not None:
+            return self.heard.next(t_ns)
         if self.kind.rhythm == "steps":
             return window_at(self.windows, t_ns)
         coming = (window for window in self.windows if window[1] > t_ns)
         return next((at for window in coming for at in self._events(window) if at > t_ns), None)
 
     def events(self) -> list[int]:
-        """The instants (ns) at which a sensor reports by itself. Raises ``RunFailed`` for any outside its window."""
+        """The instants (ns) at which a sensor reports by itself; of one that listens, as its kind foresees.
+
+        Raises ``RunFailed`` for any outside its window.
+        """
         return [at for window in self.windows for at in self._events(window)]
 
     def elsewhere(self, purpose: str, t_ns: int) -> Reading | None:
@@ -160,6 +190,7 @@ class Placed:
             "seed": self.seed,
             "incarnation": self.incarnation,
             **({} if self.played is None else self._to_be_played()),
+            **({} if self.sounds == NO_SOUNDS else {"sounds": [list(self.sounds.targets), *self.sounds[1:]]}),
         }
 
     def _to_be_played(self) -> dict[str, Any]:
@@ -172,6 +203,7 @@ class Placed:
         x, y = plain["position"]
         times, readings = plain.get("times"), plain.get("readings")
         played = None if times is None else tuple(zip(times, map(tuple, readings or [()] * len(times)), strict=True))
+        sounds, *recording = plain.get("sounds", [()])
         return cls(
             plain["id"],
             (x, y),
@@ -184,6 +216,7 @@ class Placed:
             plain["incarnation"],
             played,
             readings is None and played is not None,
+            Sounds(tuple(sounds), *recording),
         )
 
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from trackfield.scenario.section import OTHER, open_union
+from trackfield.scenario.sensors.cpa import CpaSensor
 from trackfield.scenario.sensors.doa import DoaSensor
 from trackfield.scenario.sensors.energy import EnergySensor
 from trackfield.scenario.sensors.own import OwnSensor
@@ -24,6 +25,7 @@ SENSORS: Final[Mapping[str, type[SensorSection]]] = {
     "range": RangeSensor,
     "rss": RssSensor,
     "energy": EnergySensor,
+    "cpa": CpaSensor,
     OTHER: OwnSensor,
 }
 

@@ -17,6 +17,9 @@ from trackfield.sensing.kinds import SENSORS, hashable, make_sensor
 OF_GROUPS: Final = ("nodes", "share")
 """The keys that say which sensors are of a kind: those of ``[[sensors]]`` alone."""
 
+SOUND_FILES: Final = (".wav", ".flac")
+"""What the names of recordings end with that are of sound."""
+
 Ids = Annotated[tuple[Word, ...], Field(min_length=1, max_length=MOST_NODES)]
 
 
@@ -33,8 +36,8 @@ class SensorSection(Section):
     )
     recording: FileName | None = Field(
         default=None,
-        description="CSV or Parquet file of what real sensors reported, which these play; relative to the scenario's "
-        "own folder",
+        description="CSV or Parquet file of what real sensors reported, which these play, or WAV or FLAC file of what "
+        "they heard; relative to the scenario's own folder",
     )
     play: Literal["readings", "times"] = Field(
         default="readings",
@@ -53,16 +56,27 @@ class SensorSection(Section):
         raise NotImplementedError
 
     @property
+    def listens_to(self) -> str | None:
+        """The recording, if it is of sound."""
+        heard = self.recording is not None and self.recording.lower().endswith(SOUND_FILES)
+        return self.recording if heard else None
+
+    @property
+    def plays(self) -> bool:
+        """Whether these sensors play what real ones reported."""
+        return self.recording is not None and self.listens_to is None
+
+    @property
     def plain(self) -> dict[str, Any]:
         """The arguments of ``make_sensor``."""
-        recorded = {"recorded": True} if self.recording else {}
+        recorded = {"recorded": True} if self.plays else {}
         return {"kind": self.kind, "options": dict(self.options), **recorded}
 
     @property
     def sensing(self) -> Kind:
         """The kind of sensing with these options. Raises ``ScenarioError`` as ``make_sensor`` does."""
         options = hashable(self.options)
-        return _made(SENSORS.get(self.kind), self.kind, options, recorded=self.recording is not None)
+        return _made(SENSORS.get(self.kind), self.kind, options, recorded=self.plays)
 
 
 @lru_cache(maxsize=64)
