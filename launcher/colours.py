@@ -9,12 +9,14 @@ from typing import Final
 PALETTE: Final = (
     *("#e69f00", "#0072b2", "#cc79a7", "#009e73", "#d55e00", "#56b4e9", "#9c755f"),
     *("#7b61c9", "#a8a400", "#e15759", "#1b9aaa", "#5500ff", "#a63d7a", "#6b8e23", "#c49a6c"),
+    *("#8b1a1a", "#ff8fab", "#00b300"),
 )
 """Okabe and Ito, colours that everybody can tell apart on white and on black, and a brown; then others, of which none
 is grey, as the target is."""
 _OWN: Final = (
     *("imm-ukf", "spcpf", "bootstrap", "fix-doa", "ekf", "ukf", "predict-only"),
     *("gpf-ukf", "upf", "fa-upf", "upf-paper", "rbpf", "mrbpf", "mrbpf-weightmass", "jm-rbpf"),
+    *("cpa", "ecpa", "ml"),
 )
 """The packaged trackers, each with the colour at its place."""
 _FORMER: Final = {"fix-imm-ukf": "imm-ukf"}

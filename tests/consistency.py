@@ -11,9 +11,10 @@ import argparse
 
 import numpy as np
 
-from tests.zhai_field import SCENARIOS, errors
+from tests.zhai_field import MODEL, SCENARIOS, errors
 from trackfield.filters.fix import map_fix
 from trackfield.filters.metrics import Lost, effective_count, nees, nees_band, rmse
+from trackfield.filters.needs import unmet
 from trackfield.filters.single_model import SingleState, Ukf
 from trackfield.filters.trackers import TRACKERS
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Reports
@@ -37,7 +38,8 @@ class _Fix(Ukf):
 def table_of_errors(runs: int) -> None:
     """Position error in m: pooled over runs and steps, (the median run's), and the share of runs that were lost."""
     print("| tracker | s1 | s2 | s3 |\n| --- | --- | --- | --- |")
-    for name, make in {**TRACKERS, "one model": FixUkf}.items():
+    able = {name: make for name, make in TRACKERS.items() if not unmet(make, MODEL.kinds)}
+    for name, make in {**able, "one model": FixUkf}.items():
         cells = [_errors(*errors(make(), scenario, range(runs))) for scenario in SCENARIOS]
         print(f"| `{name}` | {' | '.join(cells)} |")
 

@@ -197,6 +197,11 @@ def refused(name: str, of: Field) -> str:
     return next((need for need in needs_of(TRACKERS[name]) if not NEEDS[need].met(kinds)), "")
 
 
+def takers() -> list[str]:
+    """The trackers that can work on any of the fields."""
+    return [name for name in TRACKERS.own if not all(refused(name, field(one)) for one in FIELDS)]
+
+
 def words(name: str, of: Field, runs: range, *, alone: bool) -> tuple[str, str, str]:
     """Error over bound, NEES with its band, cost of a step; in place of these what a tracker that is refused needs."""
     if why := refused(name, of):
@@ -213,7 +218,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=30)
     parser.add_argument("--alone", action="store_true")
-    parser.add_argument("--trackers", nargs="*", default=list(TRACKERS.own))
+    parser.add_argument("--trackers", nargs="*", default=takers())
     parser.add_argument("--fields", nargs="*", default=list(FIELDS), choices=list(FIELDS))
     given = parser.parse_args()
     rows = {

@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 
 from launcher.colours import tracker_colours
 from launcher.report.style import SOFT, STYLE, TRUTH
-from tests.matrix import FIELDS, PLACES, SETTLED, STEPS, cell, field, refused, truth_of
-from trackfield.filters.trackers import TRACKERS
+from tests.matrix import FIELDS, PLACES, SETTLED, STEPS, cell, field, refused, takers, truth_of
 
 
 def figure(name: str, runs: range) -> Figure:
@@ -49,7 +48,7 @@ def main() -> None:
     """See the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=10)
-    parser.add_argument("--trackers", nargs="*", default=list(TRACKERS.own))
+    parser.add_argument("--trackers", nargs="*", default=takers())
     parser.add_argument("--out", type=Path, default=Path("docs/trackers"))
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)

@@ -15,13 +15,14 @@ from trackfield.filters import imm
 from trackfield.filters.belief import Belief, Modes, Particles, dimension, form_of, moments, pack, unpack
 from trackfield.filters.bootstrap import Bootstrap, BootstrapState
 from trackfield.filters.imm_ukf import ImmUkf, ImmUkfState
+from trackfield.filters.needs import unmet
 from trackfield.filters.rng import generator
 from trackfield.filters.trackers import TRACKERS, make_tracker
 from trackfield.filters.types import Array, Estimate, Gaussian, Reports
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.following import Followed, Following
 
-NAMES = tuple(TRACKERS.own)
+NAMES = tuple(name for name, maker in TRACKERS.own.items() if not unmet(maker, MODEL.kinds))
 START = 12
 """Steps of the life before."""
 KEEPER = Bootstrap(keeps="particles")

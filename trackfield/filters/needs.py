@@ -15,6 +15,7 @@ from trackfield.filters.types import Sensing
 
 NO_UNKNOWNS: Final = "no unknowns"
 POSITIONS: Final = "positions"
+PASSES: Final = "passes"
 DEFAULT: Final = (NO_UNKNOWNS,)
 
 _DELAY_S: Final = 2.0
@@ -29,10 +30,12 @@ class Need(NamedTuple):
 
 
 def _of_positions(kind: Sensing) -> bool:
-    """Whether readings depend on the velocity by no more than a delay.
+    """Whether readings depend on the velocity by no more than a delay; the time of a pass does by more.
 
     Judged by the slopes at some states around a sensor: dh/dv is at most that many seconds of dh/dp.
     """
+    if kind.passes is not None:
+        return False
     angles = np.linspace(0.3, 2.0 * np.pi, 16)
     states = np.zeros((16, 4 + len(kind.unknowns)))
     states[:, 0], states[:, 1] = np.cos(angles), np.sin(angles)
@@ -54,6 +57,10 @@ NEEDS: Final[Mapping[str, Need]] = {
     POSITIONS: Need(
         lambda kinds: all(map(_of_positions, kinds.values())),
         "readings that do not depend on the target's velocity",
+    ),
+    PASSES: Need(
+        lambda kinds: all(kind.passes is not None for kind in kinds.values()),
+        "reports of passes only",
     ),
 }
 

@@ -18,6 +18,7 @@ from trackfield.filters.mrbpf import Mrbpf
 from trackfield.filters.mrbpf_weightmass import MrbpfWeightmass
 from trackfield.filters.rbpf import Rbpf
 from trackfield.filters.single_model import Ekf, PredictOnly, Ukf
+from trackfield.filters.solving.solver import Cpa, Ecpa, Ml
 from trackfield.filters.spcpf import SpCpf
 from trackfield.filters.types import Tracker
 from trackfield.filters.upf import Upf
@@ -29,6 +30,8 @@ NOT_ROBUST: Final = {
     "fix-doa": "it draws from the likeliest place for all bearings together, outliers included",
     "upf-paper": "it is the filter as Zhou et al. (2011) print it, to compare others with",
     "predict-only": "it takes no readings",
+    **dict.fromkeys(("cpa", "ecpa"), "it takes the readings of an event for those of a pass, or none of them"),
+    "ml": "it always is: it leaves out the reading that does not fit the others",
 }
 """Trackers without the option ``robust`` of the others, and why."""
 TRACKERS: Final = Plugins(
@@ -49,6 +52,9 @@ TRACKERS: Final = Plugins(
         "upf": Upf,
         "fa-upf": FaUpf,
         "upf-paper": UpfPaper,
+        "cpa": Cpa,
+        "ecpa": Ecpa,
+        "ml": Ml,
         "predict-only": PredictOnly,
     },
     methods=("init", "step"),

@@ -111,6 +111,45 @@ def of_bearings(step: int, sensors: tuple[str, ...], positions: Array, bearings:
     return Reports(step, sensors, positions, (Readings("doa", np.array((bearings, levels)).T),), 1)
 
 
+class PassNoise(Protocol):
+    """The noise of reports of passes, as a kind's options have it (``trackfield/models/passing.time_sd``)."""
+
+    @property
+    def time_sd_s(self) -> float:
+        """The sd of times at ``time_at_m`` and 30 mph."""
+        ...
+
+    @property
+    def time_floor_m(self) -> float:
+        """Nearer than this (m) the sd of times is as here."""
+        ...
+
+    @property
+    def time_at_m(self) -> float:
+        """The distance (m) for which it is given."""
+        ...
+
+    @property
+    def distance_power(self) -> float:
+        """With which power of the distance it grows."""
+        ...
+
+    @property
+    def speed_power(self) -> float:
+        """With which power of the speed it falls."""
+        ...
+
+    @property
+    def strength_sd(self) -> float:
+        """The sd of amplitudes, relative."""
+        ...
+
+    @property
+    def place_sd_m(self) -> float:
+        """The sd of the sensors' places per axis."""
+        ...
+
+
 class Sensing(Protocol):
     """The measurement model of a kind of sensing; in full ``trackfield.sensing.sensing.Full``.
 
@@ -146,6 +185,16 @@ class Sensing(Protocol):
     @property
     def bearings(self) -> bool:
         """Whether its first number is a bearing (rad), and its second the level (dB)."""
+        ...
+
+    @property
+    def speed_m_s(self) -> float:
+        """How fast what it senses travels; infinite: at once."""
+        ...
+
+    @property
+    def passes(self) -> PassNoise | None:
+        """The noise of readings that are (time s, strength dB, width s) of a target's pass; None: they are not."""
         ...
 
     @property
@@ -191,6 +240,8 @@ class Model:
     kinds: Mapping[str, Sensing]
     sigma_v: float = 0.1
     """sd of the target's acceleration per axis, m/s^2, for trackers with a single motion model."""
+    sensors: int = 0
+    """How many sensors there are; 0: not known."""
 
     @property
     def sensor(self) -> Sensing:
@@ -234,7 +285,7 @@ class Tracker(Protocol[S]):
 
     It may have further methods: ``motion`` (``trackfield.tracking.smoothing.Foresees``), so that its track can be
     smoothed, and ``belief`` and ``resume`` (``trackfield.filters.belief.Believes``), if it knows more than its estimate
-    says.
+    says. Trackfield's own may start by themselves (``trackfield.tracking.following.Starts``).
     """
 
     def init(self, prior: Gaussian, model: Model) -> S:

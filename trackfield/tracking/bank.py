@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from trackfield.filters.gaussian import predict
 from trackfield.filters.measurement import STATE, extended, moving
 from trackfield.filters.metrics import LOST_M
 from trackfield.filters.rng import generator
+from trackfield.filters.solving.solver import Closed
 from trackfield.filters.trackers import make_tracker
 from trackfield.filters.types import Array, Estimate, Gaussian, Model, Readings, Reports
 from trackfield.role import NS, TrackPoint
@@ -84,7 +86,7 @@ class Bank:
         self.directional = all(kind.bearings for kind in self.sensing.values())
         self.kind_of = {id: name for name, ids in (kinds or {}).items() for id in ids}
         self.messages = frozenset(kind_of_class(one.message).name for one in self.sensing.values())
-        self.model, options = Model(self.sensing, sigma_v), options or {}
+        self.model, options = Model(self.sensing, sigma_v, len(self.positions)), options or {}
         made = {name: make_tracker(name, options.get(name), self.model.dimension) for name in trackers}
         follow = partial(Following, model=self.model, lost_m=lost_m, speed_sd=speed_sd)
         self.trackers = {name: Smoothing(follow(one), smooth_lag) for name, one in made.items()}
@@ -155,7 +157,7 @@ class Bank:
                 belief = None
             track = tracker.begin(None) if belief is None else tracker.resume(belief)
             for step in range(since + 1, until + 1):
-                if track.track is None:
+                if not track.known:
                     break
                 track, estimate, _ = self._step(name, track, self._reports(step, {}))
             tracks.append(track)
@@ -184,7 +186,7 @@ class Bank:
         for (name, tracker), track in zip(self.trackers.items(), tracks, strict=True):
             after, estimate, earlier = self._step(name, track, reports)
             advanced.append(after)
-            points[name] = self._point(name, reports, estimate)
+            points[name] = self._event(self._point(name, reports, estimate), tracker.closed(after))
             if earlier is not None:
                 smoothed.append(self._point(lagged_name(name, tracker.lag), *earlier, tracker.lag))
         return Advanced(tuple(advanced), points, smoothed)
@@ -202,6 +204,19 @@ class Bank:
 
     def _point(self, name: str, reports: Reports, estimate: Estimate | None, lag: int = 0) -> TrackPoint:
         return track_point(name, self.target, self.at_ns(reports.step), reports, estimate, lag)
+
+    def closed(self, tracks: tuple[Any, ...]) -> dict[str, Closed]:
+        """The events that ended in the step that led to these states, with their reports, by tracker."""
+        found = {name: one.closed(track) for (name, one), track in zip(self.trackers.items(), tracks, strict=True)}
+        return {name: closed for name, closed in found.items() if closed is not None}
+
+    def _event(self, point: TrackPoint, closed: Closed | None) -> TrackPoint:
+        """The point with what came of an event that ended in its step."""
+        if closed is None:
+            return point
+        event_ns = point.at_ns + round(closed.time_s * NS)
+        status = "tracking" if point.mean and not closed.refused else point.status
+        return replace(point, status=status, event_ns=event_ns, refused=closed.refused)
 
     def kind(self, sensor: str) -> Kind:
         """The kind of sensing of a sensor."""

@@ -16,6 +16,7 @@ import numpy as np
 from trackfield.filters import rts
 from trackfield.filters.belief import Belief
 from trackfield.filters.gaussian import Motion
+from trackfield.filters.solving.solver import Closed
 from trackfield.filters.types import Estimate, Gaussian, Reports
 from trackfield.tracking.following import Followed, Following
 
@@ -50,6 +51,11 @@ class Lagged(NamedTuple, Generic[S]):
         """The tracker's state; None while waiting."""
         return self.followed.track
 
+    @property
+    def known(self) -> bool:
+        """Whether anything is known of the target."""
+        return self.followed.known is not None
+
 
 class Earlier(NamedTuple):
     """The smoothed estimate of a step, and the reports of that step."""
@@ -80,6 +86,10 @@ class Smoothing(Generic[S]):
     def belief(self, state: Lagged[S]) -> Belief | None:
         """As ``Following.belief``."""
         return self.following.belief(state.followed)
+
+    def closed(self, state: Lagged[S]) -> Closed | None:
+        """As ``Following.closed``."""
+        return self.following.closed(state.followed)
 
     def resume(self, belief: Belief) -> Lagged[S]:
         """As ``Following.resume``: steps before the pause are no longer smoothed."""
@@ -119,6 +129,18 @@ def lagged_names(trackers: Iterable[tuple[str, object]], lag: int) -> tuple[str,
 
 RTS: Final = "+rts"
 """The end of the name of a track that is smoothed as a whole (``trackfield/tracking/intervals.py``)."""
+
+SPLINE: Final = "+spline"
+"""That of one that is a spline through the reports of several events (``fusion/splines.py``)."""
+WHOLE: Final = (RTS, SPLINE)
+"""The ends of names of tracks that are published as a whole, at their end."""
+WHOLE_PATTERN: Final = r"\+(rts|spline)$"
+"""The same as a regular expression."""
+
+
+def spline_name(tracker: str) -> str:
+    """The name of a tracker's track as a spline."""
+    return f"{tracker}{SPLINE}"
 
 
 def rts_name(tracker: str) -> str:

@@ -1,0 +1,1 @@
+"""Trackers that gather the reports of a target that passes, event by event, and solve for its path at once."""
