@@ -19,7 +19,8 @@ from tests.peered import (
     field_of,
 )
 from tests.puppet import MS
-from trackfield.role import NS, Send
+from trackfield.role import NEIGHBOURHOOD, NS, Send
+from trackfield.wire.clusters import Alive
 from trackfield.wire.peers import LocalEstimate, Poll
 
 # --- dissolve, lease --------------------------------------------------------------------------------------------------
@@ -229,3 +230,16 @@ def test_a_head_that_yields_says_what_it_knows(manner: Manner) -> None:
     assert header.leading.concluded(sees, now, given, old)[0] == sees
     for useless in (replace(given, beliefs=b"no belief"), replace(given, number=number - 1), replace(given, step=60)):
         assert header.leading.concluded(blind, now, useless, old)[0] == blind
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+def test_a_head_that_yields_to_one_that_it_did_not_hear_says_so_to_all(manner: Manner) -> None:
+    """That one may be out of reach; whoever told of it is near."""
+    field = field_of(manner).to_step(8)
+    old = field.leader()
+    told = Alive(field.header(old).held.term.number + 5, b"n99")
+    following = field.actors[old].role.roles["header"].following
+    yielded, effects = following.vouched(field.header(old), field.local(old), told, "n01")
+    assert yielded.leads is None
+    given = [one for one in effects if isinstance(one, Send) and isinstance(one.message, LocalEstimate)]
+    assert [(one.to, one.message.number) for one in given] == [(NEIGHBOURHOOD, told.number)]

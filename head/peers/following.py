@@ -78,7 +78,7 @@ class Following:
             return memory, (Ignored("outdated"), *self._told(memory, now, sender))
         memory = replace(memory, held=held)
         if news == "yielded":
-            memory, more = self._yield(memory, term)
+            memory, more = self._yield(memory, term, heard=True)
             effects = (*effects, *more)
         memory, stops = self._off(memory)
         effects = (*effects, *stops)
@@ -91,12 +91,16 @@ class Following:
                 memory, more = self._known(memory, message.step, beliefs_of(message, self.bank.trackers))
         return memory, (*effects, *more)
 
-    def _yield(self, memory: Memory, term: Term) -> Step:
-        """Another one leads in a higher term: it gets what this one knows, as it may have begun without a track."""
+    def _yield(self, memory: Memory, term: Term, *, heard: bool) -> Step:
+        """Another one leads in a higher term: it gets what this one knows, as it may have begun without a track.
+
+        One that was not ``heard`` itself may be out of reach, and gets it by broadcast.
+        """
         assert memory.leads is not None
         step, beliefs = memory.leads.progress.step, self.bank.beliefs(memory.leads.progress.tracks)
         after, effects = self.leading.end(memory)
-        given = Send(LocalEstimate(term.number, step, packed_beliefs(step, beliefs)), term.leader)
+        to = term.leader if heard else NEIGHBOURHOOD
+        given = Send(LocalEstimate(term.number, step, packed_beliefs(step, beliefs)), to)
         knows = (given,) if all(one is not None for one in beliefs.values()) else ()
         return after, (*effects, *knows, Note(f"yields to {term.leader}, term {term.number}"))
 
@@ -175,7 +179,7 @@ class Following:
             return memory, (Ignored("outdated"),)
         memory = replace(memory, held=held)
         if news == "yielded":
-            memory, more = self._yield(memory, term)
+            memory, more = self._yield(memory, term, heard=False)
             effects = (*effects, *more)
         if news:  # what another head wanted of it is void
             memory = replace(memory, polled=Polled(), joined=untold(memory.joined, self.settings.id))
