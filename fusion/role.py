@@ -139,7 +139,7 @@ class Fusion:
     def _resume(self, memory: Memory, start: Started) -> Step:
         now = memory.time.corrected(start.now)
         progress, stored, points, unusable = self.steps.start(memory.progress, now, start.stored)
-        tracks = stored is not None and progress.tracks[0].track is not None
+        tracks = stored is not None and progress.tracks[0].known
         level = self.commander.begin(stored.threshold_db if stored else None) if self.commander else None
         phase = Phase.COASTING if tracks else Phase.WAITING
         after = replace(memory, phase=phase, progress=progress, threshold_db=level)

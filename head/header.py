@@ -21,13 +21,13 @@ from head.peers.leading import Leading
 from head.peers.local import Local
 from head.peers.memory import TRANSITIONS, Memory, Phase
 from head.peers.settings import Settings, Times
+from trackfield.protocols.announcing import Announcing
 from trackfield.protocols.election import TIMERS as ELECTION
 from trackfield.protocols.election import Election
 from trackfield.protocols.lease import MOST_NUMBER, TAKE_OVER, Lease, Term
 from trackfield.protocols.lease import TIMER as LEASE
 from trackfield.protocols.timesync import TimeSync
 from trackfield.role import (
-    NEIGHBOURHOOD,
     ClockSet,
     Effect,
     Event,
@@ -36,7 +36,6 @@ from trackfield.role import (
     Note,
     Radio,
     Received,
-    Send,
     SetTimer,
     Started,
     State,
@@ -79,6 +78,9 @@ class Header:
         self.settings = Settings(**{**settings, "beyond": beyond}, times=Times(**times))
         self.bank, self.sync = Bank(**bank), TimeSync.of(sync)
         self.follows = self.sync.follows
+        turns = self.settings.number, self.settings.times.nodes, self.settings.announcements
+        x, y = self.bank.positions[self.settings.id]
+        self.announcing = Announcing(*turns, self.settings.times.announce_ns, x, y)
         self.steps = Steps(self.bank, deadline_ns=deadline_ns)
         lease = Lease(self.settings.id, self.settings.times.lease_ns, self.settings.times.turn_ns)
         way = self.settings.local
@@ -162,23 +164,12 @@ class Header:
             memory, notes = self._unpack(memory, start.stored)
             return replace(memory, announced=self.settings.announcements), (*effects, *notes)
         known = SetTimer("known", max(start.now, self.settings.times.announce_ns))
-        return memory, (*effects, known, self._next_announcement(memory, start.now))
-
-    def _next_announcement(self, memory: Memory, now: int) -> SetTimer:
-        """The timer of its next announcement: rounds one after the other, and in each a turn for each node."""
-        settings = self.settings
-        round_ns = settings.times.announce_ns // settings.announcements
-        turn_ns = round_ns * settings.number // (settings.times.nodes + 1)
-        return SetTimer("announce", max(now, memory.announced * round_ns + turn_ns))
+        return memory, (*effects, known, self.announcing.next(memory.announced, start.now))
 
     def _announce(self, memory: Memory, now: int) -> Step:
         """Say where it stands."""
-        settings = self.settings
-        x, y = self.bank.positions[settings.id]
-        after = replace(memory, announced=memory.announced + 1)
-        send = Send(Announce(after.announced, settings.announcements, 0, x, y), NEIGHBOURHOOD)
-        more = (self._next_announcement(after, now),) if after.announced < settings.announcements else ()
-        return after, (send, *more)
+        announced, effects = self.announcing.ring(memory.announced, now)
+        return replace(memory, announced=announced), effects
 
     def _keep_time(self, memory: Memory, event: Timer | ClockSet) -> Step:
         """The member has set the clock: timers are set anew."""

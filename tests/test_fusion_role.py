@@ -266,6 +266,9 @@ class Spy:
     def belief(self, state: object) -> None:
         pass
 
+    def closed(self, state: object) -> None:
+        pass
+
     def step(self, state: object, reports: Reports, dt: float, rng: np.random.Generator) -> tuple[object, None, None]:
         self.seen.append((reports, dt, rng.random()))
         return state, None, None

@@ -1,0 +1,1 @@
+"""Heads of clusters that hear targets pass: interests, reports of closest points of approach, fixes (``role``)."""
