@@ -10,7 +10,7 @@ from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.filters.metrics import Lost
 from trackfield.link.places import Path as Legs
 from trackfield.role import NS
-from trackfield.tracking.smoothing import RTS
+from trackfield.tracking.smoothing import WHOLE
 from trackfield.wire.keys import Medium
 from trackfield.world.path import Path
 
@@ -29,6 +29,8 @@ SLAVE: Final = "slave"
 """The roles of those who form clusters."""
 PEER: Final = "peer"
 """The role of a node that may lead."""
+EAR: Final = "ear"
+"""The role of a node that hears targets pass, and may lead."""
 JOINED: Final = frozenset({"asleep", "active"})
 """The states of a slave that has a master; in any other it has none."""
 
@@ -74,6 +76,7 @@ class FieldInfo:
     that arrive); ``paths`` the routes of places that move, as in ``trackfield/link/places.py``;
     ``layers`` how the readings of each sensor are drawn, if at all; ``sensing`` the kind and the options of those
     sensors of which another number is drawn than the first; ``headline`` the sources of the first view.
+    Sensors report that targets pass if the field ``hears``, and find that in sound if one ``listens``.
     """
 
     run: str
@@ -91,6 +94,8 @@ class FieldInfo:
     layers: Mapping[str, str] = field(default_factory=dict)
     sensing: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     headline: tuple[str, ...] = ()
+    hears: bool = False
+    listens: bool = False
 
     def tagged(self, tag: str) -> list[Place]:
         """The places that have this tag."""
@@ -240,6 +245,34 @@ class Polls:
 
 
 @dataclass(frozen=True, slots=True)
+class Passing:
+    """Who is told of passes, in a field whose sensors report them by themselves, as far as it is known before a run.
+
+    Fixed ``clusters`` are the ids of their sensors, the head first; ``tells`` are the heads that want the fixes of a
+    head, as the target may come to them. There are none if the ``loudest`` sensor of those that heard a target leads
+    those around it. A head uses up to ``reports`` of an event (0: all). Its interest makes
+    ``most_hops`` hops, lasts ``interest_s``, and is spread anew every third of that; so is that of the ``base`` in
+    fixes, through the whole field. A hop takes up to ``hop_ns``. An event is over ``close_ns`` after its last
+    pass; the head of a new cluster waits for ``gather_ns``, and each node that may lead besides ``turn_ns`` longer.
+    During the setup a node makes ``announcements`` in the first ``announce_ns``.
+    """
+
+    clusters: tuple[tuple[str, ...], ...]
+    tells: Mapping[str, tuple[str, ...]]
+    loudest: bool
+    reports: int
+    most_hops: int
+    interest_s: float
+    base: str
+    hop_ns: int
+    close_ns: int
+    gather_ns: int
+    turn_ns: int
+    announcements: int
+    announce_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """A run, ready to be driven: the same for both drivers.
 
@@ -254,7 +287,7 @@ class Plan:
     ``max_age_s``. ``warnings`` say what is likely to go wrong, a sentence each. ``own_places`` say where users' own
     classes are, by ``kind:name``. ``bridges`` are the real devices that take the place of processes, by their ids.
     ``schedule`` says who measures, if not all sensors do that have a target in reach. ``smoothers`` are the processes
-    that smooth whole tracks.
+    that smooth whole tracks. ``pass_steps`` are the steps at which alone a track is expected; None: at all.
     """
 
     run: RunSpec
@@ -275,8 +308,9 @@ class Plan:
     own_places: Mapping[str, str] = field(default_factory=dict)
     banks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     bridges: Mapping[str, str] = field(default_factory=dict)
-    schedule: Schedule | Polls | None = None
+    schedule: Schedule | Polls | Passing | None = None
     smoothers: tuple[str, ...] = ()
+    pass_steps: frozenset[int] | None = None
 
     @property
     def reports(self) -> tuple[Flow, ...]:
@@ -292,16 +326,6 @@ class Plan:
     def by_themselves(self) -> bool:
         """Whether all sensors report by themselves."""
         return bool(self.passes) and len(self.passes) == len(self.reaches)
-
-    @property
-    def pass_steps(self) -> set[int] | None:
-        """The steps of passes, if all sensors report by themselves: a track is expected at these alone.
-
-        Not of recorded reports: those of a step may be missing.
-        """
-        if not self.by_themselves or self.recorded:
-            return None
-        return {step for steps in self.passes.values() for step in steps}
 
     @property
     def bases(self) -> set[str]:
@@ -332,7 +356,7 @@ class Plan:
 
     def whole(self, track: str) -> bool:
         """Whether this track is smoothed as a whole."""
-        return bool(self.smoothers) and track.endswith(RTS)
+        return bool(self.smoothers) and track.endswith(WHOLE)
 
     def bank_of(self, source: str) -> dict[str, Any]:
         """The arguments of the ``Bank`` of a process that fuses reports; all but the first also draw by their ids."""

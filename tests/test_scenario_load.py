@@ -142,7 +142,7 @@ def test_editors_get_a_schema() -> None:
     links = {"link", "backbone", "serial"}
     assert properties.keys() == {"name", "seed", "restart", "radio", "run", "score", "faults"} | sections | links
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
-    layouts = {"grid", "jittered", "random", "ring", "along-path", "cells", "beside", "file"}
+    layouts = {"grid", "jittered", "random", "ring", "pentagon", "along-path", "cells", "beside", "file"}
     assert set(properties["field"]["discriminator"]["mapping"]) == layouts
     sensor = schema()["$defs"]["DoaSensor"]
     assert sensor["properties"]["alpha"]["maximum"] == 20
@@ -365,7 +365,7 @@ delay_ms = 0.1
         f"{file}:17: lnik: unknown; did you mean link?; "
         "expected one of name, seed, restart, radio, field, sensor, sensors, target, targets, link, backbone, serial, "
         "architecture, fusion, clock, energy, run, score, faults",
-        f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, id, step_s, steps",
+        f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, id, step_s, steps, sound",
         f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]
 
@@ -386,7 +386,9 @@ def test_what_was_set_by_hand_is_not_blamed_on_the_file() -> None:
 
 
 def test_an_unknown_scenario_brings_the_nearest_name() -> None:
-    expected = "expected one of bus, hall, ozfidan-clusters, radar, yu-mrbpf, zhai-spcpf, zhou-upf, or a TOML file"
+    expected = (
+        "expected one of bus, hall, ozfidan-clusters, radar, yang-ecpa, yu-mrbpf, zhai-spcpf, zhou-upf, or a TOML file"
+    )
     assert failure("zhai-spcfp") == f"unknown scenario 'zhai-spcfp'; did you mean zhai-spcpf?; {expected}"
     assert failure("zzzzz") == f"unknown scenario 'zzzzz'; {expected}"
 

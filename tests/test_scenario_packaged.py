@@ -6,7 +6,9 @@ from itertools import pairwise
 from math import hypot
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
 
 from launcher.plan.forecast.reception import receptions
 from launcher.plan.prepare import planned
@@ -23,8 +25,8 @@ from trackfield.world.fixes import read_fixes
 DOCUMENT = Path(__file__).parents[1] / "docs" / "scenarios.md"
 
 
-def test_there_are_seven() -> None:
-    assert names() == ("bus", "hall", "ozfidan-clusters", "radar", "yu-mrbpf", "zhai-spcpf", "zhou-upf")
+def test_there_are_eight() -> None:
+    assert names() == ("bus", "hall", "ozfidan-clusters", "radar", "yang-ecpa", "yu-mrbpf", "zhai-spcpf", "zhou-upf")
     for name in names():
         assert Scenario.load(name).name == name
         assert 20 < len(summary(name)) < 120
@@ -123,9 +125,11 @@ def test_data_that_come_along_are_found_unless_there_is_a_file_of_that_name(
 @pytest.mark.parametrize("drives", [True, False])
 def test_the_keys_that_are_commented_out_are_right_too(name: str, drives: bool, tmp_path: Path) -> None:
     """All at once, but for those that go with another radio or field, or tell in another way where the centre is."""
-    alone = "sf|recording|x_m|y_m" if drives else r"sf|recording|path = \[\[0,"
+    alone = "sf|recording|sound|x_m|y_m" if drives else r"sf|recording|sound|path = \[\[0,"
     text = re.sub(rf"^# (?!({alone}) )(\w+ = |\[\[)", r"\2", packaged_file(name).read_text(), flags=re.MULTILINE)
     text = text.replace('"bus.gpx"', f'"{FILE}"')
+    if drives:
+        text = re.sub(r"^([xy]_m = )", r"# \1", text, flags=re.MULTILINE)
     (tmp_path / "all.toml").write_text(text)
     scenario = Scenario.load(tmp_path / "all.toml")
     assert survey(scenario).steps == (100 if name == "yu-mrbpf" else 60)
@@ -203,7 +207,7 @@ def test_a_document_needs_its_marks() -> None:
 
 def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
     parts = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
-    crossing, drifting, targets, sensors, score, faults, recorded, radios = parts
+    crossing, drifting, targets, heard, sensors, score, faults, recorded, radios = parts
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
     wide = survey(
@@ -212,6 +216,10 @@ def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
     assert (len(wide.sensors), wide.steps, wide.paths["target"].x[0]) == (256, 1000, 8000.0)
     several = Scenario.load({"name": "mine"} | tomllib.loads(targets))
     assert [target.id for target in several.every_target] == ["target", "truck"]
+    (tmp_path / "microphones.csv").write_text("id,x,y\na,0,0\nb,20,0\n")
+    soundfile.write(tmp_path / "field.wav", np.zeros((4 * 8000, 2)), 8000)
+    (tmp_path / "heard.toml").write_text('name = "mine"\n' + heard)
+    assert survey(Scenario.load(tmp_path / "heard.toml")).steps == 8
     mixed = survey(Scenario.load("zhai-spcpf", tomllib.loads(sensors)))
     assert {name: len(members) for name, members in mixed.kinds.items()} == {"doa": 61, "doa-2": 60}
     lost = Scenario.load("zhai-spcpf", tomllib.loads(score)).score.lost

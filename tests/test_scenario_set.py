@@ -149,6 +149,8 @@ CHANGES: list[dict[str, Any]] = [
     {"field.layout": "along-path", "field.nodes": 50, "fusion.x_m": -1.5, "fusion.y_m": 0},
     {"link": {"model": "csma154", "acks": {"doa": 4, "sync-reply": 0}, "queue": 3}, "sensor.threshold": "adaptive"},
     {
+        "fusion.x_m": None,
+        "fusion.y_m": None,
         "fusion.path": [[0, 0, 0], [60, 500, 1e-3]],
         "clock.drift_ppm": 20,
         "energy.battery_j": 1e5,

@@ -76,6 +76,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         banks=whole.banks,
         schedule=field.schedule,
         smoothers=field.smoothers,
+        pass_steps=None if (expected := site.pass_steps) is None else frozenset(expected),
     )
 
 
@@ -132,7 +133,14 @@ def _info(field: Built, spec: RunSpec, faults: Faults) -> FieldInfo:
         headline=field.views[0].sources,
         layers={id: kind.layer for id, kind in site.sensing.items() if kind.layer},
         sensing=_drawn(site),
+        hears=hears(site),
+        listens=any(kind.hearing is not None for kind in site.sensing.values()),
     )
+
+
+def hears(site: Site) -> bool:
+    """Whether all sensors report that targets pass."""
+    return all(section.sensing.passes is not None for section in site.sections.values())
 
 
 def _drawn(site: Site) -> dict[str, dict[str, Any]]:

@@ -14,11 +14,12 @@ from launcher.plan.extensions import suited
 from launcher.plan.flaws import found_by, worked_out
 from launcher.plan.forecast.foresight import foresee
 from launcher.plan.forecast.graph import check_reach
+from launcher.plan.forecast.hearing.reached import check_clusters
 from launcher.plan.forecast.played import played_in_part
 from launcher.plan.forecast.reception import receptions
 from launcher.plan.forecast.warnings import warnings
 from launcher.plan.plan import make_plan
-from launcher.records import Plan
+from launcher.records import Passing, Plan
 from trackfield.errors import ScenarioError, combined
 from trackfield.filters.trackers import TRACKERS
 from trackfield.role import NS
@@ -26,7 +27,7 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.override import parse
 from trackfield.scenario.paths import FromFile
 from trackfield.scenario.problems import section_of
-from trackfield.tracking.smoothing import lagged_name, rts_name
+from trackfield.tracking.smoothing import WHOLE, lagged_name
 from trackfield.world.path import Path as TruePath
 
 SLOWEST: Final = 0.001
@@ -182,6 +183,8 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
     check_devices(plan)
     if plan.bases:
         check_reach(plan, plan.bases)
+    if isinstance(plan.schedule, Passing):
+        check_clusters(plan, plan.schedule)
     if len(plan.info.places) > MAX_LINKS:
         return plan
     return replace(plan, info=replace(plan.info, receptions=tuple(_links(plan))))
@@ -208,14 +211,12 @@ def remarks(plan: Plan) -> list[str]:
     """
     lag, tracks = plan.tracking.get("smooth_lag", 0), plan.info.trackers
     live = plan.tracking["trackers"]
-    rough = [
-        name
-        for name in live
-        if (lag and lagged_name(name, lag) not in tracks) or (plan.smoothers and rts_name(name) not in tracks)
-    ]
+    smoothed = {name for name in live for end in WHOLE if f"{name}{end}" in tracks} if plan.smoothers else set(live)
+    rough = [name for name in live if (lag and lagged_name(name, lag) not in tracks) or name not in smoothed]
+    lacks = "solve for passes" if isinstance(plan.schedule, Passing) else "report its motion model"
     return [
         *(text for target, path in plan.paths.items() for text in _in_gaps(plan, target, path)),
-        *(f"{name} does not report its motion model, so its track is not smoothed" for name in rough),
+        *(f"{name} does not {lacks}, so its track is not smoothed" for name in rough),
         *played_in_part(plan),
     ]
 

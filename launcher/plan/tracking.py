@@ -9,12 +9,14 @@ from typing import Any
 from launcher.plan.extensions import check_kinds, check_sensing, check_trackers
 from trackfield.draw import normal
 from trackfield.errors import ScenarioError, together
+from trackfield.filters.solving.solver import Solver
 from trackfield.filters.trackers import make_tracker
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
+from trackfield.scenario.architectures.cpa import CPA
 from trackfield.scenario.options import tables
 from trackfield.scenario.survey import named
-from trackfield.tracking.smoothing import lagged_names, rts_names
+from trackfield.tracking.smoothing import lagged_names, rts_names, spline_name
 
 
 def tracking_of(site: Site, source: str) -> dict[str, Any]:
@@ -60,13 +62,26 @@ def track_names(scenario: Scenario) -> tuple[str, ...]:
     """The names of all tracks, smoothed ones last."""
     names, options = scenario.fusion.trackers, tables(scenario.fusion.options)
     made = [(name, make_tracker(name, options.get(name))) for name in names]
-    whole = rts_names(made) if scenario.fusion.smooth_rts else ()
-    return (*names, *lagged_names(made, scenario.fusion.smooth_lag), *whole)
+    return (*names, *lagged_names(made, scenario.fusion.smooth_lag), *whole_names(scenario, made))
+
+
+def whole_names(scenario: Scenario, made: Sequence[tuple[str, object]]) -> tuple[str, ...]:
+    """The names of the tracks that a base smooths as a whole; where it is told of fixes, of the solvers only."""
+    if not scenario.fusion.smooth_rts:
+        return ()
+    if scenario.architecture.kind != CPA:
+        return rts_names(made)
+    return tuple(spline_name(name) for name, tracker in made if isinstance(tracker, Solver))
 
 
 def rts_of(site: Site) -> dict[str, Any]:
     """The arguments with which a base (``fusion.base.Base``) smooths whole tracks, if it is to."""
     return {"rts": True, "last_step": site.steps} if site.scenario.fusion.smooth_rts else {}
+
+
+def spline_of(site: Site) -> dict[str, Any]:
+    """The arguments with which a base that is told of fixes (``fusion.sink.Sink``) smooths whole tracks."""
+    return {"spline": True, "last_step": site.steps} if site.scenario.fusion.smooth_rts else {}
 
 
 def if_used(**more: Any) -> dict[str, Any]:

@@ -24,7 +24,7 @@ def recordings_of(sections: Mapping[str, SensorSection]) -> dict[str, Recording]
 
     Raises ``ScenarioError`` for a file that cannot be used, and for one that does not have the numbers of its kind.
     """
-    played = {name: section for name, section in sections.items() if section.recording is not None}
+    played = {name: section for name, section in sections.items() if section.plays}
     found = together(partial(_read, name, section) for name, section in played.items())
     return dict(zip(played, found, strict=True))
 

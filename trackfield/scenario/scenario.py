@@ -22,7 +22,7 @@ from trackfield.words import quoted
 
 FILES: Final = {
     **dict.fromkeys(("field", "link", "backbone"), ("file",)),
-    **dict.fromkeys(("target", "targets"), ("file", "recording")),
+    **dict.fromkeys(("target", "targets"), ("file", "recording", "sound")),
     **dict.fromkeys(("sensor", "sensors"), ("recording",)),
 }
 """Sections that may name a file, and the keys that do."""

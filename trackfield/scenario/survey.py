@@ -16,16 +16,20 @@ from trackfield.errors import RunFailed, ScenarioError, together
 from trackfield.scenario.layouts import Ground
 from trackfield.scenario.paths import MAX_STEPS, Course, PathSection, origin_of
 from trackfield.scenario.places import Place, Point
+from trackfield.scenario.reached import check, check_speeds
 from trackfield.scenario.recordings import plays_of, recordings_of, spell
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sensors import SensorSection
 from trackfield.scenario.sensors.by_sensor import check_tables
+from trackfield.scenario.sounds import heard_s, recordings_heard, sounds_at, sounds_of, spell_of
 from trackfield.sensing.complete import Kind
 from trackfield.words import quoted
+from trackfield.world.events import awaited_steps
+from trackfield.world.heard import Sounds
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed, Played
 from trackfield.world.scene import Scene
-from trackfield.world.windows import Array, Windows, distances, merged, windows
+from trackfield.world.windows import Array, Windows, merged, windows
 
 Leg = tuple[int, float, float]
 
@@ -45,7 +49,8 @@ class Site:
     are the sensors at the places that the fusion centre assumes. ``sections`` are the kinds of sensors by name, and
     ``kinds`` the indices of those that are of each kind. ``centre`` is the centre's own place (m), and ``route`` its
     positions over time if it moves: (t ns, x m, y m), with straight lines between them. ``played`` are the recorded
-    reports by sensor, of those that play any. There are no ``paths`` where no recording says where the target was.
+    reports by sensor, of those that play any, ``heard`` the recorded sound. ``sounds`` are what the targets sound like,
+    empty if all are vehicles. There are no ``paths`` where no recording says where the target was.
     """
 
     scenario: Scenario
@@ -61,6 +66,8 @@ class Site:
     centre: Point
     route: tuple[Leg, ...] = ()
     played: Mapping[str, tuple[Played, ...]] = field(default_factory=dict)
+    sounds: tuple[bytes | None, ...] = ()
+    heard: Mapping[str, bytes] = field(default_factory=dict)
 
     @property
     def end_ns(self) -> int:
@@ -97,12 +104,16 @@ class Site:
 
     @property
     def pass_steps(self) -> set[int] | None:
-        """The steps of passes, if all sensors report by themselves: a track is expected at these alone.
+        """The steps at which alone a track is expected, if all sensors report by themselves: those of their reports.
 
-        Not of recorded reports: those of a step may be missing.
+        Where single reports give no position, those for some time after several ones (``awaited_steps``). Of recorded
+        reports some of a step may be missing, and nobody knows what is heard in recorded sound: then a track is
+        expected at all steps, which is None.
         """
-        if len(self.passes) < len(self.sensors) or self.played:
+        if len(self.passes) < len(self.sensors) or self.played or self.heard:
             return None
+        if all(section.sensing.passes for section in self.sections.values()):
+            return awaited_steps(self.passes, self.origin_ns, self.step_ns, self.steps)
         return {step for steps in self.passes.values() for step in steps}
 
     def step_after(self, t_ns: int) -> int:
@@ -132,6 +143,7 @@ class Site:
             incarnation,
             self.played.get(id),
             section.play == "times",
+            sounds_at(self.sounds, self.heard.get(id), self.origin_ns) if sensing.hearing else Sounds(),
         )
 
 
@@ -150,7 +162,12 @@ def survey(scenario: Scenario) -> Site:
     kinds = assigned(scenario, sensors)
     check_tables(scenario.keyed_sensors, [id for id, *_ in sensors])
     sections = {name: section for name, section in named(scenario).items() if name in kinds}
-    simulated = {name: one for name, one in sections.items() if name not in recordings or one.play == "times"}
+    heard = recordings_heard(sections, kinds, [id for id, *_ in sensors])
+    simulated = {
+        name: one
+        for name, one in sections.items()
+        if one.listens_to is None and (name not in recordings or one.play == "times")
+    }
     if simulated and not found:
         what = (
             f"the recording does not say where the target was, and sensors of kind '{next(iter(simulated))}' sense it"
@@ -164,8 +181,9 @@ def survey(scenario: Scenario) -> Site:
     origin_ns = round(setup_s * _NS)
     paths = {id: path.shifted(setup_s) for id, path in found.items()}
     plays = plays_of(scenario, recordings, kinds, [id for id, *_ in sensors], origin_ns)
-    heard = [_windows(simulated, kinds, positions, path) for path in paths.values()]
-    heard.append([spell(plays.get(id, ())) for id, *_ in sensors])
+    audible = [_windows(simulated, kinds, positions, path) for path in paths.values()]
+    audible.append([spell(plays.get(id, ())) for id, *_ in sensors])
+    audible.append([spell_of(heard[id], origin_ns) if id in heard else () for id, *_ in sensors])
     return Site(
         scenario=scenario,
         paths=paths,
@@ -174,12 +192,14 @@ def survey(scenario: Scenario) -> Site:
         origin_ns=origin_ns,
         sensors=tuple(sensors),
         believed=tuple(believed(scenario, sensors, sections, kinds)),
-        windows=tuple(map(merged, zip(*heard, strict=True))),
+        windows=tuple(map(merged, zip(*audible, strict=True))),
         sections=sections,
         kinds=kinds,
         centre=_centre(scenario, place, positions),
         route=tuple((origin_ns + round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
         played=plays,
+        sounds=sounds_of(scenario),
+        heard=heard,
     )
 
 
@@ -285,7 +305,8 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
     step_ns, targets = _step_ns(scenario), scenario.keyed_targets
     origin = origin_of(targets) if len(targets) > 1 else None  # a single target decides the origin itself
     recordings = tuple(recordings_of(named(scenario)).values())
-    course = partial(Course, scenario.seed, step_ns, scenario.steps, origin, recordings=recordings)
+    long_s = heard_s(named(scenario))
+    course = partial(Course, scenario.seed, step_ns, scenario.steps, origin, recordings=recordings, heard_s=long_s)
     followed = 0
 
     def run(key: str, target: PathSection) -> tuple[int, Path | None]:
@@ -312,39 +333,6 @@ def target_paths(scenario: Scenario) -> tuple[int, dict[str, Path]]:
             raise ScenarioError(what, key=f"{key}.steps", expected="at least one step at which it is present")
     found = ((target.id, path) for (_, target), (_, path) in zip(targets, runs, strict=True))
     return steps, {id: path.clip(0.0, end_s) for id, path in found if path is not None}
-
-
-def check(
-    sections: Mapping[str, SensorSection],
-    kinds: Mapping[str, frozenset[int]],
-    sensors: Sequence[Place],
-    paths: Sequence[Path],
-) -> None:
-    """Raise ``ScenarioError`` unless some target comes near enough to some sensor for a report."""
-    positions = np.array([place[1:] for place in sensors])
-    for name, section in sections.items():
-        near = positions[sorted(kinds[name])], section.sensing.report_m
-        if any(np.isfinite(distances(near[0], path, near[1])).any() for path in paths):
-            return
-    far = np.min([distances(positions, path, np.inf) for path in paths], axis=0)
-    nearest = f"{far.min():.0f} m from {sensors[int(far.argmin())][0]}, the nearest"
-    what = "the target never comes in range: it stays" if len(paths) == 1 else "no target comes in range: they stay"
-    radius = max(section.sensing.report_m for section in sections.values())
-    expected = f"a path within the {radius:.0f} m in which a sensor hears a target"
-    key = f"sensor.{next(iter(sections.values())).reach_key}" if len(sections) == 1 else "sensors"
-    raise ScenarioError(f"{what} {nearest}", key=key, expected=expected)
-
-
-def check_speeds(sections: Mapping[str, SensorSection], paths: Mapping[str, Path]) -> None:
-    """Raise ``ScenarioError`` if what a sensor senses is as slow as a target: it would not arrive in order."""
-    slowest = min(sections, key=lambda name: sections[name].sensing.speed_m_s)
-    speed_m_s = sections[slowest].sensing.speed_m_s
-    if isinf(speed_m_s):
-        return
-    fastest_m_s, target = max((path.fastest_m_s, id) for id, path in paths.items())
-    if speed_m_s <= fastest_m_s:
-        what = f"'{slowest}' has {speed_m_s:g} m/s, and {target} moves at {fastest_m_s:.3g} m/s"
-        raise ScenarioError(what, key="sensor.speed_m_s", expected="more than the speed of any target")
 
 
 def idle_steps(scenario: Scenario) -> int:

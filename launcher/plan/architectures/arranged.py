@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from launcher.records import Polls, Schedule
+from launcher.records import Passing, Polls, Schedule
 from trackfield.drivers.ports import Port
 from trackfield.wire.keys import Medium
 
@@ -88,4 +88,4 @@ class Arranged:
 
     processes: Sequence[Process]
     views: Mapping[str, Sequence[str]]
-    schedule: Schedule | Polls | None = None
+    schedule: Schedule | Polls | Passing | None = None

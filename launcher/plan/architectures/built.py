@@ -11,10 +11,11 @@ from launcher.plan.architectures.arranged import Arranged, Process
 from launcher.plan.architectures.centralised import Centralised
 from launcher.plan.architectures.checks import checked
 from launcher.plan.architectures.clusters import Clusters
+from launcher.plan.architectures.cpa import Cpa
 from launcher.plan.architectures.elected import Elected
 from launcher.plan.architectures.field import Field
 from launcher.plan.architectures.location_central import LocationCentral
-from launcher.records import SENSES, Place, Polls, Schedule, View
+from launcher.records import SENSES, Passing, Place, Polls, Schedule, View
 from trackfield.errors import ScenarioError
 from trackfield.link.places import Path
 from trackfield.options import made
@@ -45,7 +46,13 @@ class SetUp(Protocol):
 ARCHITECTURES: Final = Plugins(
     "architecture",
     "trackfield.architectures",
-    {"centralised": Centralised, "clusters": Clusters, "location-central": LocationCentral, "elected": Elected},
+    {
+        "centralised": Centralised,
+        "clusters": Clusters,
+        "location-central": LocationCentral,
+        "elected": Elected,
+        "cpa": Cpa,
+    },
     methods=("arrange",),
 )
 
@@ -78,7 +85,7 @@ class Built:
     site: Site
     processes: tuple[Process, ...]
     views: tuple[View, ...]
-    schedule: Schedule | Polls | None = None
+    schedule: Schedule | Polls | Passing | None = None
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -106,7 +113,7 @@ class Built:
     @property
     def smoothers(self) -> tuple[str, ...]:
         """The processes that smooth whole tracks."""
-        return tuple(p.id for p in self.processes if p.config.get("rts"))
+        return tuple(p.id for p in self.processes if p.config.get("rts") or p.config.get("spline"))
 
     @property
     def first(self) -> str:

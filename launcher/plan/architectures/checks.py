@@ -13,7 +13,7 @@ from typing import Any, Final
 from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.architectures.ports import checked_ports
 from launcher.plan.references import check_references
-from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS, Polls, Schedule
+from launcher.records import BACKBONE, BATTERY, SENSES, TRACKS, Passing, Polls, Schedule
 from trackfield.errors import ScenarioError
 from trackfield.files import FAR_M
 from trackfield.link.fate import FIELD
@@ -67,8 +67,10 @@ class _Check:
         if not any(process.senses for process in processes):
             raise self._error("arrange", "no process has a sensor", "processes that sense (field.sensor_nodes)")
         check_references({process.id: process.asks or None for process in processes}, self._key)
-        if given.schedule is not None and not isinstance(given.schedule, Schedule | Polls):
-            raise self._error("arrange", f"its schedule is {quoted(given.schedule)}", "a Schedule, Polls, or None")
+        if given.schedule is not None and not isinstance(given.schedule, Schedule | Polls | Passing):
+            raise self._error(
+                "arrange", f"its schedule is {quoted(given.schedule)}", "a Schedule, Polls, Passing, or None"
+            )
         return Arranged(processes, self._views(given.views), given.schedule)
 
     def _error(self, where: str, what: str, expected: str) -> ScenarioError:

@@ -143,6 +143,7 @@ class Clusters:
         sensing = [section.sensing for section in site.sections.values()]
         state = 4 + sum(len(kind.unknowns) for kind in sensing)
         _check_beliefs(site.scenario.fusion.trackers, state)
+        _check_kinds(site)
         belief = 4 * (state + state * (state + 1) // 2) + slots.BELIEF_BYTES
         most, helpers = self._most(masters, len(site.sensors))
         particles = PARTICLES_BYTES if self.handover == "particles" else 0
@@ -277,6 +278,16 @@ class Clusters:
             tags=(BATTERY,),
             battery_j=field.scenario.energy.battery_j,
         )
+
+
+def _check_kinds(site: Site) -> None:
+    """Raise ``ScenarioError`` for sensors that report passes: at the instants of steps there is nothing to read."""
+    for name, section in site.sections.items():
+        if section.sensing.passes is not None and not section.sensing.recorded:
+            key = "sensor.kind" if len(site.sections) == 1 else f"sensors '{name}'.kind"
+            what = "reports passes by itself, and with architecture clusters sensors measure at steps"
+            expected = 'another kind, or architecture.kind = "cpa" or "centralised"'
+            raise ScenarioError(what, key=key, expected=expected)
 
 
 def _check_beliefs(trackers: Sequence[str], state: int) -> None:

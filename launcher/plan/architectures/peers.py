@@ -14,7 +14,7 @@ import numpy as np
 
 from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.architectures.field import Field
-from launcher.plan.architectures.periods import Needs, Periods, SetUp, planned
+from launcher.plan.architectures.periods import Needs, Periods, planned, set_up
 from launcher.plan.tracking import if_used, rts_of
 from launcher.records import BATTERY, PEER, TRACKS, Polls
 from trackfield.errors import ScenarioError
@@ -75,7 +75,7 @@ class Peers:
 
     def setup_s(self, field: Field) -> float:
         """See ``SetUp``: nodes announce themselves, in turn, and set their clocks."""
-        return float(ceil(SetUp.of(field.site, self.needs(field)).needed_ns / NS))
+        return float(ceil(set_up(field.site, self.needs(field)).needed_ns / NS))
 
     def arrange(self, field: Field) -> Arranged:
         """See ``Architecture``; the base comes first."""
@@ -143,11 +143,7 @@ class Peers:
 
     def _base(self, field: Field, plan: Periods) -> Process:
         x, y = field.centre
-        announced_ns = plan.setup.announce_ns
-        association = {
-            **{"announcements": self.announcements, "announce_ns": announced_ns, "setup_ns": announced_ns},
-            **{"capacity": 0, "answers_ns": NS, "keep_ns": NS, "share": len(field.sensors) / (len(field.sensors) + 1)},
-        }
+        association = plan.setup.association(len(field.sensors), self.announcements)
         return Process(
             self.base,
             BASE,
@@ -284,7 +280,7 @@ def _check(kind: str, field: Field) -> None:
         if sensing.adaptive:
             what = f"is adaptive, and with architecture {kind} no centre sets it"
             raise ScenarioError(what, key=f"{key}.threshold", expected="a number, or another architecture")
-        if section.recording is not None and section.play == "times":
+        if section.plays and section.play == "times":
             what = f"is 'times', and with architecture {kind} sensors measure when they are polled"
             raise ScenarioError(what, key=f"{key}.play", expected="'readings', or another architecture")
         if sensing.rhythm == "events" and not sensing.recorded:

@@ -84,18 +84,38 @@ class SetUp:
     needed_ns: int
 
     @classmethod
-    def of(cls, site: Site, needs: Needs) -> Self:
-        """That of a field."""
+    def of(cls, site: Site, nodes: int, announcements: int, then_ns: int = 0) -> Self:
+        """That of a field of so many nodes; what they do ``then`` takes as long as that."""
         air, clock = air_of(site), site.scenario.clock
         one_ns = max(round(SPARSE * air.frame_ns(ANNOUNCE_BYTES)), TURN_NS)
-        announce_ns = needs.announcements * max((needs.nodes + 1) * one_ns, NS // 2)
-        tree_ns = TREE_NS if needs.multihop else 0
+        announce_ns = announcements * max((nodes + 1) * one_ns, NS // 2)
         if not (clock.off and clock.sync):
-            return cls(announce_ns, 0, announce_ns + tree_ns)
+            return cls(announce_ns, 0, announce_ns + then_ns)
         exchange_ns = round(SPARSE * 2 * air.frame_ns(SYNC_BYTES))
-        spread_ns = max(needs.nodes * clock.exchanges * exchange_ns, NS)
+        spread_ns = max(nodes * clock.exchanges * exchange_ns, NS)
         rounds_ns = STRATA * 2 * clock.exchanges * (PATIENCE_NS + 2 * slowest_ns(site.scenario))
-        return cls(announce_ns, spread_ns, announce_ns + spread_ns + rounds_ns + tree_ns)
+        return cls(announce_ns, spread_ns, announce_ns + spread_ns + rounds_ns + then_ns)
+
+    def association(self, nodes: int, announcements: int) -> dict[str, Any]:
+        """The arguments of the ``Admitting`` of a base, which comes after so many nodes, and admits no slave."""
+        return {
+            **{"announcements": announcements, "announce_ns": self.announce_ns, "setup_ns": self.announce_ns},
+            **{"capacity": 0, "answers_ns": NS, "keep_ns": NS, "share": nodes / (nodes + 1)},
+        }
+
+    def check(self, site: Site) -> None:
+        """Raise ``ScenarioError`` if the first step is before the field is ready."""
+        if site.origin_ns < self.needed_ns:
+            needed_s = self.needed_ns / NS
+            what = (
+                f"is {site.origin_ns / NS:g} s, and it takes {needed_s:.1f} s until nodes know their peers and the time"
+            )
+            raise ScenarioError(what, key="run.setup_s", expected=f"at least {ceil(needed_s)}")
+
+
+def set_up(site: Site, needs: Needs) -> SetUp:
+    """How a field gets ready in which any node may lead."""
+    return SetUp.of(site, needs.nodes, needs.announcements, TREE_NS if needs.multihop else 0)
 
 
 def planned(site: Site, needs: Needs) -> Periods:
@@ -114,11 +134,8 @@ def planned(site: Site, needs: Needs) -> Periods:
         "polls": (step_ns - beacon_ns) / NS,
     }
     _check(site, needs, budget, given_ns)
-    setup = SetUp.of(site, needs)
-    if site.origin_ns < setup.needed_ns:
-        needed_s = setup.needed_ns / NS
-        what = f"is {site.origin_ns / NS:g} s, and it takes {needed_s:.1f} s until nodes know their peers and the time"
-        raise ScenarioError(what, key="run.setup_s", expected=f"at least {ceil(needed_s)}")
+    setup = set_up(site, needs)
+    setup.check(site)
     frame_ns = air.frame_ns(CLAIM_BYTES)
     hop_ns = max(frame_ns if air.radio is None else 4 * frame_ns, 4 * LEAST_NS)  # relays share a radio's channel
     told_ns = given_ns + word_ns + spare_ns + air.unsure_ns + LEAST_NS

@@ -5,6 +5,7 @@ All of it is computed from the true paths and places; planned faults are left ou
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -16,12 +17,13 @@ from launcher.plan.forecast.crowd import Crowd, crowd
 from launcher.plan.forecast.duty import Duty, duties_of
 from launcher.plan.forecast.heads.polled import Polled
 from launcher.plan.forecast.heard import Array, Heard, Indices
+from launcher.plan.forecast.hearing.passed import NEEDS, Passed
 from launcher.plan.forecast.masters.load import Load
 from launcher.plan.forecast.masters.relayed import relayed
 from launcher.plan.forecast.masters.scheduled import Scheduled
 from launcher.plan.forecast.reception import Shares, hops, receptions, varies
 from launcher.plan.forecast.trial import Trial, Way, sent_on_trial, ways_of
-from launcher.records import SENSES, Plan, Polls
+from launcher.records import SENSES, Passing, Plan, Polls
 from trackfield.drivers.spec import link_of
 from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
@@ -84,7 +86,7 @@ class Foresight:
     air_s: Array
     crowd: Crowd | None
     duties: tuple[Duty, ...]
-    scheduled: Scheduled | Polled | None = None
+    scheduled: Scheduled | Polled | Passed | None = None
 
 
 def best(shares: Shares) -> dict[str, float]:
@@ -98,6 +100,8 @@ def best(shares: Shares) -> dict[str, float]:
 def foresee(plan: Plan) -> Foresight:
     """What to expect of this plan."""
     schedule = plan.schedule
+    if isinstance(schedule, Passing):
+        return _passes(Passed.of(plan, schedule))
     field = Polled.of(plan, schedule) if isinstance(schedule, Polls) else Scheduled.of(plan)
     load = None if field is None else Load.of(field)
     plan = plan if field is None else field.plan
@@ -155,6 +159,33 @@ def foresee(plan: Plan) -> Foresight:
     )
 
 
+def _passes(field: Passed) -> Foresight:
+    """The same of a field whose sensors hear targets pass."""
+    plan, load = field.plan, Load.of(field)
+    sent = [(event, id) for event in field.events for id in event.heard]
+    counts = Counter(id for _, id in sent)
+    chances = [field.arrival(event, id) for event, id in sent]
+    return Foresight(
+        needs=NEEDS,
+        steps=(plan.run.end_ns - 1 - plan.origin_ns) // plan.step_ns,
+        every=field.every,
+        adaptive=False,
+        coverage=(),
+        reports=dict(counts),
+        receptions=receptions(plan, {id: [plan.origin_ns] for id in counts}),
+        hops={},
+        arriving=float(np.mean(chances)) if chances else 0.0,
+        of_use=1.0,
+        delay_s=np.array([hops * field.hop_s for event in field.events for hops in field.hops(event).values()]),
+        trial=Trial(*np.empty((4, 0))),
+        use_s=max(plan.deadline_s, plan.max_age_s),
+        air_s=np.empty(0),
+        crowd=load.crowd,
+        duties=load.duties,
+        scheduled=field,
+    )
+
+
 def _shares(plan: Plan, used: Mapping[str, Shares]) -> Shares:
     """The receptions of all links by which sensors report."""
     names = (kind_of(flow.message).name for flow in plan.reports)
@@ -168,7 +199,8 @@ def _adaptive(plan: Plan) -> bool:
 
 def _needs(plan: Plan, sensors: int) -> int:
     """How many sensors a fix takes; where fewer measure, from a prior on, all of them."""
-    needs = max(make_sensor(**arguments).fix_sensors for arguments in plan.tracking["sensing"].values())
+    kinds = [make_sensor(**arguments) for arguments in plan.tracking["sensing"].values()]
+    needs = max(1 if kind.passes is not None else kind.fix_sensors for kind in kinds)  # reports of passes add up
     return min(needs, sensors) if plan.tracking.get("prior") else needs
 
 

@@ -28,7 +28,7 @@ COVERED: Final = 0.8
 def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     """What is likely to go wrong, a sentence each; nodes that will have nothing to report are left out."""
     geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
-    radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)]
+    radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)] if seen.coverage else []
     weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
     channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_colliding(plan, seen), *_over_duty(plan, seen)]
     leaders = doubtful(seen.scheduled) if seen.scheduled is not None else ()

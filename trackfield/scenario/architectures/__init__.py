@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from trackfield.scenario.architectures.architecture import ArchitectureSection
 from trackfield.scenario.architectures.centralised import CENTRALISED, Centralised
 from trackfield.scenario.architectures.clusters import CLUSTERS, Clusters
+from trackfield.scenario.architectures.cpa import CPA, Cpa
 from trackfield.scenario.architectures.own import OwnArchitecture
 from trackfield.scenario.architectures.peers import ELECTED, LOCATION_CENTRAL, Elected, LocationCentral
 from trackfield.scenario.section import OTHER, open_union
@@ -21,6 +22,7 @@ __all__ = [
     "ArchitectureSection",
     "Centralised",
     "Clusters",
+    "Cpa",
     "Elected",
     "LocationCentral",
     "OwnArchitecture",
@@ -31,6 +33,7 @@ ARCHITECTURES: Final[Mapping[str, type[ArchitectureSection]]] = {
     CLUSTERS: Clusters,
     LOCATION_CENTRAL: LocationCentral,
     ELECTED: Elected,
+    CPA: Cpa,
     OTHER: OwnArchitecture,
 }
 

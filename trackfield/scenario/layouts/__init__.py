@@ -10,6 +10,7 @@ from trackfield.scenario.layouts.cells import CellsSection
 from trackfield.scenario.layouts.grid import Grid
 from trackfield.scenario.layouts.jittered import Jittered
 from trackfield.scenario.layouts.layout import Ground, LayoutSection
+from trackfield.scenario.layouts.pentagon import Pentagon
 from trackfield.scenario.layouts.ring import Ring
 from trackfield.scenario.layouts.scattered import Scattered
 from trackfield.scenario.layouts.surveyed import Surveyed
@@ -25,6 +26,7 @@ __all__ = [
     "Jittered",
     "Layout",
     "LayoutSection",
+    "Pentagon",
     "Ring",
     "Scattered",
     "Surveyed",
@@ -35,6 +37,7 @@ LAYOUTS: Final[tuple[type[LayoutSection], ...]] = (
     Jittered,
     Scattered,
     Ring,
+    Pentagon,
     AlongPath,
     CellsSection,
     Beside,

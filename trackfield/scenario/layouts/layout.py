@@ -101,11 +101,11 @@ def offset(seed: int, id: str) -> Point:
     return 2.0 * x - 1.0, 2.0 * y - 1.0
 
 
-def check_number(places: int, most: int = MOST_NODES) -> None:
-    """Raise ``ScenarioError`` if there are more ``places`` than ``most``."""
+def check_number(places: int, most: int = MOST_NODES, key: str = "field.spacing_m") -> None:
+    """Raise ``ScenarioError`` if there are more ``places`` than ``most``; ``key`` is the one that decides it."""
     if places > most:
         raise ScenarioError(
             f"the field has {places} places or more",
-            key="field.spacing_m",
+            key=key,
             expected=f"a value that gives at most {most}",
         )

@@ -8,7 +8,7 @@ from typing import Final
 
 from pydantic import Field
 
-from trackfield.scenario.section import Id, Section
+from trackfield.scenario.section import FileName, Id, Section
 from trackfield.world.path import Path
 from trackfield.world.recording import Recording, Start
 from trackfield.world.windows import Array
@@ -23,7 +23,8 @@ class Course:
     """What a target's path may use: the run's seed, its step in ns, and its number of steps if one is given.
 
     ``origin`` (2,) is the latitude and longitude of (0, 0), None if the target itself decides it; ``key`` is the
-    target's key in the scenario, for messages. ``recordings`` are those that the sensors play.
+    target's key in the scenario, for messages. ``recordings`` are those that the sensors play, and ``heard_s`` is how
+    long the sound is that they listen to.
     """
 
     seed: int
@@ -32,6 +33,7 @@ class Course:
     origin: Array | None = None
     key: str = "target"
     recordings: tuple[Recording, ...] = ()
+    heard_s: float = 0.0
 
 
 class PathSection(Section):
@@ -51,6 +53,11 @@ class PathSection(Section):
         le=MAX_STEPS,
         description="number of steps; the first target's counts; unset: to the last path's end (s1 60, s2 75, s3 40 s; "
         "drifting 1000 steps)",
+    )
+    sound: FileName | None = Field(
+        default=None,
+        description="WAV or FLAC file of a vehicle that passes, which the target sounds like to sensors that listen; "
+        "relative to the scenario's own folder; unset: synthesised",
     )
 
     def run(self, course: Course) -> tuple[int, Path | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import ceil
 from pathlib import Path as FilePath
 from typing import Literal
 
@@ -30,8 +31,13 @@ class Recorded(PathSection):
     )
 
     def run(self, course: Course) -> tuple[int, Path | None]:
-        """To the last report of all recordings; no path if no recording says where the target was."""
+        """To the last report of all recordings, or to the end of the sound that sensors listen to.
+
+        There is no path if no recording says where the target was.
+        """
         recordings = course.recordings if self.recording is None else (read_recording(FilePath(self.recording)),)
+        if not recordings and course.heard_s:
+            return ceil(course.heard_s * NS / course.step_ns), None
         if not recordings:
             what = "no sensors play a recording"
             expected = f"a recording in [sensor], {course.key}.recording, or another path"

@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from math import hypot
 from typing import Any, Final
 
 from launcher.plan.forecast.masters.association import GOOD
-from launcher.records import Plan, Polls
+from launcher.records import Flow, Passing, Plan, Polls
 from trackfield.draw import uniform
+from trackfield.drivers.spec import link_of
 from trackfield.link.fate import Link
 from trackfield.wire.registry import kind_of
 
+SYNCS: Final = ("sync-request", "sync-reply")
 PAUSES: Final = 3
 """Rounds that fail begin after so many times their length, on average."""
 ANSWERS: Final = 0.2
 """Of a round of exchanges one or more succeed, as a rule, if this share of them does."""
 MOST_ROUNDS: Final = 20
 """So many rounds are followed of a node that nobody answers."""
+KEEPERS: Final = ("member", "ear")
+"""The roles that set the clock of their process."""
+_REPEATED: Final = frozenset({"lognormal_prr", "csma154"})
+"""Link models whose radios repeat what is not acknowledged."""
+
+
+def cast_of(plan: Plan, kinds: Collection[str]) -> Link:
+    """The links of a plan as they are for messages of these kinds to all in reach: nothing of them is repeated."""
+    link = dict(plan.run.link)
+    if link["model"] not in _REPEATED:
+        return link_of(plan.run, plan.processes, cut=False)
+    once = {**link, "acks": {**link.get("acks", {}), **dict.fromkeys(kinds, 0)}}
+    return link_of(replace(plan.run, link=once), plan.processes, cut=False)
 
 
 @dataclass(frozen=True)
@@ -49,10 +64,13 @@ class Clock:
 
 @dataclass(frozen=True)
 class Clocks:
-    """The clocks of a plan; ``link`` and ``cast`` are the links for single processes and for all in reach."""
+    """The clocks of a plan, by its schedule ``polls``.
+
+    ``link`` and ``cast`` are the links for single processes and for all in reach.
+    """
 
     plan: Plan
-    polls: Polls
+    polls: Polls | Passing
     link: Link
     cast: Link
     sizes: Mapping[str, int]
@@ -64,7 +82,7 @@ class Clocks:
         for src, dst in self._announced():
             if away[src] < away[dst]:
                 heard[dst].append(src)
-        members = {p.id: p.config.get("member", {}) for p in self.plan.processes if not p.incarnation}
+        members = {p.id: _keeper(p.config) for p in self.plan.processes if not p.incarnation}
         ready = {self.polls.base: 0}
         for id in sorted((id for id in heard if members.get(id, {}).get("sync")), key=lambda id: (away[id], id)):
             clock = self._clock(id, members[id], self._order(id, heard[id], away), ready)
@@ -106,3 +124,16 @@ class Clocks:
     def _answers(self, id: str, to: str) -> bool:
         there = self.link.reception(id, to, self.sizes["sync-request"], "sync-request")
         return there * self.link.reception(to, id, self.sizes["sync-reply"], "sync-reply") >= ANSWERS
+
+
+def _keeper(config: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The arguments of the role that sets the clock, of those of a process."""
+    found: Mapping[str, Any] = next((config[name] for name in KEEPERS if name in config), {})
+    return found
+
+
+def asking(flow: Flow, clocks: Mapping[str, Clock]) -> Flow | None:
+    """The links by which these clocks are set, of a flow of such messages; None if there are none."""
+    asked = tuple((id, clock.reference) for id, clock in clocks.items())
+    pairs = asked if kind_of(flow.message).name == "sync-request" else tuple((b, a) for a, b in asked)
+    return replace(flow, pairs=pairs) if pairs else None

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from head.beliefs import MOST_BYTES, packed_beliefs
-from launcher.plan.forecast.heads.clocks import Clock, Clocks
+from launcher.plan.forecast.heads.clocks import SYNCS, Clock, Clocks, asking, cast_of
 from launcher.plan.forecast.heads.turns import Heads, Turn
 from launcher.plan.forecast.masters.scheduled import MOST_STEPS, TOLD
 from launcher.plan.forecast.reception import Shares
@@ -34,8 +34,6 @@ TO_ALL: Final = ("announce", "claim", "poll", "result", "estimate", "dissolve")
 """What is sent to all in reach, once, without acknowledgements."""
 LOCAL: Final = "local-estimate"
 _ID: Final = b"n000"
-_REPEATED: Final = frozenset({"lognormal_prr", "csma154"})
-"""Link models whose radios repeat what is not acknowledged."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,11 @@ class Polled:
     @classmethod
     def of(cls, plan: Plan, schedule: Polls) -> Polled:
         """What is expected of a plan."""
-        link, cast, samples = link_of(plan.run, plan.processes, cut=False), _cast(plan), _samples(plan, schedule)
+        link, cast, samples = (
+            link_of(plan.run, plan.processes, cut=False),
+            cast_of(plan, TO_ALL),
+            _samples(plan, schedule),
+        )
         sizes = {_name(flow.message): len(encode(flow.message)) for flow in plan.flows}
         sizes |= {name: len(encode(message)) for name, message in samples.items()}
         last = (plan.run.end_ns - 1 - plan.origin_ns) // plan.step_ns
@@ -143,15 +145,6 @@ class Polled:
         return (1.0 - missed ** turn.polls[id]) * self.link.reception(id, turn.leader, size, kind, turn.t_ns)
 
 
-def _cast(plan: Plan) -> Link:
-    """The links of a plan as they are for messages to all in reach: nothing of these kinds is repeated."""
-    link = dict(plan.run.link)
-    if link["model"] not in _REPEATED:
-        return link_of(plan.run, plan.processes, cut=False)
-    once = {**link, "acks": {**link.get("acks", {}), **dict.fromkeys(TO_ALL, 0)}}
-    return link_of(replace(plan.run, link=once), plan.processes, cut=False)
-
-
 def _samples(plan: Plan, schedule: Polls) -> dict[str, Any]:
     """Messages of ordinary length by kind: those of a step in the middle of the run."""
     step = (plan.run.end_ns - plan.origin_ns) // plan.step_ns // 2
@@ -189,13 +182,11 @@ def _narrowed(
     If sensors filter, they report such ``local`` estimates.
     """
     used = {(id, turn.leader) for turn in turns.values() for id in turn.sensed if id != turn.leader}
-    asked = tuple((id, clock.reference) for id, clock in clocks.items())
     reports = LOCAL if local is not None else ""
     for flow in plan.flows:
         kind = _name(flow.message)
-        if kind in ("sync-request", "sync-reply"):
-            pairs = asked if kind == "sync-request" else tuple((b, a) for a, b in asked)
-            yield from (replace(flow, pairs=some) for some in (pairs,) if some)
+        if kind in SYNCS:
+            yield from (one for one in (asking(flow, clocks),) if one)
         elif kind == reports or (flow.reports and not reports):
             if pairs := tuple(sorted(used.intersection(flow.pairs))):
                 yield replace(flow, message=local or flow.message, pairs=pairs, near=False, reports=True)

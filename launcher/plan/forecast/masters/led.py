@@ -10,6 +10,8 @@ import numpy as np
 
 from launcher.plan.forecast.heads.headed import astray, who_is_polled
 from launcher.plan.forecast.heads.polled import Polled
+from launcher.plan.forecast.hearing.passed import Passed
+from launcher.plan.forecast.hearing.words import unheard, who_hears
 from launcher.plan.forecast.masters.association import FULL
 from launcher.plan.forecast.masters.scheduled import Scheduled
 
@@ -17,18 +19,25 @@ MANY: Final = 0.03
 """If so many slaves find no master, there is a warning."""
 
 
-def leading(field: Scheduled | Polled | None) -> str:
+def leading(field: Scheduled | Polled | Passed | None) -> str:
     """Who leads there."""
+    if isinstance(field, Passed):
+        return "nodes"
     return "heads" if isinstance(field, Polled) else "masters"
 
 
-def doubtful(field: Scheduled | Polled) -> Iterator[str]:
+def doubtful(field: Scheduled | Polled | Passed) -> Iterator[str]:
     """What is likely to go wrong because of who leads and who measures."""
+    if isinstance(field, Passed):
+        return unheard(field)
     return astray(field) if isinstance(field, Polled) else orphaned(field)
 
 
-def who_measures(field: Scheduled | Polled) -> Iterator[str]:
+def who_measures(field: Scheduled | Polled | Passed) -> Iterator[str]:
     """Who leads and how many measure, and what that takes of a step; a line each."""
+    if isinstance(field, Passed):
+        yield from who_hears(field)
+        return
     yield from who_is_polled(field) if isinstance(field, Polled) else _clusters(field)
     parts = dict(field.schedule.budget)
     least_s, step_s = parts.pop("at least", 0.0), field.plan.step_ns / 1e9

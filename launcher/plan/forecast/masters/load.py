@@ -1,4 +1,4 @@
-"""How much masters and slaves will send, or nodes of which any may lead.
+"""How much masters and slaves will send, or nodes of which any may lead, or those that hear targets pass.
 
 That is how full the channel will be, and whether a radio sends for too long.
 Single steps, evenly spread, stand for all; the setup is counted as it is.
@@ -18,6 +18,8 @@ from launcher.plan.forecast.crowd import Crowd
 from launcher.plan.forecast.duty import HOUR_S, Duty, allowances
 from launcher.plan.forecast.heads.polled import Polled
 from launcher.plan.forecast.heads.polling import Polling
+from launcher.plan.forecast.hearing.diffusing import Diffusing
+from launcher.plan.forecast.hearing.passed import Passed
 from launcher.plan.forecast.masters.scheduled import Scheduled
 from launcher.plan.forecast.masters.traffic import Traffic
 from launcher.plan.forecast.sent import Sent
@@ -34,17 +36,17 @@ MOST_LOOKED: Final = 200
 class Load:
     """The messages of a field with a schedule: those of the ``setup``, and of ``steps``, one in ``every`` of all."""
 
-    field: Scheduled | Polled
+    field: Scheduled | Polled | Passed
     setup: Sequence[Transmission]
     steps: Sequence[Transmission]
     every: float
 
     @classmethod
-    def of(cls, field: Scheduled | Polled) -> Load:
+    def of(cls, field: Scheduled | Polled | Passed) -> Load:
         """What is expected to be sent."""
-        plan, traffic = field.plan, Polling(field) if isinstance(field, Polled) else Traffic(field)
+        plan, traffic = field.plan, _traffic(field)
         steps = (plan.run.end_ns - 1 - plan.origin_ns) // plan.step_ns
-        known = [*range(1, steps + 1, field.every)] if isinstance(field, Polled) else list(field.turns)
+        known = list(field.turns) if isinstance(field, Scheduled) else [*range(1, steps + 1, field.every)]
         spread = np.linspace(0, len(known) - 1, min(len(known), MOST_LOOKED)).round().astype(int)
         some = [known[i] for i in spread.tolist()]
         last_ns = plan.run.end_ns
@@ -78,6 +80,8 @@ class Load:
         at = {place.id for place in plan.info.places if SENSES not in place.tags}
         if isinstance(self.field, Polled):
             at |= {id for turn in self.field.turns.values() for id in turn.polled}
+        elif isinstance(self.field, Passed):
+            at = {place.id for place in plan.info.places}
         return air_of(self.field.link, places_of(plan.processes), frames, dues, plan.run.end_ns, sorted(at))
 
     # --- duty cycles ---------------------------------------------------------------------------------------------
@@ -104,6 +108,16 @@ class Load:
                 if fate.ack_air_ns:
                     sent.setdefault(frame.dst, []).append((frame.sent_ns, times * fate.ack_air_ns / NS))
         return {id: _most_in_an_hour(those) for id, those in sent.items()}
+
+
+def _traffic(field: Scheduled | Polled | Passed) -> Traffic | Polling | Diffusing:
+    """What is sent in such a field."""
+    match field:
+        case Passed():
+            return Diffusing(field)
+        case Polled():
+            return Polling(field)
+    return Traffic(field)
 
 
 def _frames(sent: Iterator[Sent]) -> list[Transmission]:
