@@ -23,7 +23,7 @@ from launcher.plan.forecast.reception import Shares
 from launcher.plan.forecast.warnings import summary
 from launcher.plan.prepare import remarks
 from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS, told
-from launcher.record.words import alarms, joules, led, span
+from launcher.record.words import alarms, joules, led, passed, span
 from launcher.records import ARRIVED, SENSES, Plan
 
 if TYPE_CHECKING:
@@ -298,6 +298,7 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
     if refused := metrics["frames"]["refused"]:
         yield f"refused, as no frames of this field: {', '.join(f'{n} ({why})' for why, n in refused.items())}"
     yield from led(metrics)
+    yield from passed(metrics)
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
         spent = joules(energy["total"]) + (f" ({by})" if by else "")

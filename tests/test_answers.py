@@ -144,7 +144,7 @@ def test_what_goes_round_is(name: str) -> None:
     assert answers(plan_of(maker, {"link.model": "ideal"})) == Answers(kinds, 0.001)
 
 
-LED: Final = frozenset({"ozfidan-clusters", "yu-mrbpf", "zhou-upf"})
+LED: Final = frozenset({"ozfidan-clusters", "yang-ecpa", "yu-mrbpf", "zhou-upf"})
 """Fields of processes that lead each other."""
 
 
@@ -161,6 +161,14 @@ def test_nodes_that_may_lead_answer_each_other_within_milliseconds(name: str) ->
     assert found is not None
     assert {"claim", "poll", "hand-over"} <= set(found.kinds)
     assert found.delay_s == pytest.approx(0.004, abs=0.001)
+
+
+def test_nodes_that_hear_answer_each_other_within_milliseconds() -> None:
+    """Data is acknowledged and handed on at once."""
+    found = answers(planned(tf.Scenario.load("yang-ecpa", {"target.steps": 60}), 100.0))
+    assert found is not None
+    assert {"data", "data-ack", "reinforce"} <= set(found.kinds)
+    assert found.delay_s == pytest.approx(0.0016, abs=0.0005)
 
 
 def test_masters_answer_each_other_slowly_enough_for_five_times_the_speed() -> None:

@@ -36,6 +36,11 @@ leaders.{per_step_mean,per_step_max,two_leader_steps,handovers,lost_handovers,ta
 leaders.{dissolved,elections,split_elections,unwon_elections} leaders.election_s.{mean,max} leaders.healed_s.{mean,max}
 leaders.{reports_used,reports_asked,out_of_reach_steps}
 clusters.members.<master> clusters.{orphans_first,orphans_last,overheard}
+passes.{events,enough}
+passes.trackers.<name>.{fixes,false_fixes,fixes_per_pass,refused.<reason>,reports_used}
+passes.trackers.<name>.location_m.{mean,max} passes.trackers.<name>.speed_m_s.{mean,max}
+passes.trackers.<name>.heading_deg.{mean,max} passes.trackers.<name>.delay_s.{mean,max}
+passes.trackers.<name>.base_delay_s.{mean,max}
 age_of_information_s.{mean,p95,base_mean,base_p95}
 processes.{started,ready_s,died,stopped,pss_mb_per_node,unwritten}
 frames.{sent,expected,delivered,late,duplicate,ignored}
@@ -68,9 +73,10 @@ SOMETIMES = {
     *(f"frames.by_role.<role>.{what}" for what in ("delivered", "ignored")),
     *(f"latency_ms.hops.<hops>.{what}" for what in ("n", "p50", "p95")),
     "clusters.members.<master>",
+    "passes.trackers.<name>.refused.<reason>",
 }
-"""Of processes with several roles only (``test_hosted_processes.py``), with a tree (``test_multihop.py``), or with
-slaves (``test_clusters_figures.py``).
+"""Of processes with several roles only (``test_hosted_processes.py``), with a tree (``test_multihop.py``), with slaves
+(``test_clusters_figures.py``), or with sensors that report passes (``test_metrics_passes.py``).
 """
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "nees_position", "nees_position_band"),
@@ -95,6 +101,8 @@ NAMES = {
     "frames.by_kind.": "<kind>",
     "frames.by_role.": "<role>",
     "clusters.members.": "<master>",
+    "passes.trackers.": "<name>",
+    "passes.trackers.<name>.refused.": "<reason>",
     "energy_j.by_role.": "<role>",
     "frames.refused.": "<reason>",
 }

@@ -96,7 +96,9 @@ def test_of_two_that_tell_of_an_instant_the_higher_term_is_seen() -> None:
 
 def test_a_track_reads_back(tmp_path: FilePath) -> None:
     first_point = replace(point(1, None), source="fusion")
-    second_point = replace(point(2), origin="head", unknowns=(-1.5,), unknown_sds=(0.5,), known_step=1)
+    second_point = replace(
+        point(2), origin="head", unknowns=(-1.5,), unknown_sds=(0.5,), known_step=1, event_ns=NS + 5, refused="few"
+    )
     rows = [
         TrackRow(1_300_000_000, first_point),
         TrackRow(2_300_000_000, second_point, (1.5, 2.5, 3.5, 4.5), "target", 1, interpolated=True),
@@ -105,11 +107,19 @@ def test_a_track_reads_back(tmp_path: FilePath) -> None:
     first, second = pq.read_table(tmp_path / "tracks.parquet").to_pylist()
     empty = dict.fromkeys(("x", "y", "vx", "vy", "covariance", "true_x", "true_y", "true_vx", "true_vy", "true_target"))
     both = {"target": "target", "tracker": "t", "lag": 0, "term": 0}
-    of_another = {"origin": "head", "unknowns": [-1.5], "unknown_sds": [0.5], "known_step": 1}
+    of_another = {
+        "origin": "head",
+        "unknowns": [-1.5],
+        "unknown_sds": [0.5],
+        "known_step": 1,
+        "event_ns": NS + 5,
+        "refused": "few",
+    }
     assert first == {
         **both, "t_s": 0.5, "step": 1, "source": "fusion", "status": "waiting", "reports": 0, "told_s": 0.8,
         **empty, "bound_m": None, "sensors": [], "at_ns": NS, "told_ns": 1_300_000_000, "incarnation": 0,
         "true_interpolated": False, "origin": "", "unknowns": [], "unknown_sds": [], "known_step": None,
+        "event_ns": None, "refused": "",
     }  # fmt: skip
     assert second == {
         **both, "t_s": 1.5, "step": 2, "source": "", "status": "tracking", "reports": 5, "told_s": 1.8,

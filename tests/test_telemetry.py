@@ -44,6 +44,8 @@ POINTS = st.builds(
     lag=st.integers(0, 9),
     term=st.integers(0, 99),
     known_step=st.none() | st.integers(0, 99),
+    event_ns=st.none() | TIMES,
+    refused=WORDS,
     source=WORDS,
     origin=st.just("") | IDS,
     step=st.one_of(st.none(), st.integers(0, 65535)),
@@ -93,6 +95,9 @@ def test_telemetry_of_no_known_kind_is_refused(body: tuple[Any, ...]) -> None:
         ({"unknowns": (1.0,), "unknown_sds": (1.0, 2.0)}, "malformed"),
         ({"mean": (1.0, 2.0)}, "malformed"),
         ({"known_step": 2**40}, "malformed"),
+        ({"event_ns": 2**63}, "malformed"),
+        ({"event_ns": 0.5}, "malformed"),
+        ({"refused": 7}, "malformed"),
     ],
 )
 def test_a_point_that_is_none_is_refused(wrong: dict[str, Any], reason: str) -> None:

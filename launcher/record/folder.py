@@ -26,7 +26,7 @@ from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario
 from trackfield.scenario.layouts import Surveyed
 from trackfield.scenario.links import Trace
-from trackfield.scenario.paths import FromFile, Recorded
+from trackfield.scenario.paths import FromFile, PathSection, Recorded
 from trackfield.scenario.scenario import FILES
 from trackfield.scenario.sensors import SensorSection
 
@@ -146,22 +146,25 @@ def with_files(scenario: Scenario, folder: Path, prefix: str = "") -> Scenario:
 
 
 def _kept(part: Any, folder: Path, name: str) -> Any:
-    """The section with a copy of its file in the folder; unchanged if it names no file."""
-    key = _file_key(part)
-    if not key:
-        return part
-    file = Path(getattr(part, key))
-    copy = folder / f"{name}{file.suffix}"
-    if not copy.exists() or not copy.samefile(file):  # a study may be run again from its own scenario file
-        shutil.copyfile(file, copy)
-    return part.model_copy(update={key: copy.name})
+    """The section with copies of its files in the folder; unchanged if it names none."""
+    copies = {}
+    for key in _file_keys(part):
+        file = Path(getattr(part, key))
+        copy = folder / f"{name}{'-sound' if key == 'sound' else ''}{file.suffix}"
+        if not copy.exists() or not copy.samefile(file):  # a study may be run again from its own scenario file
+            shutil.copyfile(file, copy)
+        copies[key] = copy.name
+    return part.model_copy(update=copies) if copies else part
 
 
-def _file_key(part: Any) -> str:
-    """Which key of a section names a file; empty if none does: others may have an option that is called so."""
-    if isinstance(part, FromFile | Surveyed | Trace):
-        return "file"
-    return "recording" if isinstance(part, Recorded | SensorSection) and part.recording else ""
+def _file_keys(part: Any) -> list[str]:
+    """Which keys of a section name a file; others may have an option that is called so."""
+    named = {
+        "file": isinstance(part, FromFile | Surveyed | Trace),
+        "recording": isinstance(part, Recorded | SensorSection) and part.recording,
+        "sound": isinstance(part, PathSection) and part.sound,
+    }
+    return [key for key, names in named.items() if names]
 
 
 def scenario_digest(folder: Path) -> str:

@@ -15,8 +15,12 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE, patiently, reason, write_whole
+from launcher.heard import RANKS, Sound
 from launcher.record.diary import Event
 from launcher.record.figures.bounds import headline_bound, run_bounds
+from launcher.record.heard.events import events_of_run
+from launcher.record.heard.sounds import loudest_and_weakest, sounds
+from launcher.record.heard.wav import wav
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_messages, write_tracks
@@ -31,6 +35,8 @@ if TYPE_CHECKING:
 
 TIMELINE: Final = "run.rrd"
 METRICS: Final = "metrics.json"
+SOUNDED: Final = 12
+"""Of more events what the first ones sounded like is shown."""
 SHOWN: Final = 32
 """Of bytes at a port so many are shown."""
 TIMELINE_FAILED: Final = "the timeline failed: "
@@ -149,6 +155,7 @@ class Journal(Telling):
         super().__init__(plan, ledger, partial(Timeline, self._file, plan.info))
         self._rest: tuple[Sequence[MessageRow], Sequence[Event]] = [], []
         self._bound: dict[int, float] = {}
+        self._tracks: Sequence[TrackRow] = ()
         self._deaths: Sequence[Unplanned] = ()
 
     def tables(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
@@ -165,6 +172,7 @@ class Journal(Telling):
         bound = headline_bound(self.plan, tracks, bounds)
         self._bound = {t_ns: bound[t_ns] for t_ns in sorted({row.t_ns for row in tracks} & bound.keys())}
         patiently(lambda: self._write_tables(tracks, bounds), f"the tables of {self.folder}")
+        self._tracks = tracks
         metrics = run_metrics(self.plan, self.ledger, tracks, bounds)
         complaints = [*(f"{why} ({count} times)" for why, count in strays.items()), *self.ledger.complaints()]
         metrics["recorder"] |= {"messages": messages, "complaints": complaints}
@@ -187,6 +195,7 @@ class Journal(Telling):
         self.bury(self._deaths)
         for t_ns, sd_m in self._bound.items():
             self.show(lambda timeline: timeline.bound(t_ns, sd_m))  # noqa: B023  called at once
+        self.show(self._heard)
         self.show(lambda timeline: timeline.close())
         if self.error is None:
             return ""
@@ -195,6 +204,18 @@ class Journal(Telling):
             return f"{TIMELINE_FAILED}{self.error}"
         why = reason(self.error) if isinstance(self.error, OSError) else f"{type(self.error).__name__}: {self.error}"
         return f"{TIMELINE_FAILED}{why}"
+
+    def _heard(self, timeline: Timeline) -> None:
+        """The events in which sensors heard targets, and what some of them heard."""
+        events = events_of_run(self.plan, self._tracks, self.ledger.rows)
+        timeline.events(events)
+        heard: dict[str, list[tuple[Sound, bytes]]] = {rank: [] for rank in RANKS}
+        for event in events[:SOUNDED]:
+            ranks = dict(zip(loudest_and_weakest(event), RANKS, strict=False))
+            for sound in sounds(self.plan, event, list(ranks)):
+                heard[ranks[sound.sensor]].append((sound, wav(sound.samples, sound.rate)))
+        for rank, several in heard.items():
+            timeline.sounds(rank, several)
 
 
 def states(events: Iterable[Event]) -> dict[str, str]:

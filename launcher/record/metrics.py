@@ -18,6 +18,7 @@ from launcher.record.figures.energy import batteries_of, devices_of, energy_metr
 from launcher.record.figures.hops import hop_latencies
 from launcher.record.figures.leaders import age_metrics, leaders_metrics
 from launcher.record.figures.overhearing import overheard_ns
+from launcher.record.figures.passes.metrics import passes_metrics
 from launcher.record.figures.periods import spans_of
 from launcher.record.figures.scores import detection_s, first_in_range, offsets, scored
 from launcher.record.figures.spending import ledger_metrics, period_of
@@ -63,6 +64,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "bound": bound_metrics(plan, headline(plan, tracks), headline_bound(plan, tracks, bounds)),
         "leaders": leaders_metrics(plan, ledger.rows, tracks, ledger.diaries.values()),
         "clusters": clusters_metrics(plan, ledger),
+        "passes": passes_metrics(plan, tracks),
         "age_of_information_s": {**age_metrics(plan, tracks), **base_age(plan, at_base, end_ns)},
         "processes": _processes(len(plan.processes), _total(ledger, "unwritten")),
         "frames": _frames(plan, ledger),

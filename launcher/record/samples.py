@@ -83,7 +83,11 @@ _COUNTS: Final = TypeAdapter(dict[str, Count])
 _DEATHS: Final = TypeAdapter(tuple[tuple[str, float | None, str], ...])
 _REFUSALS: Final = TypeAdapter(tuple[tuple[str, str, Annotated[int, Ge(1), Le(2**40)]], ...])
 _MARK: Final = TypeAdapter(Ns)
-_COLUMNS: Final = {"step": Small | None, "lag": Small, "term": Small, "known_step": Small | None}
+_COLUMNS: Final = {
+    **dict.fromkeys(("step", "known_step"), Small | None),
+    **dict.fromkeys(("lag", "term"), Small),
+    "event_ns": Ns | None,
+}
 
 
 def _values(kind: type) -> TypeAdapter[Any]:

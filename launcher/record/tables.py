@@ -14,7 +14,7 @@ from launcher.files import whole_file
 from launcher.record.ledger import Published
 from launcher.records import MessageRow
 from trackfield.role import NS, TrackPoint
-from trackfield.tracking.smoothing import RTS
+from trackfield.tracking.smoothing import WHOLE
 from trackfield.world.path import Path, State
 
 STATE = ("x", "y", "vx", "vy")
@@ -51,7 +51,7 @@ class TrackRow:
 
 def bound_of(row: TrackRow, bounds: Bounds) -> float | None:
     """The bound beside a point; None where there is none, and for smoothed tracks, which use later reports."""
-    smoothed = row.point.lag or row.point.tracker.endswith(RTS)
+    smoothed = row.point.lag or row.point.tracker.endswith(WHOLE)
     return None if smoothed else bounds.get(row.point.source, {}).get(row.t_ns)
 
 
@@ -134,5 +134,7 @@ def tracks_table(rows: Sequence[TrackRow], bounds: Bounds, origin_ns: int = 0) -
         "unknowns": pa.array([list(p.unknowns) for p in points], vector),
         "unknown_sds": pa.array([list(p.unknown_sds) for p in points], vector),
         "known_step": pa.array([p.known_step for p in points], pa.int32()),
+        "event_ns": pa.array([p.event_ns for p in points], pa.int64()),
+        "refused": pa.array([p.refused for p in points], texts),
     }
     return pa.table(columns)

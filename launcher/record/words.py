@@ -55,11 +55,11 @@ def led(metrics: Mapping[str, Any]) -> list[str]:
         elections = _many(leaders["elections"], "election")
         elected = f"{elections} ({leaders['split_elections']} split), " if leaders["elections"] else ""
         asked = "" if leaders["reports_asked"] is None else f" of {leaders['reports_asked']:.1f} asked for"
+        used = "" if leaders["reports_used"] is None else f"; {leaders['reports_used']:.1f} reports a step{asked}"
         found.append(
             f"leaders: {_many(leaders['handovers'], 'hand-over')} ({leaders['lost_handovers']} more lost), "
             f"{_many(leaders['take_overs'], 'take-over')} ({leaders['false_take_overs']} false), {elected}"
-            f"two at once in {_many(leaders['two_leader_steps'], 'step')}; "
-            f"{leaders['reports_used']:.1f} reports a step{asked}"
+            f"two at once in {_many(leaders['two_leader_steps'], 'step')}{used}"
         )
     if clusters["orphans_first"] is not None:
         first, last = clusters["orphans_first"], clusters["orphans_last"]
@@ -69,8 +69,27 @@ def led(metrics: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def _many(count: int, what: str) -> str:
-    return f"{count:,} {what}{'s' * (count != 1)}"
+def passed(metrics: Mapping[str, Any]) -> list[str]:
+    """How often targets passed, and what each tracker made of it, a line each; none where sensors report no passes."""
+    passes = metrics["passes"]
+    events = f"passes: {_many(passes['events'], 'event')}, {passes['enough']} with reports enough for a fix"
+    found = [events] if passes["events"] else []
+    for name, one in passes["trackers"].items():
+        if not one["fixes"] and not one["refused"]:
+            continue
+        refused = sum(one["refused"].values())
+        off = ""
+        if one["location_m"]["mean"] is not None:
+            errors = one["location_m"]["mean"], one["speed_m_s"]["mean"], one["heading_deg"]["mean"]
+            off = "; off by {:.2f} m, {:.2f} m/s, {:.1f}°, mean".format(*errors)
+            off += f", {span(one['delay_s']['mean'])} after the last pass"
+        false = "" if one["false_fixes"] is None else f" ({one['false_fixes']} false)"
+        found.append(f"{name}: {_many(one['fixes'], 'fix', 'es')}{false}, {refused} refused{off}")
+    return found
+
+
+def _many(count: int, what: str, more: str = "s") -> str:
+    return f"{count:,} {what}{more * (count != 1)}"
 
 
 def losses(fates: Mapping[str, int | None]) -> str:

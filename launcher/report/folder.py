@@ -17,20 +17,21 @@ import pyarrow.compute as pc
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
 from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.faults import Faults, Mark
-from launcher.plan.plan import planned_faults
+from launcher.plan.plan import hears, planned_faults
 from launcher.record.figures.hops import end_to_end
 from launcher.record.journal import METRICS
 from launcher.record.reading import files as reading
 from launcher.record.reading.files import Manifest
 from launcher.records import ARRIVED, SENSES, MessageRow, Place, View, last_due
 from launcher.report import tracks
+from launcher.report.heard import Heard
 from launcher.report.tracks import Array, Course, Track
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
-from trackfield.tracking.smoothing import RTS
+from trackfield.tracking.smoothing import WHOLE_PATTERN
 from trackfield.words import quoted
 
-REPORTS: Final = ("doa", "measurement", "range", "rss", "energy")
+REPORTS: Final = ("doa", "measurement", "range", "rss", "energy", "cpa-report", "cpa-report-sds")
 """The kinds of message that carry what a sensor measured."""
 LONG: Final = 400
 """The most steps that a line can show one by one."""
@@ -205,6 +206,11 @@ class Run:
         return max(len(self.course.at_ns) // WINDOWS, 2) if self.long else 1
 
     @cached_property
+    def heard(self) -> Heard:
+        """The events in which sensors heard targets pass."""
+        return Heard.of(self.folder, self.scenario) if hears(self.site) else Heard(None, (), {})
+
+    @cached_property
     def gaps(self) -> tuple[tuple[float, float], ...]:
         """(from s, to s) of each gap and jump in the data of any target, up to the end, interpolated there."""
         return self._so_far(gap for path in self.site.paths.values() for gap in path.guessed_inside)
@@ -290,7 +296,7 @@ def _tracks(points: pa.Table, field: Built, course: Course) -> tuple[Track, ...]
     order = field.site.scenario.fusion.trackers
     if not field.smoothers:
         return tracks.read(points, field.views[0], order, course)
-    smoothed = pc.ends_with(points["tracker"], RTS)
+    smoothed = pc.match_substring_regex(points["tracker"], WHOLE_PATTERN)
     found = tracks.read(points.filter(pc.invert(smoothed)), field.views[0], order, course)
     whole = tracks.read(points.filter(smoothed), View("smoothed", field.smoothers), order, course)
     return (*found, *(replace(track, lag=0, whole=True) for track in whole))

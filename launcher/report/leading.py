@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from launcher.record.figures.terms import ELECTION, HAND_OVER, TAKE_OVER
-from launcher.records import PEER
+from launcher.records import PEER, Passing
 from launcher.report import style
 from launcher.report.cells import number
 from launcher.report.folder import Run
@@ -32,6 +32,11 @@ LOOKS: Final[Mapping[str, Mapping[str, Any]]] = {
 def peers(run: Run) -> bool:
     """Whether any node may lead."""
     return any(place.role == PEER for place in run.places)
+
+
+def hears(run: Run) -> bool:
+    """Whether clusters hear targets pass; their heads have no terms to hand over."""
+    return isinstance(run.field.schedule, Passing)
 
 
 def turn_lines(leaders: Mapping[str, Any]) -> list[tuple[str, str, bool]]:
@@ -101,8 +106,10 @@ def _reports(axes: Axes, run: Run, led: Led) -> None:
         (led.used, {"color": "#0072b2", "label": "used", "lw": 1.4}),
     ]
     for counts, look in curves:
+        if counts is None:
+            continue
         steps = np.arange(1, run.last_step + 1)
-        values = np.array([(counts or {}).get(int(step), np.nan) for step in steps], float)
+        values = np.array([counts.get(int(step), np.nan) for step in steps], float)
         axes.plot(steps * run.step_s, style.rolling(values, run.window), drawstyle="steps-mid", **look)
     axes.set_ylim(bottom=0)
     axes.set_ylabel("reports")

@@ -14,8 +14,9 @@ from launcher.files import MESSAGES_TABLE
 from launcher.record.figures import terms
 from launcher.record.figures.elections import Election, elections
 from launcher.record.figures.leaders import reports_asked
+from launcher.record.figures.passes.reigns import reigns
 from launcher.record.reading import files as reading
-from launcher.records import MessageRow
+from launcher.records import MessageRow, Passing
 from launcher.report.folder import Run
 from trackfield.role import NS
 
@@ -45,7 +46,10 @@ def read_led(run: Run) -> Led:
     """As metrics.json counts it; empty where nobody takes turns."""
     view = run.field.views[0]
     own = run.points.filter(pc.is_in(run.points["source"], pa.array(view.sources, pa.string())))
-    own = own.filter(pc.and_(pc.greater(own["term"], 0), pc.equal(own["origin"], "")))
+    own = own.filter(pc.equal(own["origin"], ""))
+    if isinstance(run.field.schedule, Passing):
+        return _of_passes(run, own, run.field.schedule)
+    own = own.filter(pc.greater(own["term"], 0))
     if not own.num_rows:
         return Led()
     points = [terms.Point(*row) for row in zip(*(own[name].to_pylist() for name in _POINT), strict=True)]
@@ -53,9 +57,7 @@ def read_led(run: Run) -> Led:
     table = table.filter(pc.is_in(table["kind"], pa.array(sorted(terms.KINDS))))
     frames = [MessageRow(**row) for row in table.to_pylist()]
     found = terms.seen(frames, points)
-    lives = run.frames.table.group_by(list(_LIFE)).aggregate([("sent_ns", "max")])
-    for src, incarnation, sent_ns in zip(*(lives[name].to_pylist() for name in (*_LIFE, "sent_ns_max")), strict=True):
-        found.lives(src, incarnation, sent_ns)
+    _live(found, run)
     until_ns = dict[terms.Key, int]()
     for point in points:
         key = point.term, point.source
@@ -65,6 +67,23 @@ def read_led(run: Run) -> Led:
     lost = tuple(terms.lost_hand_overs(found))
     votes = elections(found, run.site.step_ns)
     return Led(tuple(terms.turns(found)), lost, until_ns, used, asked, tuple(votes), found.over)
+
+
+def _of_passes(run: Run, own: pa.Table, schedule: Passing) -> Led:
+    """Who led clusters that hear passes."""
+    points = [terms.Point(*row) for row in zip(*(own[name].to_pylist() for name in _POINT), strict=True)]
+    found = terms.seen((), points)
+    _live(found, run)
+    ruled = reigns(points, schedule.clusters, found.last)
+    until_ns = {(reign.turn.number, reign.turn.leader): reign.until_ns for reign in ruled}
+    return Led(tuple(reign.turn for reign in ruled), until_ns=until_ns, used=_used(run)[0])
+
+
+def _live(found: terms.Seen, run: Run) -> None:
+    """All frames of a run are signs of life."""
+    lives = run.frames.table.group_by(list(_LIFE)).aggregate([("sent_ns", "max")])
+    for src, incarnation, sent_ns in zip(*(lives[name].to_pylist() for name in (*_LIFE, "sent_ns_max")), strict=True):
+        found.lives(src, incarnation, sent_ns)
 
 
 def _used(run: Run) -> tuple[dict[int, int], dict[int, str]]:

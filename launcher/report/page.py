@@ -14,7 +14,7 @@ from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
 from launcher.report.leading import peers
 from launcher.report.outages import few_reports
-from launcher.report.parts import PARTS, clusters
+from launcher.report.parts import PARTS, clusters, passes
 from launcher.report.templates import inline, templates
 from trackfield.errors import ScenarioError
 
@@ -26,6 +26,7 @@ _SECTIONS: Final = {
     "consistency": "Consistency",
     "clusters": "Clusters",
     "heads": "Heads",
+    "passes": "Passes",
     "messages": "Messages",
     "channel": "The channel",
     "latency": "Latency",
@@ -74,6 +75,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
         "consistency": "nees" in pictures,
         "clusters": clusters.shown(run),
         "heads": peers(run),
+        "passes": passes.shown(run),
         "channel": run.metrics["channel"]["use_mean"] is not None,
         "energy": bool(run.metrics["energy_j"]["total"]),
     }

@@ -39,6 +39,9 @@ STATE_COLOURS: Final[dict[str, Colour]] = {
     "leading": 0xF2A93BFF,
     "sensing": 0xDDE2ECFF,
     "polled": 0x3DBE6CFF,
+    "watching": 0xDDE2ECFF,
+    "contending": 0xB48CF2FF,
+    "gathering": 0x3DBE6CFF,
     "electing": 0xB48CF2FF,
     DEAD: 0x8E2420FF,
 }
@@ -218,10 +221,18 @@ def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
 
 
 def field_points(info: FieldInfo) -> list[tuple[float, float]]:
-    """All points of a field: places, paths of targets, and routes."""
+    """All points of a field: places, paths of targets, and routes; of one that hears only what is near its places."""
     points = [(place.x, place.y) for place in info.places]
-    points += [(x, y) for truth in info.truths for _, x, y in truth.points]
+    way = [(x, y) for truth in info.truths for _, x, y in truth.points]
+    points += _near(points, way) if info.hears else way
     return points + [(x, y) for _, legs in info.paths for _, x, y in legs]
+
+
+def _near(places: Sequence[tuple[float, float]], way: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The points of a way that are no farther from these places than half of their extent."""
+    low, high = np.min(places, axis=0), np.max(places, axis=0)
+    room = max(float((high - low).max()) / 2, 10.0)
+    return [point for point in way if (point >= low - room).all() and (point <= high + room).all()]
 
 
 def row_below(points: Sequence[tuple[float, float]], count: int) -> list[tuple[float, float]]:

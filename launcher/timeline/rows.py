@@ -72,6 +72,13 @@ def strips(values: list[Points]) -> Columns:
     return rr.LineStrips2D.columns(strips=np.concatenate(values)).partition(_lengths(values))
 
 
+def sounds(values: list[bytes]) -> Columns:
+    """WAV files, each played from its time on."""
+    return rr.AssetAudio.columns(
+        blob=[np.frombuffer(value, np.uint8) for value in values], media_type=["audio/wav"] * len(values)
+    )
+
+
 def moves(values: list[tuple[float, float]]) -> Columns:
     """Where a frame is in the one around it, (x, y)."""
     return rr.Transform3D.columns(translation=[(x, y, 0.0) for x, y in values])

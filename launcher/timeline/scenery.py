@@ -9,7 +9,7 @@ import rerun as rr
 
 from launcher.records import BATTERY, SENSES, SLAVE, FieldInfo, Place
 from launcher.timeline import look
-from launcher.timeline.layers import READINGS, closeup, clusters, heads, truth
+from launcher.timeline.layers import READINGS, closeup, clusters, heads, hearing, passes, truth
 from launcher.timeline.scene import crosses, halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
@@ -45,6 +45,8 @@ def _field(info: FieldInfo) -> Iterator[Part]:
         yield f"/field/{name}", READINGS[name].style
     yield from clusters.styles(info)
     yield from heads.styles(info)
+    yield from hearing.styles(info)
+    yield from passes.styles(info)
     yield from truth.styles(info)
     yield from closeup.styles(info)
     yield from _legend(info)
@@ -56,6 +58,8 @@ def _legend(info: FieldInfo) -> Iterator[Part]:
     states = [look.REST, "active", "orphan"] if slaves else [look.REST, "awake", "reporting"]
     if heads.any_may_lead(info):
         states = [look.REST, "sensing", "active", heads.ELECTING, heads.LEADING]
+    if hearing.ears(info):
+        states = ["idle", "watching", hearing.LEADING]
     entries = [(name, look.state_colour(name)) for name in states] + [("dead", 0)]
     if ringed := bool(info.tagged(BATTERY)):
         entries.append(("battery low", look.state_colour(look.REST)))

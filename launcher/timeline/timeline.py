@@ -11,7 +11,7 @@ import math
 import pathlib
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -19,11 +19,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
+from launcher.heard import Event, Sound
 from launcher.records import SENSES, FieldInfo, MessageRow
 from launcher.timeline import look, rows, scenery, views
 from launcher.timeline.curves import Curves
 from launcher.timeline.file import TimelineFile
 from launcher.timeline.layers import heads
+from launcher.timeline.layers.passes import Passes
 from launcher.timeline.layers.tracks import Tracks
 from launcher.timeline.layers.truth import Truths
 from launcher.timeline.look import path as entity
@@ -83,6 +85,7 @@ class Timeline:
         self._seconds = Seconds()
         self._truths = Truths(info, self._add)
         self._curves = Curves(info, self._add)
+        self._passes = Passes(info, self._add, self._static)
         self._tracks = Tracks(info, self._add, self._static, self._picture.shown, self._curves)
         self._mark_ns = round(info.end_s / MARKS * NS)
         self._newest = self._flushes = self._marks = self._moves = 0
@@ -110,7 +113,8 @@ class Timeline:
         """A process (or one lane of it) entered a state, of any name."""
         self._newest = max(self._newest, t_ns)
         self._lane(t_ns, process, name, lane)
-        if not self._picture.heads.state(t_ns, process, name, lane):
+        drawn = self._picture.heads.state(t_ns, process, name, lane)
+        if not self._picture.hearing.state(t_ns, process, name, lane) and not drawn:
             self._picture.shown.show("state", process, None if name == look.REST else name, t_ns)
             self._picture.clusters.state(t_ns, process, name)
         if name != look.DEAD:
@@ -166,6 +170,16 @@ class Timeline:
     def bound(self, t_ns: int, sd_m: float) -> None:
         """The least error of any tracker at an instant (m, root mean square)."""
         self._curves.value(("error", "bound"), t_ns, (sd_m,), self._info.step_ns)
+
+    def events(self, events: Sequence[Event]) -> None:
+        """All events of targets that sensors heard; to be called once the run is over."""
+        self._passes.events(events)
+
+    def sounds(self, rank: str, sounds: Sequence[tuple[Sound, bytes]]) -> None:
+        """What the loudest or the weakest sensor of each event heard, also as WAV files."""
+        self._passes.sounds(rank, [sound for sound, _ in sounds])
+        for sound, file in sounds:
+            self._add(look.path("sound", rank), rows.sounds, sound.first_ns, file)
 
     def flush(self) -> None:
         """Sends what is due; to be called every quarter of a second."""
@@ -291,6 +305,7 @@ class Timeline:
             show("lost", row.src, True, min(begin_ns, row.sent_ns), over_ns)
             return
         self._picture.clusters.message(row)
+        self._picture.hearing.message(row)
         show("edge", (row.src, row.dst), True, begin_ns, over_ns)
         if row.values and row.src in self._info.layers and row.outcome == "delivered":
             show("reading", row.src, row.values, begin_ns, over_ns)

@@ -9,13 +9,18 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun.blueprint.archetypes as rrba
 
+from launcher.heard import RANKS
 from launcher.records import FieldInfo
 from launcher.timeline import look
 from launcher.timeline.curves import Axis
 from launcher.timeline.layers.closeup import WIDE
 from launcher.timeline.layers.heads import EVENTS, any_may_lead
+from launcher.timeline.layers.hearing import ears
+from launcher.timeline.layers.passes import LOG
 from trackfield.role import NS
 
+AROUND_S: Final = 5.0
+"""So much of what is heard is shown before and after the time."""
 PLOTS: Final = ("error", "latency", "clock", "lost", "queue", "bytes")
 Axes = Mapping[str, Axis | None]
 Overrides = Mapping[Any, rrb.VisibleTimeRanges]
@@ -40,6 +45,7 @@ def layout(info: FieldInfo, axes: Axes | None = None, *, live: bool = False) -> 
                 *([_links(info)] if info.receptions else []),
                 _tabs(
                     *([_log("Heads", EVENTS)] if any_may_lead(info) else []),
+                    *([_log("Passes", LOG)] if info.hears else []),
                     _log("Messages", "/messages/**", "/notes/**", "/faults"),
                     _log("Faults", "/faults"),
                     _times(),
@@ -47,10 +53,14 @@ def layout(info: FieldInfo, axes: Axes | None = None, *, live: bool = False) -> 
                 ),
             ),
             rrb.Vertical(
+                *(_sounds(info) if info.listens else []),
                 plot("error", "Error [m]"),
-                _tabs(plot("latency", "Latency [ms]"), plot("clock", "Clock error [ms]")),
-                _tabs(plot("lost", "Frames lost"), plot("queue", "Frames waiting")),
-                plot("bytes", "Bytes/s"),
+                *_several(
+                    info,
+                    [plot("latency", "Latency [ms]"), plot("clock", "Clock error [ms]")],
+                    [plot("lost", "Frames lost"), plot("queue", "Frames waiting")],
+                    [plot("bytes", "Bytes/s")],
+                ),
             ),
             column_shares=[5, 4, 3],
         ),
@@ -67,6 +77,29 @@ def labels(info: FieldInfo, plot: str) -> list[str]:
         return look.SERIES[plot][0]
     names = [", ".join(parts) for name in info.trackers for parts in look.track_names(info, name)]
     return [*look.SERIES["error/bound"][0], *names]
+
+
+def _several(info: FieldInfo, *groups: Sequence[rrb.View]) -> list[rrb.Container | rrb.View]:
+    """Plots below each other, those of a group as tabs; all of them as tabs where sound takes the place."""
+    if info.listens:
+        return [_tabs(*(view for group in groups for view in group))]
+    return [_tabs(*group) if len(group) > 1 else group[0] for group in groups]
+
+
+def _sounds(info: FieldInfo) -> list[rrb.Container | rrb.View]:
+    """What the loudest and the weakest sensor of an event hear: levels around the time, and sound that is played."""
+    around = rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rrb.TimeRangeBoundary.cursor_relative(seconds=-AROUND_S),
+            end=rrb.TimeRangeBoundary.cursor_relative(seconds=AROUND_S),
+        )
+    )
+    plain = rrb.PlotLegend(visible=False)
+    name = "Heard [dB] (blue: loudest)"
+    level = rrb.TimeSeriesView(origin="/plots/level", name=name, axis_x=around, plot_legend=plain)
+    waves = rrb.TimeSeriesView(origin="/plots/waveform", name="Waveform", axis_x=around, plot_legend=plain)
+    played = [rrb.AudioView(origin=look.path("sound", rank), name=f"Sound, {rank}") for rank in RANKS]
+    return [level, _tabs(*played, waves)]
 
 
 def _tabs(*views: rrb.View) -> rrb.Tabs:
@@ -158,8 +191,8 @@ def _plot(info: FieldInfo, what: str, name: str, axis: Axis | None) -> rrb.TimeS
 
 
 def _lanes(info: FieldInfo) -> int:
-    """How many places have room for their lanes below the field; nodes of which any may lead have two each."""
-    return look.LANES // 2 if any_may_lead(info) else look.LANES
+    """How many places have room for their lanes below the field; nodes that may lead have two each."""
+    return look.LANES // 2 if any_may_lead(info) or ears(info) else look.LANES
 
 
 def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:

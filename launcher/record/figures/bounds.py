@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from trackfield.filters.metrics import LOST_M
 from trackfield.filters.types import Array, Gaussian, Model, Readings, Reports
 from trackfield.models import motion
 from trackfield.role import NS
+from trackfield.sensing.complete import Kind
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.following import SPEED_SD, anywhere
 
@@ -131,11 +133,20 @@ def _all(plan: Plan, heard: Reporting) -> Reporting:
         return heard
     ids, times = list(sensors), list(truth)
     near = cKDTree(list(sensors.values())).query_ball_point([truth[t][:2] for t in times], plan.reach_m)
-    told = {t: {id for id, steps in plan.passes.items() if plan.step_of(t) in steps} for t in times}
+    told = {t: {id for id in plan.passes if _foretold(plan, id, plan.step_of(t), heard)} for t in times}
     return {
         t: {id for i in found if _reports(plan, id := ids[i], sensors[id], truth[t])} | told[t] | set(heard.get(t, ()))
         for t, found in zip(times, near, strict=True)
     }
+
+
+def _foretold(plan: Plan, id: str, step: int, heard: Reporting) -> bool:
+    """Whether a sensor that reports by itself was to report for a step, and did for none beside it.
+
+    Noise may move what it says into the step before or after.
+    """
+    beside = (plan.origin_ns + one * plan.step_ns for one in (step - 1, step + 1))
+    return step in plan.passes[id] and not any(id in heard.get(t, ()) for t in beside)
 
 
 def _reports(plan: Plan, id: str, place: Point, state: Array) -> bool:
@@ -164,7 +175,15 @@ def _series(plan: Plan, reporting: Reporting) -> Series:
 def _model(plan: Plan) -> Model | None:
     """What is known of the sensors; None if no process tracks, and then there is no bound."""
     sensing = plan.tracking.get("sensing")
-    return Model({name: make_sensor(**arguments) for name, arguments in sensing.items()}) if sensing else None
+    return Model({name: _reported(**arguments) for name, arguments in sensing.items()}) if sensing else None
+
+
+def _reported(options: Mapping[str, Any], **others: Any) -> Kind:
+    """A kind with all that its reports say: of passes also how loud they were, which solvers always use."""
+    kind = make_sensor(options=options, **others)
+    if kind.passes is None or kind.m > 1:
+        return kind
+    return make_sensor(options={**options, "use_strength": True}, **others)
 
 
 def _information(

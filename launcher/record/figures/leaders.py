@@ -12,9 +12,10 @@ from head.peers.choice import OUT_OF_REACH
 from launcher.record.diary import Diary
 from launcher.record.figures import terms
 from launcher.record.figures.elections import election_metrics, elections
+from launcher.record.figures.passes.reigns import reigns
 from launcher.record.tables import TrackRow
 from launcher.record.views import headline
-from launcher.records import MessageRow, Plan
+from launcher.records import MessageRow, Passing, Plan
 from trackfield.role import NS, Note
 from trackfield.wire.clusters import Merge, Wake
 from trackfield.wire.peers import Poll
@@ -29,6 +30,8 @@ def leaders_metrics(
     """``leaders`` of metrics.json; zeros and nulls where nobody takes turns at tracking."""
     frames = list(frames)
     own = [row for row in tracks if row.point.source in plan.views[0].sources and not row.point.origin]
+    if isinstance(plan.schedule, Passing):
+        return _of_passes(plan.schedule, frames, own, _sources(plan, own))
     points = [terms.Point(row.point.source, row.incarnation, row.point.term, row.told_ns) for row in own]
     if not any(point.term for point in points):
         points, frames = [], [row for row in frames if row.kind in terms.KINDS]
@@ -50,6 +53,34 @@ def leaders_metrics(
         "reports_used": _mean(list(used.values())),
         "reports_asked": _mean(list(asked.values())),
         "out_of_reach_steps": len(out_of_reach(plan, diaries)),
+    }
+
+
+def _of_passes(
+    schedule: Passing, frames: Iterable[MessageRow], own: Iterable[TrackRow], per_step: Mapping[int, set[str]]
+) -> dict[str, Any]:
+    """``leaders`` where clusters hear passes: a term there is a fix, and not a reign; reports do not come every step.
+
+    With fixed clusters, two lead in a step if they are of one cluster.
+    """
+    points = [terms.Point(row.point.source, row.incarnation, row.point.term, row.told_ns) for row in own]
+    ruled = [reign.turn for reign in reigns(points, schedule.clusters, terms.seen(frames, points).last)]
+    counts = [len(sources) for sources in per_step.values()]
+    clusters = [set(group) for group in schedule.clusters]
+    most = [max((len(sources & group) for group in clusters), default=len(sources)) for sources in per_step.values()]
+    return {
+        "per_step_mean": _mean(counts),
+        "per_step_max": max(counts, default=None),
+        "two_leader_steps": sum(count > 1 for count in most),
+        "handovers": 0,
+        "lost_handovers": 0,
+        "take_overs": sum(turn.how == terms.TAKE_OVER for turn in ruled),
+        "false_take_overs": sum(turn.how == terms.TAKE_OVER and turn.false for turn in ruled),
+        "dissolved": 0,
+        **election_metrics([]),
+        "reports_used": None,
+        "reports_asked": None,
+        "out_of_reach_steps": 0,
     }
 
 

@@ -21,6 +21,7 @@ from launcher.record.figures.frames import (
     Seed,
     Signed,
 )
+from launcher.record.figures.passes.figures import PassFigures
 from launcher.record.figures.verdict import Verdict
 from launcher.records import BASE
 from trackfield.errors import ScenarioError
@@ -297,6 +298,7 @@ class RunFigures(Figures):
     bound: Bound
     leaders: Leaders
     clusters: Clusters
+    passes: PassFigures
     age_of_information_s: Age
     processes: Processes
     frames: Frames
@@ -333,7 +335,8 @@ class RunFigures(Figures):
         run = {key: whole[key] for key in OF_RUN}
         for name, tracker in self.trackers.items():
             figures = tracker.model_dump(exclude=set(TrackerFigures.model_fields) - set(ScoreFigures.model_fields))
-            yield {"seed": self.seed, "tracker": name, **flat(figures), **tracker.by_place, **run}
+            fixes = self.passes.of(name)
+            yield {"seed": self.seed, "tracker": name, **flat(figures), **tracker.by_place, **fixes, **run}
 
 
 OF_RUN: Final[tuple[str, ...]] = (

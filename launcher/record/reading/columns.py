@@ -73,6 +73,8 @@ COLUMNS: Final[Mapping[str, Mapping[str, Column]]] = {
         "origin": _TEXT,
         **dict.fromkeys(("unknowns", "unknown_sds"), Column(pa.list_(pa.float64()))),
         "known_step": _STEP,
+        "event_ns": _TIME_IF_ANY,
+        "refused": _TEXT,
     },
     MESSAGES_TABLE: {
         **dict.fromkeys(("kind", "src", "dst", "medium"), _TEXT),

@@ -11,7 +11,7 @@ from launcher.record.words import joules, span
 from launcher.records import MASTER, SLAVE
 from launcher.report import style
 from launcher.report.folder import Run
-from launcher.report.leading import peers, turn_lines, who_led
+from launcher.report.leading import hears, peers, turn_lines, who_led
 from launcher.report.led import read_led
 from launcher.report.parts.field import HALO, framed, scaled
 from launcher.report.parts.machine import Line
@@ -28,8 +28,8 @@ def contents(run: Run) -> dict[str, Any]:
 
 
 def shown(run: Run) -> bool:
-    """Whether there is anything to show; of nodes of which any may lead, the part ``heads`` does."""
-    led = run.metrics["leaders"]["per_step_mean"] is not None and not peers(run)
+    """Whether there is anything to show; of nodes of which any may lead, the parts ``heads`` and ``passes`` do."""
+    led = run.metrics["leaders"]["per_step_mean"] is not None and not peers(run) and not hears(run)
     return bool(run.metrics["clusters"]["members"]) or led
 
 

@@ -15,7 +15,7 @@ from launcher.report.cells import Table, number
 from launcher.report.folder import Run
 from launcher.report.tracks import Array
 from trackfield.role import NS
-from trackfield.tracking.smoothing import RTS
+from trackfield.tracking.smoothing import WHOLE_PATTERN
 
 
 def contents(run: Run) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def latency(run: Run) -> Figure | None:
 def latencies(run: Run) -> dict[str, Array]:
     """In s, as metrics.json counts them: on the link, from sending to fusion, and from a step to its track."""
     live = run.points.filter(pc.equal(run.points["lag"], 0))
-    live = live.filter(pc.invert(pc.ends_with(live["tracker"], RTS)))
+    live = live.filter(pc.invert(pc.match_substring_regex(live["tracker"], WHOLE_PATTERN)))
     to_track = np.asarray(pc.subtract(live["told_ns"], live["at_ns"]).to_numpy(), float) / NS
     found = {"on the link": run.frames.link_s, "sending to fusion": _to_fusion(run), "step to track": to_track}
     return {name: values[np.isfinite(values) & (values > 0)] for name, values in found.items()}

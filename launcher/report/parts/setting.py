@@ -21,6 +21,8 @@ from trackfield.world.path import Path as Way
 FIGURES: Final[Figures] = {}
 HOW: Final = {"processes": "processes", "virtual": "virtual time", "replay": "replay of recorded reports"}
 _MOST_CHANGES: Final = 8
+_FILES: Final = (".file", ".recording", ".sound")
+"""What the keys of files end with."""
 _LONGEST: Final = 60
 """Characters of a changed value that are shown."""
 
@@ -50,7 +52,7 @@ def changed(run: Run) -> list[str]:
         return []
     differ = (key for key in (*own, *packaged) if not _same(run, key, own.get(key), packaged.get(key)))
     keys = list(dict.fromkeys((*kinds, *differ)))
-    own |= {key: Path(str(value)).name for key, value in own.items() if key.endswith(".file")}
+    own |= {key: Path(str(value)).name for key, value in own.items() if key.endswith(_FILES)}
     said = [f"{key} = {_short(own[key])}" if key in own else f"{key} unset" for key in keys if key != "seed"]
     return said[:_MOST_CHANGES] + ([f"{len(said) - _MOST_CHANGES} more"] if len(said) > _MOST_CHANGES else [])
 
@@ -71,7 +73,7 @@ def _packaged(name: str, own: Mapping[str, Any]) -> tuple[dict[str, Any], list[s
 
 def _same(run: Run, key: str, own: Any, packaged: Any) -> bool:
     """Whether two values are the same; files are compared by content, as the run has its own copy."""
-    if key.endswith((".file", ".recording")) and own and packaged:
+    if key.endswith(_FILES) and own and packaged:
         files = run.folder / Path(str(own)).name, Path(str(packaged))
         return all(file.is_file() for file in files) and files[0].read_bytes() == files[1].read_bytes()
     return bool(own == packaged)

@@ -13,7 +13,7 @@ from launcher.report.cells import number, percent
 from launcher.report.folder import Run
 from launcher.report.parts.consistency import in_words
 from launcher.report.tracks import Track
-from trackfield.tracking.smoothing import RTS
+from trackfield.tracking.smoothing import WHOLE
 
 FIGURES: Final[style.Figures] = {}
 NEAREST: Final = "With several targets, each step is scored against the nearest one."
@@ -75,7 +75,7 @@ def _lag(run: Run, name: str) -> int:
 
 
 def _whole(run: Run, name: str) -> bool:
-    return bool(run.field.smoothers) and name.endswith(RTS)
+    return bool(run.field.smoothers) and name.endswith(WHOLE)
 
 
 def _error(own: list[Track], m: dict[str, Any]) -> str:

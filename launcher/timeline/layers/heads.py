@@ -104,7 +104,7 @@ class Heads:
         if kind in ("head", "claim"):
             return self._rings(t_ns)
         if kind == "arrow":
-            found = [_arrow(*(self._places[end] for end in pair)) for pair in sorted(now) if self._known(pair)]
+            found = [arrow(*(self._places[end] for end in pair)) for pair in sorted(now) if self._known(pair)]
             self._add(_PATHS[kind], rows.strips, t_ns, np.reshape(found, (-1, 5, 2)))
             return len(found)
         pairs = sorted(now.items()) if kind == "way" else [(head, id) for head in sorted(now) for id in now[head]]
@@ -149,7 +149,7 @@ def styles(info: FieldInfo) -> Iterator[tuple[str, *tuple[rr.AsComponents, ...]]
     yield "/field/heads", ring, rr.Points2D.from_fields(show_labels=True)
 
 
-def _arrow(start: tuple[float, float], end: tuple[float, float]) -> Points:
+def arrow(start: tuple[float, float], end: tuple[float, float]) -> Points:
     """An arrow as one line, (5, 2)."""
     tip = np.array(end, float)
     back = BARB * (np.array(start, float) - tip)

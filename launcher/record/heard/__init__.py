@@ -1,0 +1,1 @@
+"""The events of a run in which sensors hear targets pass: their reports, how they ended, and what was to be heard."""
