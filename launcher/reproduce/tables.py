@@ -42,9 +42,9 @@ class Band(NamedTuple):
 class Row:
     """A figure of a tracker in a case, with the figures to compare it with; None where there is none.
 
-    ``quantity`` says what ``ours`` is and its unit. ``ratio`` is ours to ``published``, ``to_bound`` ours to ``bound``,
-    the least error that any tracker can have; it has no interval. ``band`` tells the bands that ``verdict``
-    is about.
+    ``quantity`` says what ``ours`` is and its unit. ``ratio`` is ours to ``published``, ``prototype`` the figure of an
+    independent program. ``to_bound`` is ours to ``bound``, the least error that any tracker can have; it has no
+    interval. ``band`` tells the bands that ``verdict`` is about.
     """
 
     case: str
@@ -59,6 +59,7 @@ class Row:
     to_bound: float | None = None
     band: str = ""
     verdict: str = ""
+    prototype: float | None = None
 
 
 @dataclass(frozen=True)
@@ -93,8 +94,8 @@ def inside(figures: Sequence[Interval], bands: Sequence[Band]) -> str:
 
 
 _NUMBERS: Final = {
-    "ours": "ours", "published": "published", "ratio": "ratio", "median_run": "median run", "lost": "lost",
-    "bound": "bound", "to_bound": "to bound",
+    "ours": "ours", "published": "published", "ratio": "ratio", "prototype": "prototype", "median_run": "median run",
+    "lost": "lost", "bound": "bound", "to_bound": "to bound",
 }  # fmt: skip
 
 

@@ -16,6 +16,7 @@ PAPERS: Final = {"zhai": "launcher.reproduce.papers.zhai:PAPER"}
 """Where the runs of whole systems of each are, by name."""
 KERNELS: Final = {
     "ozfidan": "launcher.reproduce.papers.ozfidan:KERNELS",
+    "yang": "launcher.reproduce.papers.yang:KERNELS",
     "yu": "launcher.reproduce.papers.yu:KERNELS",
     "zhou": "launcher.reproduce.papers.zhou:KERNELS",
 }

@@ -1,0 +1,1 @@
+"""Whole runs of ``yang-ecpa``: sound, radio, heads and the base."""
