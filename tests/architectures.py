@@ -56,6 +56,26 @@ _MADE: Final = (
     "fusion.prior=none",
     "run.idle_s=10",
 )
+_NEAR: Final = (
+    "field={layout='pentagon',corner_m=10}",
+    "link={model='lognormal_prr',radio='802154-20dbm',ack=3,range_m=60}",
+    "run.idle_s=20",
+)
+"""Sensors in fives along the first minute of the track, those of neighbouring fives in reach of each other."""
+_PASSES: Final = (
+    *_NEAR,
+    'fusion.trackers=["ml"]',
+    "fusion.assumed_noise=4",
+    "fusion.max_age_s=2",
+    "target.step_s=0.5",
+    "target.steps=120",
+    "sensor={kind='cpa',time_sd_s=0.025,time_floor_m=8,distance_power=2,speed_power=1,strength_sd=0.03}",
+)
+_HEARD: Final = "architecture={kind='centralised',multihop=true},{kind='cpa'},{kind='cpa',interest_s=60}"
+_SEEN: Final = (
+    "architecture={kind='centralised',multihop=true},{kind='clusters',masters=20},"
+    "{kind='location-central',multihop=true}"
+)
 
 _MAIN: Final = (
     "RMSE at the base",
@@ -110,6 +130,8 @@ PARTS: Final = {
         Part("faults", "bus", _SHORT, (_KINDS, _FAULTS), 3),
         Part("speed", "bus", (*_BUS, "target.steps=50", "run.idle_s=20"), (_KINDS, "target.hasten=1,2"), 3),
         Part("density", "bus", _SHORT, (_KINDS, "field.spacing_m=40,50,70"), 3),
+        Part("passes", "bus", _PASSES, (_HEARD,), 3),
+        Part("bearings", "bus", (*_NEAR, *_SHORT[:-1]), (_SEEN,), 3),
         Part("nodes", "zhai-spcpf", _MADE, (_HOPS, "field.nodes=121,250,500,1000"), 2),
     )
 }
@@ -250,7 +272,7 @@ def _whole(choice: Choice) -> Iterator[str]:
         yield from head(["", *choice.settings])
         for purpose, cells in choice.powers:
             yield row([purpose, *(f"{present} / {idle}" for present, idle in cells)])
-    yield from ("", f"On the Pareto front of {', '.join(choice.decisive)}: **{table.front}**.")
+    yield from ("", f"On the Pareto front of {', '.join(choice.decisive)}: **{table.front or 'none'}**.")
     yield from ("", f"The same in all: {'; '.join(choice.same)}.")
     if choice.different:
         yield f"Not the same: {'; '.join(choice.different)}."

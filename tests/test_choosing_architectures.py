@@ -17,6 +17,7 @@ from trackfield.filters.trackers import TRACKERS
 from trackfield.scenario import Scenario
 from trackfield.scenario.architectures.centralised import Centralised
 from trackfield.scenario.architectures.clusters import Clusters
+from trackfield.scenario.architectures.cpa import Cpa
 from trackfield.scenario.architectures.peers import PeersSection
 from trackfield.scenario.sensors.own import OwnSensor
 
@@ -98,7 +99,9 @@ def test_each_value_of_each_key_is_valid(part: Part) -> None:
         assert len(values) > 1
         for value in values:
             found = Scenario.load(scenario.set_all({**first, key: value}).plain(), known_trackers=TRACKERS)
-            assert isinstance(found.architecture, Centralised | Clusters | PeersSection)  # others may be users' own
+            assert isinstance(
+                found.architecture, Centralised | Clusters | Cpa | PeersSection
+            )  # others may be users' own
             assert not isinstance(found.sensor, OwnSensor)
         assert parse_vary([f"{key}={','.join(map(toml, values))}"]) == {key: values}
 

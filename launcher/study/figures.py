@@ -70,6 +70,10 @@ FIGURES: Final = {
         Figure("ledger.lifetime_s.first_death", "first battery empty, target 1 % of the time", "s", "more"),
         Figure("ledger.lifetime_s.half_dead", "half of the batteries empty, target 1 % of the time", "s", "more"),
         Figure("channel.use_peak", "peak channel use", ""),
+        Figure("passes.fixes_per_pass", "fixes per pass", "", "more"),
+        Figure("passes.location_m.mean", "error of fixes, place", "m"),
+        Figure("passes.speed_m_s.mean", "error of fixes, speed", "m/s"),
+        Figure("passes.delay_s.mean", "delay of fixes", "s"),
     )
 }
 """By their keys."""

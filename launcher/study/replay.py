@@ -43,7 +43,7 @@ from trackfield.tracking.forwarding import Numbering, received
 from trackfield.tracking.stored import pack, unpack
 from trackfield.wire.codec import WireError, decode
 
-FUSED_ANEW: Final = ("trackers", "bound", "latency_ms")
+FUSED_ANEW: Final = ("trackers", "bound", "passes", "latency_ms")
 """Parts of metrics.json that depend on the trackers; all others stay as they were."""
 
 
@@ -230,7 +230,7 @@ class _Source:
         else:
             since, kept = self._stored
             self._tracks = self.bank.resume(unpack(kept).beliefs, since, until).tracks
-        known = self._stored is not None and self._tracks[0].track is not None
+        known = self._stored is not None and self._tracks[0].known
         start_ns = self._starts.get(one.life, one.told_ns if one.incarnation else 0)
         self._step = until
         yield from self._enter(start_ns, "coasting" if known else "waiting")

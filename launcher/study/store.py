@@ -58,7 +58,7 @@ def _with_contents(value: Any) -> Any:
     """The same, with the contents of each file instead of its name."""
     if isinstance(value, Mapping):
         return {
-            key: _contents(item) if key in ("file", "recording") else _with_contents(item)
+            key: _contents(item) if key in ("file", "recording", "sound") else _with_contents(item)
             for key, item in value.items()
         }
     return [_with_contents(item) for item in value] if isinstance(value, list) else value

@@ -34,6 +34,10 @@ COMPARED: Final = (
     "ledger.lifetime_s.first_death",
     "ledger.lifetime_s.half_dead",
     "channel.use_peak",
+    "passes.fixes_per_pass",
+    "passes.location_m.mean",
+    "passes.speed_m_s.mean",
+    "passes.delay_s.mean",
 )
 """The figures by which settings are compared, if any run has them."""
 DECISIVE: Final = (
