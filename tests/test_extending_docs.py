@@ -138,9 +138,9 @@ def test_installed_they_are_there_by_name(folder: Path) -> None:
     listed = python(elsewhere, "-m", "launcher.cli", "list", PYTHONPATH=str(folder)).stdout
     assert re.search(r"^trackers .*(\n +.*)*\bkalman$", listed, re.MULTILINE)
     assert re.search(
-        r"^architectures  centralised, clusters, location-central, elected, two-centres$", listed, re.MULTILINE
+        r"^architectures  centralised, clusters, location-central, elected, cpa, two-centres$", listed, re.MULTILINE
     )
-    assert re.search(r"^sensors +doa, range, rss, energy, sonar$", listed, re.MULTILINE)
+    assert re.search(r"^sensors +doa, range, rss, energy, cpa, sonar$", listed, re.MULTILINE)
     described = python(elsewhere, "-m", "launcher.cli", "list", "trackers", PYTHONPATH=str(folder)).stdout
     assert re.search(r"^kalman  .* \(kalman:Kalman\)$", described, re.MULTILINE)
     (command,) = re.findall(r"^trackfield (run zhai-spcpf .* sensor.kind=sonar .*)$", DOCS, re.MULTILINE)

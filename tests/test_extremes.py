@@ -115,6 +115,8 @@ def scenario(section: str, kind: str, values: dict[str, Any]) -> dict[str, Any]:
         base["fusion"] = {"trackers": ["ekf", "ukf"]}
     if section in ("backbone", "serial"):  # which needs processes that have it
         base["architecture"] = {"kind": "crying", "medium": section}
+    if (section, kind) == ("architecture", "cpa"):  # which needs such sensors
+        base |= {"sensor": {"kind": "cpa"}, "fusion": {"trackers": ["ml"]}}
     return base | {section: [whole] if about.many else whole}
 
 

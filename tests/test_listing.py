@@ -41,13 +41,18 @@ def described(text: str) -> dict[str, list[str]]:
     return found
 
 
+def joined(lines: list[str]) -> str:
+    """A list that may take several lines."""
+    return " ".join(lines)
+
+
 def test_without_a_kind_it_tells_the_scenarios_and_names_the_rest(trackfield: Call) -> None:
     said = trackfield("list")
     assert (said.code, said.err) == (0, "")
     scenarios, others, how = said.out.split("\n\n")
     assert described(scenarios) == {name: [summary(name)] for name in names()}
     assert list(described(others)) == [name for name in KINDS if name != "scenarios"]
-    assert described(others)["trackers"] == [", ".join(TRACKERS)]
+    assert joined(described(others)["trackers"]) == ", ".join(TRACKERS)
     assert described(others)["links"] == [", ".join(sections_of_file()["link"].kinds)]
     assert "trackfield list KIND" in how
 
@@ -59,11 +64,11 @@ def test_each_kind_says_of_all_its_members_what_they_are(trackfield: Call, kind:
     found = described(said.out)
     scenarios, others, _ = trackfield("list").out.split("\n\n")
     named = {"scenarios": [", ".join(described(scenarios))], **described(others)}
-    assert named[kind] == [", ".join(found)]
+    assert joined(named[kind]) == ", ".join(found)
     for name, (what, *parameters) in found.items():
         assert len(what) > 8, name
         assert "``" not in what
-        assert len(parameters) <= 2  # lines; all but the longest list fit into one
+        assert len(parameters) <= 3  # lines; all but the longest lists fit into one
 
 
 def test_parameters_stand_below_with_their_defaults(trackfield: Call) -> None:

@@ -25,7 +25,7 @@ from trackfield.wire.listed import packed
 from trackfield.wire.messages import Range, SyncReply, SyncRequest
 from trackfield.wire.peers import Claim, HeadEstimate, JoinClaim, Poll, Result
 
-KINDS = [known for known in registry.product_kinds() if known.number >= 30]
+KINDS = [known for known in registry.product_kinds() if 30 <= known.number < 60]
 NODES = [f"n{number:02}" for number in range(6)]
 SENDERS = (BASE, *NODES, "nobody")
 SYNC = {"reference": BASE, "exchanges": 1, "resync_ns": 5 * NS, "timeout_ns": 100 * MS, "seed": 1}

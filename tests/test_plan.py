@@ -213,9 +213,9 @@ def test_a_queue_is_the_processes_and_acknowledgements_are_the_links() -> None:
     assert "queue" not in plan.run.link
     assert plan.run.link["acks"] == {"doa": 5, "sync-reply": 0}
     assert made().run.queue() == 32
-    message = refused("link={model='csma154', acks={daa = 5}}")
+    message = refused("link={model='csma154', acks={dooa = 5}}")
     assert message.startswith(
-        "link.acks: there is no message 'daa'; did you mean doa?; expected names of messages: doa"
+        "link.acks: there is no message 'dooa'; did you mean doa?; expected names of messages: doa"
     )
 
 

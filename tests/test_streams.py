@@ -63,7 +63,7 @@ def test_a_terminal_that_goes_away_does_not_end_a_run_that_ignores_it(driver: st
         ("run zhai-spcpf --virtual --quiet --json --set target.steps=2 --out mine | true", 141, ""),
         ("list > /dev/full", 1, "trackfield: what should go to stdout was lost (No space left on device)\n"),
         ("list >&-", 0, ""),
-        ("lst | true", 2, "trackfield: No such command 'lst'. Did you mean 'list'?; see trackfield --help\n"),
+        ("lst | true", 2, "trackfield: No such command 'lst'. Did you mean 'list', 'listen'?; see trackfield --help\n"),
     ],
 )
 def test_what_nobody_reads(command: str, code: int, err: str, tmp_path: Path) -> None:
