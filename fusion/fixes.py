@@ -11,7 +11,6 @@ import numpy as np
 from trackfield.filters.belief import Belief, dimension, moments
 from trackfield.filters.measurement import STATE
 from trackfield.filters.passes.types import REASONS
-from trackfield.filters.solving.solver import Solver
 from trackfield.filters.types import Estimate, Reports
 from trackfield.role import NS, TrackPoint
 from trackfield.tracking.bank import Bank
@@ -82,17 +81,6 @@ def ended_of(fix: Fix, bank: Bank) -> dict[str, Ended]:
         name: Ended(bank.at_ns(fix.step) - round(_early_s(fix, bank, one) * NS), why if one is None else "")
         for name, one in beliefs.items()
     }
-
-
-def over(fix: Fix, bank: Bank, step: int) -> set[str]:
-    """The trackers that solve whose fix is too old at a step to be predicted: a head would not do so either."""
-    held_ns = {
-        name: round(one.following.tracker.hold_s * NS)
-        for name, one in bank.trackers.items()
-        if isinstance(one.following.tracker, Solver)
-    }
-    now = bank.at_ns(step)
-    return {name for name, ended in ended_of(fix, bank).items() if now - ended.at_ns > held_ns.get(name, now)}
 
 
 def _early_s(fix: Fix, bank: Bank, belief: Belief | None) -> float:

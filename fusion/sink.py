@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 
 import msgpack
 
-from fusion.fixes import Ended, Fix, ended_of, over, read
+from fusion.fixes import Ended, Fix, ended_of, read
 from fusion.splines import Kept, Splines
 from trackfield.protocols.association.admitting import Admitting, Members
 from trackfield.protocols.interest.interests import Wanted
@@ -261,9 +261,7 @@ class Sink:
         if fix.step > step:
             return []
         points = self.bank.resume(fix.beliefs, fix.step, step).points if fix.step < step else fix.points(self.bank)
-        old = over(fix, self.bank, step)
-        fresh = [one for one in points if one.tracker not in old]
-        return [replace(one, term=fix.step, origin=fix.head, known_step=fix.step) for one in fresh]
+        return [replace(one, term=fix.step, origin=fix.head, known_step=fix.step) for one in points]
 
     def _none(self, tracker: str, step: int) -> TrackPoint:
         return TrackPoint(tracker, self.bank.target, self.bank.at_ns(step), "waiting", step=step)

@@ -183,7 +183,7 @@ def detected() -> Iterator[str]:
         time_sd, amplitude_sd = (pstdev(one[i] for one in some) for i in (1, 2))
         yield (
             f"| {low:.0f} to {high:.0f} m | {len(some)} | {1e3 * time_sd:.0f} ms "
-            f"| {1e3 * sensing._time_sd(middle, SPEED_M_S):.0f} ms | {10 ** (amplitude_sd / 20) - 1:.1%} |"
+            f"| {1e3 * sensing.time_sd(middle, SPEED_M_S):.0f} ms | {10 ** (amplitude_sd / 20) - 1:.1%} |"
         )
 
 

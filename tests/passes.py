@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trackfield.filters.passes.cpa import angles
 from trackfield.filters.passes.types import Passes
 from trackfield.filters.types import Array
 
@@ -23,6 +24,11 @@ class Trials(NamedTuple):
     time_s: Array
     true_places: Array
     passes: Passes
+
+
+def angles_as_printed(difference: Array, delta: Array, mach: Array) -> Array:
+    """``angles`` by eq. 19 as printed: (-xi + eta / M) cos phi + (-eta - xi / M) sin phi = delta."""
+    return -angles(difference * [-1.0, 1.0], delta, mach)
 
 
 def paths(rng: np.random.Generator, number: int, places: Array, speed: float, least_m: float) -> Array:

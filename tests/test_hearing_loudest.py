@@ -34,8 +34,8 @@ def outcomes(field: Field, by: str = BASE) -> list[str]:
     return ["fix" if not point.refused else point.refused for point in field.events(by)]
 
 
-def exact(field: Field, line: Line = LINE, by: str = BASE) -> None:
-    away_m, off = field.error(line, by)
+def exact(field: Field, line: Line = LINE) -> None:
+    away_m, off = field.error(line)
     assert away_m < 0.1
     assert off < 0.02
 
@@ -166,7 +166,7 @@ def test_when_it_dies_while_it_gathers_the_next_one_takes_over() -> None:
     field.until(26)
     assert heads(field) == ["n03", "n00"]
     assert outcomes(field) == ["fix"]
-    exact(field, by="n00")  # at the base it is too old to be predicted
+    exact(field)
     took_ns = next(t_ns for t_ns, id, note in field.notes if note.startswith("n00 leads: "))
     assert took_ns - since_ns <= 2 * GATHER_NS + CLOSE_NS + TURN_NS + 100 * MS
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.passes import PENTAGON, SOUND, heard, trials
+from tests.passes import PENTAGON, SOUND, angles_as_printed, heard, trials
 from trackfield.filters.passes.bounds import line_errors
-from trackfield.filters.passes.cpa import Far, angles, angles_as_printed, joint, mach_number
+from trackfield.filters.passes.cpa import Far, angles, joint, mach_number
 from trackfield.filters.passes.ecpa import Differences, ecpa
 from trackfield.filters.passes.geometry import across, line_of, state
 from trackfield.filters.passes.slope import direction, located_by_two

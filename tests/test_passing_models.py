@@ -6,14 +6,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from trackfield.models.passing import (
-    SLOWEST_M_S,
-    distances,
-    distances_and_slopes,
-    time_sd,
-    times,
-    times_and_slopes,
-)
+from trackfield.models.noise import SLOWEST_M_S, time_sd
+from trackfield.models.passing import distances, distances_and_slopes, times, times_and_slopes
 
 SENSORS = np.array([(0.0, 0.0), (30.0, -5.0), (-12.0, 40.0)])
 FAST = np.array([(-40.0, 7.0, 13.4, 2.0), (12.0, -30.0, -3.0, 25.0), (5.0, 5.0, 1.0, -2.0)])
@@ -92,7 +86,7 @@ def test_runs_have_sensors_of_their_own():
 
 
 def test_the_noise_of_times_grows_with_distance_and_falls_with_speed():
-    given = {"sd": 0.1, "floor_m": 3.0, "at_m": 12.0}
+    given = {"sd": 0.1, "floor_m": 3.0, "at_m": 12.0, "larger": np.maximum}
     assert time_sd(np.array(12.0), np.array(13.4), p=1.0, q=3.3, **given) == pytest.approx(0.1)
     assert time_sd(np.array([1.0, 3.0, 24.0]), np.array(13.4), p=1.0, q=0.0, **given) == pytest.approx(
         [0.025, 0.025, 0.2]
@@ -102,6 +96,12 @@ def test_the_noise_of_times_grows_with_distance_and_falls_with_speed():
     )
     assert time_sd(np.array(5.0), np.array([5.0, 0.0]), p=0.0, q=0.0, **given) == pytest.approx([0.1, 0.1])
     assert np.isfinite(time_sd(np.array(0.0), np.array(0.0), p=1.0, q=3.3, **given))
+
+
+def test_the_noise_of_a_single_time_is_that_of_an_array_of_one():
+    law = {"sd": 0.1, "floor_m": 3.0, "at_m": 12.0, "p": 1.5, "q": 2.0}
+    for d, speed in product((1.0, 24.0), (0.1, 20.0)):
+        assert time_sd(d, speed, **law) == time_sd(np.array([d]), np.array([speed]), **law, larger=np.maximum)[0]
 
 
 def _differences(function, states):

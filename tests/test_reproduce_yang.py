@@ -30,7 +30,8 @@ from launcher.reproduce.papers.yang.trials.setups import FAIL, LAWS, SPEEDS, SWE
 from launcher.reproduce.papers.yang.whole import roles
 from launcher.reproduce.papers.yang.words import TITLES
 from launcher.reproduce.tables import UNKNOWN, Claim
-from trackfield.filters.passes.cpa import angles, angles_as_printed
+from tests.passes import angles_as_printed
+from trackfield.filters.passes.cpa import angles
 from trackfield.models import passing
 
 # --- field and trials -------------------------------------------------------------------------------------------------

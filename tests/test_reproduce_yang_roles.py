@@ -13,7 +13,7 @@ from launcher.reproduce.papers.yang.figures.runs import fig12
 from launcher.reproduce.papers.yang.published import FIELD
 from launcher.reproduce.papers.yang.scores import KINDS, mean_error
 from launcher.reproduce.papers.yang.trials.field import MPH, SPEED, Setup
-from launcher.reproduce.papers.yang.whole.roles import ARGMAX, DIRECTIONS, EVEN, FIT, TABLE_1, WAYS
+from launcher.reproduce.papers.yang.whole.roles import ARGMAX, DIRECTIONS, FIT, TABLE_1, UNTOLD, WAYS
 from launcher.reproduce.papers.yang.whole.runs import SCENARIO, TRACKERS, passes_of, run
 from launcher.reproduce.papers.yang.whole.tables import TITLES, claims, parts, tables, way_errors
 from trackfield.scenario import Scenario
@@ -62,7 +62,7 @@ def test_the_field_table_has_the_means_of_the_paper() -> None:
 
 
 def test_what_is_said_of_runs(modelled: Figures, tmp_path: Path) -> None:
-    found = Found(2, dict.fromkeys((ARGMAX, FIT, EVEN), modelled))
+    found = Found(2, dict.fromkeys((ARGMAX, FIT, UNTOLD), modelled))
     assert [title for title, _ in parts(found)] == list(TITLES.values())
     assert parts(Found(2, {})) == [] and claims(Found(2, {})) == []
     assert {row.case for row in tables(found)["roles"]} == set(WAYS)
@@ -70,7 +70,7 @@ def test_what_is_said_of_runs(modelled: Figures, tmp_path: Path) -> None:
     assert text.count("\n") == 1 + len(TABLE_1)
     location = way_errors(found, "fit + ml", "location")
     assert f"{location[0, 0]:.3g} / " in text.splitlines()[2] and f"{location[1, 0]:.3g} / " in text.splitlines()[3]
-    nowhere = Found(2, dict.fromkeys((ARGMAX, FIT, EVEN), modelled | {"location ml": np.full((2, 4), np.nan)}))
+    nowhere = Found(2, dict.fromkeys((ARGMAX, FIT, UNTOLD), modelled | {"location ml": np.full((2, 4), np.nan)}))
     assert dict(parts(nowhere))[TITLES["table 1"]].count("no fix") == len(TABLE_1)
     fig12(found).savefig(tmp_path / "fig12.png")
     assert (tmp_path / "fig12.png").exists()
@@ -81,6 +81,6 @@ def test_verdicts_follow_the_figures(modelled: Figures, factor: float, told: lis
     spread = 0.9 + 0.2 * np.random.default_rng(2).random((40, 4))
     limits = dict(zip(KINDS, (0.6, 0.15, np.radians(1.0)), strict=True))
     figures = {f"{kind} {name}": factor * limits[kind] * spread for kind in KINDS for name in TRACKERS}
-    found = Found(40, dict.fromkeys((ARGMAX, FIT, EVEN), modelled | figures))
+    found = Found(40, dict.fromkeys((ARGMAX, FIT, UNTOLD), modelled | figures))
     assert mean_error(way_errors(found, "fit + ml", "heading")).value == pytest.approx(factor, rel=0.05)
     assert [claim.verdict for claim in claims(found)] == told

@@ -112,21 +112,11 @@ def of_bearings(step: int, sensors: tuple[str, ...], positions: Array, bearings:
 
 
 class PassNoise(Protocol):
-    """The noise of reports of passes, as a kind's options have it (``trackfield/models/passing.time_sd``)."""
+    """The noise of reports of passes, as a kind's options have it (``trackfield/models/noise.py``)."""
 
     @property
     def time_sd_s(self) -> float:
-        """The sd of times at ``time_at_m`` and 30 mph."""
-        ...
-
-    @property
-    def time_floor_m(self) -> float:
-        """Nearer than this (m) the sd of times is as here."""
-        ...
-
-    @property
-    def time_at_m(self) -> float:
-        """The distance (m) for which it is given."""
+        """The sd of times, at one distance and 30 mph if it depends on them."""
         ...
 
     @property
@@ -137,6 +127,10 @@ class PassNoise(Protocol):
     @property
     def speed_power(self) -> float:
         """With which power of the speed it falls."""
+        ...
+
+    def time_sd(self, away_m: Array, speed_m_s: Array, *, larger: Callable[[Array, float], Array]) -> Array:
+        """The sd (s) of times at these distances and speeds, which broadcast; ``larger`` is ``numpy.maximum``."""
         ...
 
     @property

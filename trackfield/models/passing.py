@@ -15,13 +15,11 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from trackfield.models.noise import SLOWEST_M_S
+
 Array = npt.NDArray[np.float64]
 
-SLOWEST_M_S: Final = 0.5
-"""The lowest speed (m/s) of a target that passes anything: half of a walker's."""
-USUAL_M_S: Final = 13.4
-"""The speed (30 mph) at which the noise of times is given; Yang et al., section 5."""
-_NEAR_M = 1e-6  # on the target's line the direction to it is undefined; this keeps it finite
+_NEAR_M: Final = 1e-6  # on the target's line the direction to it is undefined; this keeps it finite
 
 
 class _Passes(NamedTuple):
@@ -65,16 +63,6 @@ def distances_and_slopes(x: Array, at: Array) -> tuple[Array, Array]:
     """The distances (..., K), and their derivatives (..., K, n) with respect to x."""
     passes = _passes(x, at)
     return passes.away, _slopes_away(passes, x.shape[-1])
-
-
-def time_sd(d: Array, speed: Array, *, sd: float, floor_m: float, at_m: float, p: float, q: float) -> Array:
-    """The sd (s) of a reported time at the distance ``d`` (m) and ``speed`` (m/s), arrays that broadcast.
-
-    sd (max(d, floor_m) / at_m)^p (13.4 / speed)^q: at ``at_m`` and 30 mph it is ``sd``.
-    """
-    far: Array = np.power(np.maximum(d, floor_m) / at_m, p)
-    slow: Array = np.power(USUAL_M_S / np.maximum(speed, SLOWEST_M_S), q)
-    return sd * far * slow
 
 
 def _passes(x: Array, at: Array) -> _Passes:

@@ -13,6 +13,7 @@ from functools import partial
 from math import dist, hypot, inf, log, log10, sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
+from trackfield.models.noise import SLOWEST_M_S, USUAL_M_S, T, time_sd
 from trackfield.models.unknowns import Unknown
 from trackfield.sensing.complete import closest
 from trackfield.sensing.listening import Audible, Hear, hearing
@@ -25,17 +26,13 @@ if TYPE_CHECKING:
 
 _NS: Final = 1_000_000_000
 KNOWN_NS: Final = _NS
-"""So long after a target was loudest its sensor knows that it was (spec: 1 s of audio after the peak)."""
+"""So long after a target was loudest its sensor knows that it was (trackfield/acoustics/listener.py)."""
 LEAD_S: Final = 5.0
 """So much of the sound before a target comes within range is heard, too."""
-REFERENCE_M_S: Final = 13.4
-"""The speed for which the noise of times is given."""
-SLOWEST_M_S: Final = 0.5
-"""A slower target has the noise of this speed."""
 NEAREST_M: Final = 1.0
 """A target that is nearer is as loud as here."""
 WIDTH_SD: Final = 0.05
-"""The relative standard deviation of a pulse's width (spec: 3 to 10 %)."""
+"""The relative standard deviation of a pulse's width."""
 DB: Final = 20.0 / log(10.0)
 """dB of amplitude in a unit of its natural logarithm."""
 LONGEST_S: Final = 6.0
@@ -120,7 +117,7 @@ class Cpa:
     @property
     def sd(self) -> tuple[float, ...]:
         """See ``Sensing``: that in the middle of its range, at 13.4 m/s."""
-        time_sd_s = self._time_sd(self.range_m / 2.0, REFERENCE_M_S)
+        time_sd_s = self.time_sd(self.range_m / 2.0, USUAL_M_S)
         return (time_sd_s, self._strength_sd_db) if self.use_strength else (time_sd_s,)
 
     @property
@@ -165,11 +162,11 @@ class Cpa:
     def _strength_sd_db(self) -> float:
         return DB * self.strength_sd
 
-    def _time_sd(self, away_m: float, speed_m_s: float) -> float:
-        """Spec, noise: sigma_t = s (max(d, floor) / d_ref)^p (13.4 / v)^q."""
-        grown = (max(away_m, self.time_floor_m) / self.time_at_m) ** self.distance_power
-        slower = (REFERENCE_M_S / max(speed_m_s, SLOWEST_M_S)) ** self.speed_power
-        return float(self.time_sd_s * grown * slower)
+    def time_sd(self, away_m: T, speed_m_s: T, *, larger: Any = max) -> T:
+        """The sd (s) of the time of a pass, or of arrays of them (``trackfield/models/noise.py``)."""
+        near = {"floor_m": self.time_floor_m, "at_m": self.time_at_m}
+        powers = {"p": self.distance_power, "q": self.speed_power}
+        return time_sd(away_m, speed_m_s, sd=self.time_sd_s, **near, **powers, larger=larger)
 
     def _strength_db(self, away_m: float) -> float:
         return self.source_db - 20.0 * log10(max(away_m, NEAREST_M))
@@ -182,7 +179,7 @@ class Cpa:
         if not passes:
             return None
         away_m, speed_m_s = min(passes)
-        time_sd_s = self._time_sd(away_m, speed_m_s)
+        time_sd_s = self.time_sd(away_m, speed_m_s)
         time_s = -KNOWN_NS / _NS + time_sd_s * normals[0]
         strength_db = self._strength_db(away_m) + self._strength_sd_db * normals[1]
         width_s = away_m / max(speed_m_s, SLOWEST_M_S) * (1.0 + WIDTH_SD * normals[2])
@@ -233,8 +230,8 @@ class Cpa:
     def invented(self, fault: str, threshold: float, uniform: Uniform) -> Numbers:
         """See ``Full``: the pass of a target at 13.4 m/s, anywhere within range."""
         away_m = self.range_m * sqrt(uniform("distance"))
-        sds = (self._time_sd(away_m, REFERENCE_M_S), self._strength_sd_db) if self.variances else ()
-        return (-KNOWN_NS / _NS, self._strength_db(away_m), away_m / REFERENCE_M_S, *sds)
+        sds = (self.time_sd(away_m, USUAL_M_S), self._strength_sd_db) if self.variances else ()
+        return (-KNOWN_NS / _NS, self._strength_db(away_m), away_m / USUAL_M_S, *sds)
 
     def values(self, message: Any) -> Numbers:
         """See ``Full``: the time is relative to the instant of the report's step."""
@@ -294,8 +291,7 @@ class Cpa:
 
         away = passing.distances(x, at)
         speed = np.maximum(np.hypot(x[..., 2], x[..., 3]), SLOWEST_M_S)[..., None]
-        powers = {"p": self.distance_power, "q": self.speed_power}
-        sd = passing.time_sd(away, speed, sd=self.time_sd_s, floor_m=self.time_floor_m, at_m=self.time_at_m, **powers)
+        sd = self.time_sd(away, speed, larger=np.maximum)
         time = sd**2 + (self.place_sd_m / speed) ** 2
         if not self.use_strength:
             return time[..., None]

@@ -79,12 +79,6 @@ def angles(difference: Array, delta: Array, mach: Array) -> Array:
     return _both(xi + eta / mach, eta - xi / mach, delta[..., None])
 
 
-def angles_as_printed(difference: Array, delta: Array, mach: Array) -> Array:
-    """The same by eq. 19 as printed: (-xi + eta / M) cos phi + (-eta - xi / M) sin phi = delta."""
-    xi, eta = difference[..., 0, None], difference[..., 1, None]
-    return _both(-xi + eta / mach, -eta - xi / mach, delta[..., None])
-
-
 def _both(p: Array, q: Array, delta: Array) -> Array:
     """The two solutions of p cos phi + q sin phi = delta, on a new last axis; NaN if there is none."""
     share = delta / np.hypot(p, q)

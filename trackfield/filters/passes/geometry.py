@@ -35,23 +35,6 @@ def arrivals(line: Array, at: Array, sound_m_s: float) -> Array:
     return t
 
 
-def across_slopes(line: Array, at: Array) -> Array:
-    """dq/dline (..., K, 4)."""
-    g = line[..., 1:3]
-    slowness = np.linalg.norm(g, axis=-1)[..., None, None]
-    e = unit(g)
-    turn = -dot(at, e)[..., None] * right(e)[..., None, :] / slowness
-    return np.concatenate((np.zeros((*turn.shape[:-1], 1)), turn, -np.ones((*turn.shape[:-1], 1))), axis=-1)
-
-
-def arrival_slopes(line: Array, at: Array, sound_m_s: float) -> Array:
-    """dt/dline (..., K, 4)."""
-    slopes: Array = across_slopes(line, at) * (np.sign(across(line, at)) / sound_m_s)[..., None]
-    slopes[..., 0] += 1.0
-    slopes[..., 1:3] += at
-    return slopes
-
-
 def state(line: Array) -> Array:
     """(..., 4) x, y, vx, vy from the origin at the time T of the line."""
     g = line[..., 1:3]

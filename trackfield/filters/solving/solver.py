@@ -22,7 +22,7 @@ from trackfield.filters.passes.solve import solve
 from trackfield.filters.passes.types import FEW, REASONS, Passes, Solved
 from trackfield.filters.solving.events import Ended, Event, Events, Pass, mean_time_s, passes_of
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
-from trackfield.models.passing import distances, time_sd
+from trackfield.models.passing import distances
 from trackfield.options import Within
 
 PER_DB: Final = math.log(10.0) / 20.0
@@ -31,7 +31,7 @@ Seconds = Annotated[float, Within(0.1, 600)]
 
 
 class Fix(NamedTuple):
-    """What an event told: the ``belief`` (4,) predicted to the instant of the state, ``age_s`` after the event."""
+    """What an event told: the ``belief`` (4,), predicted to the instant of the state, ``age_s`` after that ended."""
 
     belief: Gaussian
     age_s: float
@@ -66,7 +66,7 @@ class Solver:
 
     An event is over ``close_s`` after its last report if there are ``least``, at ``most`` reports, and when all sensors
     have reported; reports more than ``apart_s`` apart are of different events. Reports whose chi^2 is above ``gate``
-    are not those of a pass. After ``hold_s`` without a fix there is no estimate.
+    are not those of a pass. A fix is predicted for ``hold_s`` after its event ended.
     """
 
     needs: ClassVar[tuple[str, ...]] = ("one kind", PASSES)
@@ -76,7 +76,7 @@ class Solver:
     most: Annotated[int, Within(3, 64)] = 8
     least: Annotated[int, Within(3, 64)] = 4
     apart_s: Seconds = 5.0
-    hold_s: Seconds = 10.0
+    hold_s: Seconds = 7.0
     gate: Annotated[float, Within(1, 1e6)] = 20.5
 
     def begin(self, model: Model) -> Solving:
@@ -122,7 +122,7 @@ class Solver:
         time_s = float(found.time_s)
         belief = Gaussian(found.mean, repaired(symmetric(found.covariance)))
         closed = Closed(time_s, "", passes, tuple(found.used.tolist()))
-        return closed, Fix(ahead(belief, -time_s, dt, model.sigma_v), -time_s)
+        return closed, Fix(ahead(belief, -time_s, dt, model.sigma_v), 0.0)
 
     def _solved(self, model: Model, passes: tuple[Pass, ...]) -> Solved:
         """The solution; if the noise of times depends on the path, a second one with that of the first.
@@ -138,10 +138,8 @@ class Solver:
         found = self._once(model, given, math.inf)
         if found.reason:
             return found
-        powers = {"p": noise.distance_power, "q": noise.speed_power}
         away, speed = distances(found.mean, given.places), np.hypot(*found.mean[2:])
-        near = {"floor_m": noise.time_floor_m, "at_m": noise.time_at_m}
-        time_sd_s = time_sd(away, speed, sd=noise.time_sd_s, **near, **powers)
+        time_sd_s = noise.time_sd(away, speed, larger=np.maximum)
         return self._once(model, given._replace(time_sd_s=time_sd_s), self.gate)
 
     def _once(self, model: Model, passes: Passes, gate: float) -> Solved:

@@ -17,6 +17,7 @@ from launcher.reproduce.papers.yang.trials.sensitivity import C
 from trackfield.filters.passes.types import Passes
 from trackfield.filters.types import Array
 from trackfield.models import passing
+from trackfield.models.noise import time_sd
 
 JITTER: Final = np.array([[0.05, -0.08], [0.10, 0.05], [-0.08, 0.10], [0.06, -0.05], [-0.10, 0.02]])
 """How far each node is from the corner of a regular pentagon, in units of its radius."""
@@ -63,7 +64,7 @@ class Setup:
     def time_sd(self, distances: Array) -> Array:
         """The sd (s) of the times of passes at these distances (m)."""
         law = {"sd": self.time_s, "floor_m": FLOOR_M, "at_m": self.at_m, "p": self.p, "q": self.q}
-        return passing.time_sd(distances, np.array(self.speed), **law)
+        return time_sd(distances, np.array(self.speed), **law, larger=np.maximum)
 
     @property
     def place_sd_m(self) -> float:

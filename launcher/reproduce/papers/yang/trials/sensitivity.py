@@ -39,12 +39,6 @@ def angle_error(alpha: Array, phi: Array, given: Paper = PAPER) -> Array:
     return np.asarray(above / (given.apart_m * (a1 * np.sin(phi) + a2 * np.cos(phi))))
 
 
-def angle_error_small_mach(alpha: Array, phi: Array, given: Paper = PAPER) -> Array:
-    """The same for M far below 1; eq. 25."""
-    above = given.place_m * np.sin(alpha - phi) - given.speed * given.time_s
-    return np.asarray(above / (given.apart_m * np.cos(alpha - phi)))
-
-
 def angle_error_of_times(alpha: Array, phi: Array, given: Paper = PAPER) -> Array:
     """The error of phi (rad) if places are exact, without its sign; eq. 26."""
     return np.abs(angle_error(alpha, phi, given._replace(place_m=0.0)))

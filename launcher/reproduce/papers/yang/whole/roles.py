@@ -16,11 +16,11 @@ from launcher.reproduce.papers.yang.whole.runs import run
 MOST: Final = 25
 """Runs of each, of four passes; one takes 6 s of processor time."""
 ROLES: Final = ", roles"
-ARGMAX, FIT, EVEN = f"argmax{ROLES}", f"fit{ROLES}", f"fit without sds{ROLES}"
+ARGMAX, FIT, UNTOLD = f"argmax{ROLES}", f"fit{ROLES}", f"fit without sds{ROLES}"
 _CHANGES: Final[Mapping[str, Mapping[str, Any]]] = {
     ARGMAX: {"sensor.detector": "argmax"},
     FIT: {"sensor.detector": "fit", "sensor.variances": True},
-    EVEN: {"sensor.detector": "fit"},
+    UNTOLD: {"sensor.detector": "fit"},
 }
 EXPERIMENTS: Final = {
     name: Experiment(partial(run, changes), batch=1, most=MOST, roles=True) for name, changes in _CHANGES.items()
@@ -29,9 +29,9 @@ WAYS: Final[Mapping[str, tuple[str, str]]] = {
     "argmax + ecpa": (ARGMAX, "ecpa"),
     "fit + ecpa": (FIT, "ecpa"),
     "fit + ml": (FIT, "ml"),
-    "fit without sds + ml": (EVEN, "ml"),
+    "fit without sds + ml": (UNTOLD, "ml"),
 }
-"""Experiment and tracker by name: detector and solver. Without sds, the head takes all reports to be as exact."""
+"""Experiment and tracker by name: detector and solver. Without sds, the head goes by what the scenario says of it."""
 DIRECTIONS: Final = ("AC", "CA", "BD", "DB")
 """Of the passes of a run, in their order."""
 
