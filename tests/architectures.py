@@ -74,7 +74,7 @@ _PASSES: Final = (
 _HEARD: Final = "architecture={kind='centralised',multihop=true},{kind='cpa'},{kind='cpa',interest_s=60}"
 _SEEN: Final = (
     "architecture={kind='centralised',multihop=true},{kind='clusters',masters=20},"
-    "{kind='location-central',multihop=true}"
+    "{kind='location-central',multihop=true},{kind='elected',multihop=true}"
 )
 
 _MAIN: Final = (
