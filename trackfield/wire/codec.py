@@ -9,7 +9,7 @@ import msgpack
 from trackfield.wire.error import WireError
 from trackfield.wire.registry import MAX_BYTES, check_size, kind_by_number, kind_of
 
-__all__ = ["MAX_BYTES", "VERSION", "WireError", "decode", "encode", "kind_name"]
+__all__ = ["MAX_BYTES", "VERSION", "WireError", "decode", "decoded", "encode", "kind_name"]
 
 VERSION: Final = 1
 
@@ -48,6 +48,14 @@ def decode(data: bytes) -> Any:
     kind = kind_by_number(number)
     check_size(kind.name, len(data))
     return kind.unpack(values)
+
+
+def decoded(data: bytes) -> Any:
+    """The same, but None for what is no message."""
+    try:
+        return decode(data)
+    except WireError:
+        return None
 
 
 def kind_name(message: object) -> str:

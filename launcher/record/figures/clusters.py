@@ -13,7 +13,7 @@ from trackfield.drivers.engine.frames import RANK_FRAME
 from trackfield.protocols.association.joining import NO_PLACE
 from trackfield.role import State
 from trackfield.wire.clusters import Admit
-from trackfield.wire.codec import WireError, decode
+from trackfield.wire.codec import decoded
 
 NOTHING: Final[Mapping[str, Any]] = {"members": {}, "orphans_first": None, "orphans_last": None, "overheard": 0}
 
@@ -49,7 +49,7 @@ def admitted(plan: Plan, rows: Iterable[MessageRow]) -> tuple[dict[str, str], in
     for row in rows:
         if row.kind != "admit" or row.dst not in numbers or not row.delivered or row.due_ns is None:
             continue
-        admit = known[row.payload] = known.get(row.payload) or _decoded(row.payload)
+        admit = known[row.payload] = known.get(row.payload) or decoded(row.payload)
         if not isinstance(admit, Admit):
             continue
         if admit.sensor != numbers[row.dst]:
@@ -57,13 +57,6 @@ def admitted(plan: Plan, rows: Iterable[MessageRow]) -> tuple[dict[str, str], in
         elif row.outcome == "delivered" and admit.place != NO_PLACE:
             found[row.dst] = max(found.get(row.dst, (-1, "")), (row.due_ns, row.src))
     return {id: master for id, (_, master) in found.items()}, overheard
-
-
-def _decoded(payload: bytes) -> Any:
-    try:
-        return decode(payload)
-    except WireError:
-        return None
 
 
 def _states(ledger: Ledger, ids: Iterable[str], t_ns: int) -> dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from launcher.records import MessageRow
 from trackfield.protocols.collection.links import text_of
-from trackfield.wire.codec import WireError, decode, kind_name
+from trackfield.wire.codec import decoded, kind_name
 from trackfield.wire.messages import Hop
 
 USED: Final = ("delivered", "late")
@@ -47,12 +47,12 @@ def _journeys(bases: set[str], rows: Iterable[MessageRow]) -> Iterator[tuple[int
     """(hops, the message from its origin to the base) of each message that was sent over a tree."""
     found: dict[tuple[bytes, int], list[tuple[Hop, MessageRow]]] = {}
     for row in sorted((row for row in rows if row.kind == "hop"), key=lambda row: row.sent_ns):
-        hop = _decoded(row.payload)
+        hop = decoded(row.payload)
         if isinstance(hop, Hop) and hop.message and not hop.to:
             found.setdefault((hop.origin, hop.number), []).append((hop, row))
     for frames in found.values():
         hop, first = frames[0]
-        inner = _decoded(hop.message)
+        inner = decoded(hop.message)
         if hop.hops or inner is None or text_of(hop.origin) != first.src:
             continue
         last, end = next((one for one in frames if one[1].dst in bases and one[1].outcome in USED), frames[-1])
@@ -60,11 +60,3 @@ def _journeys(bases: set[str], rows: Iterable[MessageRow]) -> Iterator[tuple[int
         sent = replace(first, kind=kind_name(inner), payload=hop.message, bytes=len(hop.message))
         due_ns = end.due_ns if outcome in USED else None
         yield last.hops + 1, replace(sent, dst=end.dst, outcome=outcome, due_ns=due_ns)
-
-
-def _decoded(payload: bytes) -> Any:
-    """The message in a payload; None if it is malformed."""
-    try:
-        return decode(payload)
-    except WireError:
-        return None

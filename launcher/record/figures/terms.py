@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from launcher.records import MessageRow
 from trackfield.wire.clusters import HandOver, HandOverAck, Merge, Share, Wake
-from trackfield.wire.codec import WireError, decode
+from trackfield.wire.codec import decoded
 from trackfield.wire.peers import Claim, Dissolve, HeadEstimate, Poll, Result
 
 KINDS: Final = frozenset(
@@ -151,17 +151,9 @@ def said(frames: Iterable[MessageRow], found: Seen | None = None) -> Iterable[tu
         if row.kind not in KINDS:
             continue
         if row.payload not in known:
-            known[row.payload] = _decoded(row.payload)
+            known[row.payload] = decoded(row.payload)
         if known[row.payload] is not None:
             yield row, known[row.payload]
-
-
-def _decoded(payload: bytes) -> Any:
-    """The message in a payload; None if it is malformed."""
-    try:
-        return decode(payload)
-    except WireError:
-        return None
 
 
 def turns(found: Seen) -> list[Turn]:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from launcher.heard import Report
 from launcher.records import SENSES, MessageRow, Plan
 from trackfield.role import NS
-from trackfield.wire.codec import WireError, decode
+from trackfield.wire.codec import decoded
 from trackfield.wire.interests import Data
 from trackfield.wire.passes import CpaReport, CpaReportSds, FixReport
 from trackfield.wire.raw import unpack
@@ -54,9 +54,9 @@ def _messages(frames: Iterable[MessageRow]) -> Iterator[tuple[str, str, Any]]:
         if row.kind not in KINDS or (row.dst, row.payload) in seen:
             continue
         seen.add((row.dst, row.payload))
-        message = _decoded(row.payload)
+        message = decoded(row.payload)
         if isinstance(message, Data):
-            yield _text(message.origin), _text(message.sink), _decoded(message.message)
+            yield _text(message.origin), _text(message.sink), decoded(message.message)
         elif row.delivered:
             yield row.src, row.dst, message
 
@@ -75,11 +75,3 @@ def _raw(plan: Plan, ids: list[str], step: int, data: bytes) -> Iterator[Report]
 
 def _text(id: bytes) -> str:
     return id.decode("ascii", "replace")
-
-
-def _decoded(payload: bytes) -> Any:
-    """The message in a payload; None if it is malformed, or there is none."""
-    try:
-        return decode(payload)
-    except WireError:
-        return None

@@ -13,7 +13,7 @@ from launcher.timeline import look, rows
 from launcher.timeline.scene import Add, Points, Shown
 from trackfield.protocols.association.joining import NO_PLACE
 from trackfield.wire.clusters import Admit
-from trackfield.wire.codec import WireError, decode
+from trackfield.wire.codec import decoded
 
 HANDED_STEPS: Final = 2
 """For so many steps a hand-over is drawn."""
@@ -50,7 +50,7 @@ class Clusters:
         if not self.here or row.outcome not in ("delivered", "late") or row.due_ns is None:
             return
         if row.kind == "admit" and row.dst in self._numbers:
-            admit = _decoded(row.payload)
+            admit = decoded(row.payload)
             if isinstance(admit, Admit) and admit.sensor == self._numbers[row.dst] and admit.place != NO_PLACE:
                 self._shown.show("member", row.dst, row.src, row.due_ns)
         elif row.kind == "hop-ack":  # what was sent got there
@@ -91,11 +91,3 @@ def styles(info: FieldInfo) -> Iterator[tuple[str, *tuple[rr.AsComponents, ...]]
     yield _PATHS["way"], look.line_style(look.WAY, 1.2, order=3)
     yield _PATHS["handed"], look.line_style(look.CENTRE, 2.5, order=26)
     yield "/field/leading", look.point_style(None, 8.0, order=27), rr.Points2D.from_fields(show_labels=True)
-
-
-def _decoded(payload: bytes) -> Any:
-    """The message in a payload; None if it is malformed."""
-    try:
-        return decode(payload)
-    except WireError:
-        return None

@@ -13,7 +13,7 @@ from launcher.records import PEER, SENSES, FieldInfo, MessageRow
 from launcher.timeline import look, rows
 from launcher.timeline.layers.clusters import HANDED_STEPS, SLOWER
 from launcher.timeline.scene import Add, Points, Shown
-from trackfield.wire.codec import WireError, decode
+from trackfield.wire.codec import decoded
 from trackfield.wire.peers import Claim, Poll
 
 LANE: Final = "header"
@@ -86,7 +86,7 @@ class Heads:
             self._shown.show("way", row.dst, row.src, row.due_ns)
 
     def _said(self, row: MessageRow) -> None:
-        match _decoded(row.payload):
+        match decoded(row.payload):
             case Claim(number, key):
                 self._shown.show("claim", row.src, True, row.sent_ns, row.sent_ns + HANDED_STEPS * self._step_ns)
                 self._news(row.sent_ns, f"{row.src} claims term {number}, with key {key}")
@@ -155,11 +155,3 @@ def arrow(start: tuple[float, float], end: tuple[float, float]) -> Points:
     back = BARB * (np.array(start, float) - tip)
     aside = np.array([-back[1], back[0]]) / 2
     return np.array([start, tip, tip + back + aside, tip, tip + back - aside])
-
-
-def _decoded(payload: bytes) -> Any:
-    """The message in a payload; None if it is malformed."""
-    try:
-        return decode(payload)
-    except WireError:
-        return None

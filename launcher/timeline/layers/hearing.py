@@ -14,7 +14,7 @@ from launcher.timeline.layers.clusters import SLOWER
 from launcher.timeline.layers.heads import arrow
 from launcher.timeline.scene import Add, Points, Shown
 from trackfield.role import NS
-from trackfield.wire.codec import WireError, decode
+from trackfield.wire.codec import decoded
 from trackfield.wire.interests import Interest
 from trackfield.wire.passes import FIXES, PASSES
 
@@ -56,7 +56,7 @@ class Hearing:
         if row.kind == "data":
             self._shown.show("carried", (row.src, row.dst), True, row.due_ns, row.due_ns + CARRIED_NS)
         elif row.kind == "interest":
-            interest = _decoded(row.payload)
+            interest = decoded(row.payload)
             if isinstance(interest, Interest):
                 self._heard(row, row.due_ns, interest)
 
@@ -108,11 +108,3 @@ def styles(info: FieldInfo) -> Iterator[tuple[str, *tuple[rr.AsComponents, ...]]
         yield path, look.line_style(_COLOURS[task], 2.4 - order, order=2 + order)
     yield "/field/carried", look.line_style(look.TARGET, 2.0, order=26)
     yield "/field/leading", look.point_style(None, 8.0, order=22), rr.Points2D.from_fields(show_labels=True)
-
-
-def _decoded(payload: bytes) -> Any:
-    """The message in a payload; None if it is malformed."""
-    try:
-        return decode(payload)
-    except WireError:
-        return None
