@@ -51,6 +51,13 @@ def test_any_rate_depth_and_channels(trackfield: Call, tmp_path: Path, rate: int
     assert 1.0 <= one["known_s"] - one["peak_s"] <= 1.2
 
 
+def test_a_file_is_judged_by_its_content_whatever_its_name(trackfield: Call, tmp_path: Path) -> None:
+    (tmp_path / "a.raw").write_bytes(write(tmp_path / "a.wav", PASS).read_bytes())
+    assert trackfield("listen", "a.raw").out == trackfield("listen", "a.wav").out
+    (tmp_path / "b.raw").write_bytes(PASS.tobytes())
+    assert "b.raw: FILE.wav: is no sound file (" in trackfield("listen", "b.raw").err
+
+
 @pytest.mark.parametrize("detector", ["argmax", "smooth", "fit"])
 def test_each_detector_by_its_name(trackfield: Call, tmp_path: Path, detector: str) -> None:
     said = trackfield("listen", write(tmp_path / "a.wav", PASS), "--detector", detector, "--json")

@@ -38,7 +38,8 @@ def _pieces(file: Path, key: str) -> Iterator[Array]:
     import soxr
 
     try:
-        with _regular(file).open("rb") as stream, soundfile.SoundFile(stream) as sound:
+        # by its descriptor: from a name that ends in .raw, soundfile would take it to have no header
+        with _regular(file).open("rb") as stream, soundfile.SoundFile(stream.fileno(), closefd=False) as sound:
             _check(sound, file, key)
             resampler = soxr.ResampleStream(sound.samplerate, RATE, sound.channels, "float64")
             done = 0
