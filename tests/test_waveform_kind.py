@@ -15,6 +15,8 @@ import pytest
 import soundfile
 
 import trackfield as tf
+from launcher.plan.forecast.foresight import foresee
+from launcher.plan.forecast.warnings import summary, warnings
 from launcher.plan.prepare import planned
 from launcher.processes.children import HEAVY_ZYGOTE, ZYGOTE
 from launcher.processes.deployment import Deployment
@@ -271,6 +273,24 @@ def test_each_sensor_hears_its_channel_and_nobody_need_know_where_the_target_was
         ((at, (time_s, _, width_s)),) = told(Placed.from_plain(sensor.to_plain()))
         assert at / NS + time_s == pytest.approx(origin_s + 8.0 + y / 340.0, abs=5 * 0.015 * y / 12.5)
         assert width_s == pytest.approx(y / 12.5, rel=0.3)
+
+
+def test_what_recorded_sound_holds_is_not_foreseen(tmp_path: FilePath) -> None:
+    """A target that passes all sensors is no reason to expect anything of those that hear a recording."""
+    soundfile.write(tmp_path / "pass.wav", pass_as_heard(12.0), RATE)
+    hears = {"recording": str(tmp_path / "pass.wav")}
+    all_hear = planned(scenario(**{f"sensor.{key}": value for key, value in hears.items()}))
+    few = planned(scenario(sensors=[{"kind": "cpa", "waveform": True, "nodes": ["n000", "n001"], **hears}]))
+    assert any(all_hear.passes.values()), "the truth, if the target is the one recorded"
+    assert foresee(all_hear).reports == {}
+    assert [line.split("; ")[0] for line in summary(all_hear, foresee(all_hear))] == [
+        "recorded sound: nobody knows before the run which passes 9 of 9 sensor nodes will find in it"
+    ]
+    assert foresee(few).reports.keys() == foresee(planned(scenario())).reports.keys() - {"n000", "n001"}
+    first, second, *_ = summary(few, foresee(few))
+    assert "which passes 2 of 9 sensor nodes will find" in first
+    assert second.startswith("coverage: ")
+    assert warnings(all_hear, foresee(all_hear)) == warnings(few, foresee(few)) == ()
 
 
 # --- processes --------------------------------------------------------------------------------------------------------

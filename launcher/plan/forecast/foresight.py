@@ -21,6 +21,7 @@ from launcher.plan.forecast.hearing.passed import NEEDS, Passed
 from launcher.plan.forecast.masters.load import Load
 from launcher.plan.forecast.masters.relayed import relayed
 from launcher.plan.forecast.masters.scheduled import Scheduled
+from launcher.plan.forecast.played import without_sound
 from launcher.plan.forecast.reception import Shares, hops, receptions, varies
 from launcher.plan.forecast.trial import Trial, Way, sent_on_trial, ways_of
 from launcher.records import SENSES, Passing, Plan, Polls
@@ -98,8 +99,8 @@ def best(shares: Shares) -> dict[str, float]:
 
 
 def foresee(plan: Plan) -> Foresight:
-    """What to expect of this plan."""
-    schedule = plan.schedule
+    """What to expect of this plan, without the sensors that hear recorded sound."""
+    plan, schedule = without_sound(plan), plan.schedule
     if isinstance(schedule, Passing):
         return _passes(Passed.of(plan, schedule))
     field = Polled.of(plan, schedule) if isinstance(schedule, Polls) else Scheduled.of(plan)

@@ -1,8 +1,9 @@
-"""What of a recording will not be sent, or not be used, said before a run."""
+"""What of a recording will not be sent, or not be used, said before a run; recorded sound, of which nothing is known."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 
 from launcher.records import Plan
@@ -25,6 +26,18 @@ def played_in_part(plan: Plan) -> Iterator[str]:
         yield f"{which} impossible, and trackers are not given such: {_listed(impossible)}"
     if silent := [id for id, times in recorded.items() if not times]:
         yield f"no report was recorded of {_listed(silent)}"
+
+
+def listening(plan: Plan) -> set[str]:
+    """The sensors that hear recorded sound."""
+    return {one.id for one in plan.processes if one.sound.get("sounds", (None, None))[1] is not None}
+
+
+def without_sound(plan: Plan) -> Plan:
+    """The plan with these reporting nothing: targets' paths do not say what they will."""
+    mute = listening(plan)
+    passes = {id: {} if id in mute else steps for id, steps in plan.passes.items()}
+    return replace(plan, passes=passes, reaches={id: 0.0 if id in mute else far for id, far in plan.reaches.items()})
 
 
 def _impossible(plan: Plan) -> Iterator[str]:

@@ -13,6 +13,7 @@ from launcher.plan.forecast.answers import HOST_S, answers
 from launcher.plan.forecast.duty import HOUR_S, Duty
 from launcher.plan.forecast.foresight import Coverage, Foresight
 from launcher.plan.forecast.masters.led import doubtful, leading, who_measures
+from launcher.plan.forecast.played import listening
 from launcher.records import Plan
 from trackfield.role import NS
 
@@ -27,9 +28,10 @@ COVERED: Final = 0.8
 
 def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
     """What is likely to go wrong, a sentence each; nodes that will have nothing to report are left out."""
-    geometry = [text for one in seen.coverage for text in _out_of_reach(plan, seen, one)]
-    radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)] if seen.coverage else []
-    weak = [] if geometry or radio else [text for one in seen.coverage for text in _weak(seen, one)]
+    coverage = () if listening(plan) else seen.coverage
+    geometry = [text for one in coverage for text in _out_of_reach(plan, seen, one)]
+    radio = [*_lost(seen), *_late(plan, seen), *_poor_hops(seen)] if coverage else []
+    weak = [] if geometry or radio else [text for one in coverage for text in _weak(seen, one)]
     channel = [*_queueing(plan, seen), *_crowded(plan, seen), *_colliding(plan, seen), *_over_duty(plan, seen)]
     leaders = doubtful(seen.scheduled) if seen.scheduled is not None else ()
     return (*geometry, *leaders, *radio, *weak, *channel, *_restless(plan, seen))
@@ -38,6 +40,13 @@ def warnings(plan: Plan, seen: Foresight) -> tuple[str, ...]:
 def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
     """What to expect, in figures, a line each."""
     led = seen.scheduled is not None
+    if many := len(listening(plan)):
+        yield (
+            f"recorded sound: nobody knows before the run which passes {many} of {len(plan.reaches)} sensor nodes will "
+            "find in it; nothing here counts their reports"
+        )
+        if many == len(plan.reaches):
+            return
     if seen.scheduled is not None:
         yield from who_measures(seen.scheduled)
     for one in seen.coverage:

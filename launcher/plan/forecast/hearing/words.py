@@ -11,6 +11,7 @@ import numpy as np
 from launcher.plan.forecast.hearing.diffusing import Diffusing
 from launcher.plan.forecast.hearing.events import Event
 from launcher.plan.forecast.hearing.passed import NEEDS, Fixed, Passed
+from launcher.plan.forecast.played import listening
 from trackfield.role import NS
 
 NAMED: Final = 3
@@ -78,7 +79,7 @@ def unheard(field: Passed) -> Iterator[str]:
 def _few(field: Passed) -> Iterator[str]:
     """Events without enough reports."""
     few = [event for event in field.events if len(field.hops(event)) < NEEDS]
-    if not few:
+    if not few or listening(field.plan):
         return
     named = "; ".join(_why(field, event) for event in few[:NAMED])
     more = f"; and {len(few) - NAMED} more" if len(few) > NAMED else ""
