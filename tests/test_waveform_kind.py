@@ -293,6 +293,16 @@ def test_what_recorded_sound_holds_is_not_foreseen(tmp_path: FilePath) -> None:
     assert warnings(all_hear, foresee(all_hear)) == warnings(few, foresee(few)) == ()
 
 
+def test_a_run_lasts_to_the_end_of_the_sound_or_to_the_last_report(tmp_path: FilePath) -> None:
+    soundfile.write(tmp_path / "field.wav", pass_as_heard(12.0), RATE)
+    reports = {"kind": "range", "recording": str(tmp_path / "reports.csv"), "nodes": ["n000"]}
+    without = {key: value for key, value in FIELD.items() if not key.startswith("target")} | {"fusion.prior": "none"}
+    sounding = without | {"sensor.recording": str(tmp_path / "field.wav"), "sensors": [reports]}
+    for last_s, steps in ((3, 14), (20, 21)):  # of 1 s; the first is half a step before the first report
+        (tmp_path / "reports.csv").write_text(f"t_s,sensor,range\n0,n000,10\n{last_s},n000,12\n")
+        assert survey(Scenario.load({"name": "both"}, sounding)).steps == steps
+
+
 # --- processes --------------------------------------------------------------------------------------------------------
 
 

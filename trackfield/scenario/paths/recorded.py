@@ -31,13 +31,14 @@ class Recorded(PathSection):
     )
 
     def run(self, course: Course) -> tuple[int, Path | None]:
-        """To the last report of all recordings, or to the end of the sound that sensors listen to.
+        """To the last report of all recordings or to the end of the sound that sensors listen to, whichever is later.
 
         There is no path if no recording says where the target was.
         """
         recordings = course.recordings if self.recording is None else (read_recording(FilePath(self.recording)),)
-        if not recordings and course.heard_s:
-            return ceil(course.heard_s * NS / course.step_ns), None
+        heard = ceil(course.heard_s * NS / course.step_ns)
+        if not recordings and heard:
+            return heard, None
         if not recordings:
             what = "no sensors play a recording"
             expected = f"a recording in [sensor], {course.key}.recording, or another path"
@@ -46,4 +47,4 @@ class Recorded(PathSection):
         first_s = {one.file: one.first_step_s(start) for one in recordings}
         end_ns = max(round((one.t_s[-1] - first_s[one.file]) * NS) for one in recordings)
         path = next((one.truth.shifted(-first_s[one.file]) for one in recordings if one.truth), None)
-        return -(-end_ns // course.step_ns), path
+        return max(-(-end_ns // course.step_ns), heard), path
