@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import soundfile
 
+from launcher.listening import passes
+from launcher.listening.passes import listen
 from tests.command_line import Call, trackfield
 from tests.sounds import no_pass, passing
 from trackfield.acoustics.signals import RATE
@@ -70,6 +72,27 @@ def test_no_pass_is_said(trackfield: Call, tmp_path: Path, name: str) -> None:
     said = trackfield("listen", write(tmp_path / "a.wav", no_pass(name, 3)))
     assert said.code == 0
     assert said.out.startswith("no pass in ")
+
+
+def test_a_picture_shows_everything_once_and_when_it_was(tmp_path: Path) -> None:
+    """The end of the file brings less than a look; a click at 4 s is outlined then."""
+    samples = np.zeros(round(10.02 * 44_100))
+    samples[4 * 44_100] = 0.9
+    soundfile.write(tmp_path / "click.wav", samples, 44_100)
+    heard = listen(tmp_path / "click.wav", "fit", "")
+    for times in (heard.t_s, heard.outline_s):
+        assert np.diff(times) == pytest.approx(0.02)
+        assert times[-1] == pytest.approx(10.0, abs=0.15)
+    assert heard.outline_s[np.argmax(heard.high)] == pytest.approx(4.0, abs=0.0101)
+    assert heard.t_s[np.argmax(heard.energies)] == pytest.approx(4.0, abs=0.0101)
+
+
+def test_each_pass_has_its_own_curve_whatever_the_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = np.concatenate((PASS, PASS))
+    monkeypatch.setattr(passes, "blocks", lambda file, key: iter([whole]))
+    found = listen(Path("both.wav"), "fit", "").passes
+    assert [one.detection.peak_s for one in found] == pytest.approx([PEAK_S, PEAK_S + 10.0], abs=0.05)
+    assert [one.curve.peak_s for one in found] == [one.detection.peak_s for one in found]
 
 
 @pytest.mark.rendered

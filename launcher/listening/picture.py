@@ -52,7 +52,7 @@ def _count(passes: int) -> str:
 
 def _waveform(axes: Axes, listened: Listened) -> None:
     """Between the lowest and the highest sample of each 20 ms."""
-    axes.fill_between(listened.t_s, listened.low, listened.high, color=PALETTE[1], lw=0.3, alpha=0.75)
+    axes.fill_between(listened.outline_s, listened.low, listened.high, color=PALETTE[1], lw=0.3, alpha=0.75)
     axes.set(ylabel="amplitude")
 
 
