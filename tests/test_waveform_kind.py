@@ -34,7 +34,7 @@ from trackfield.scenario.sounds import read_sound
 from trackfield.sensing.kinds import make_sensor
 from trackfield.sensing.listening import Pass
 from trackfield.world.faulty import Faulty, SensorFault
-from trackfield.world.heard import AHEAD_NS, Heard, Sounds
+from trackfield.world.heard import AHEAD_NS, BESIDE_NS, Heard, Sounds
 from trackfield.world.path import Path
 from trackfield.world.placed import Placed
 from trackfield.world.scene import Scene
@@ -110,7 +110,7 @@ def test_a_sensor_listens_window_by_window_and_no_farther_than_the_next_pass() -
     assert tape.heard_ns == 12 * NS
     assert (heard.at(12 * NS), heard.at(12 * NS - 1000), heard.at(13 * NS)) == ((-1.0,), (-1.0,), None)
     assert heard.next(12 * NS) == 14 * NS
-    assert [heard.next(t * NS) for t in (14, 16, 18, 20)] == [16 * NS, 18 * NS, 20 * NS, 48 * NS]
+    assert [heard.next(t * NS) for t in (14, 16, 18, 20)] == [16 * NS, 18 * NS, 48 * NS, 48 * NS]
     assert tape.begun == [(8 * NS, 20 * NS)]
     assert [heard.next(t * NS) for t in (48, 50)] == [50 * NS, 52 * NS]
     assert heard.next(59 * NS) is None
@@ -131,9 +131,44 @@ def test_in_a_long_silence_it_is_asked_again() -> None:
 def test_a_life_that_begins_within_a_window_hears_nothing_of_before() -> None:
     tape = Tape(12 * NS, 16 * NS)
     heard = Heard(((10 * NS, 20 * NS),), lambda: tape, lead_ns=2 * NS)
-    assert heard.next(13 * NS) == 15 * NS
-    assert heard.next(15 * NS) == 16 * NS
+    assert heard.next(13 * NS) == 14 * NS
+    assert heard.next(14 * NS) == 16 * NS
     assert tape.begun == [(13 * NS, 20 * NS)]
+
+
+def test_when_it_is_asked_again_depends_on_the_time_alone() -> None:
+    """A process that goes back is told what one is told that never did, and nothing is heard again for that."""
+    passes = [t * NS // 10 for t in (121, 150, 155, 523, 571)]
+
+    def made() -> tuple[Tape, Heard]:
+        tape = Tape(*passes)
+        return tape, Heard(((10 * NS, 20 * NS), (50 * NS, 60 * NS)), lambda: tape, lead_ns=2 * NS)
+
+    times = [t * NS // 4 for t in range(240)]
+    _, once = made()
+    straight = [once.next(t) for t in times]
+    tape, back = made()
+    back.next(0)
+    for t, before in zip(times[20:], times, strict=False):
+        assert (back.next(t), back.next(before)) == (straight[times.index(t)], straight[times.index(before)])
+    assert tape.begun == [(8 * NS, 20 * NS), (48 * NS, 60 * NS)]
+
+
+def test_each_window_is_heard_once_even_if_the_next_is_near() -> None:
+    tape = Tape(20 * NS, 22 * NS)
+    heard = Heard(((10 * NS, 20 * NS), (21 * NS, 30 * NS)), lambda: tape, lead_ns=2 * NS)
+    asked = [0]
+    while (after := heard.next(asked[-1])) is not None:
+        asked.append(after)
+    assert asked == [t * NS for t in (0, 8, 10, 12, 14, 16, 18, 19, 20, 22, 24, 26, 28)]
+    assert [at for at in asked if heard.at(at)] == [20 * NS, 22 * NS]
+    assert tape.begun == [(8 * NS, 20 * NS), (19 * NS, 30 * NS)]
+
+
+@pytest.mark.parametrize("by_ns", [-BESIDE_NS, -1, 0])
+def test_a_clock_that_is_a_little_early_does_not_ask_for_ever(by_ns: int) -> None:
+    heard = Heard(((10 * NS, 20 * NS),), lambda: Tape(13 * NS), lead_ns=2 * NS)
+    assert [heard.next(t * NS + by_ns) for t in (8, 10, 12, 13)] == [t * NS for t in (10, 12, 13, 14)]
 
 
 # --- what it hears ----------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What of a recording will not be sent, or not be used, said before a run; recorded sound, of which nothing is known."""
+"""What of a recording will not be sent, or not be used, said before a run; recorded sound, which nobody knows."""
 
 from __future__ import annotations
 
