@@ -108,7 +108,7 @@ def test_a_wrong_option_is_one_clear_message(trackfield: Call, settings: str, sa
 
 def test_sound_that_a_target_outruns_is_refused() -> None:
     settings = {"sensor.kind": "energy", "sensor.sound_m_s": 5.0, "fusion.trackers": ["ekf"]}
-    with pytest.raises(tf.ScenarioError, match=r"sensor\.speed_m_s: 'energy' has 5 m/s, and target moves at"):
+    with pytest.raises(tf.ScenarioError, match=r"sensor\.sound_m_s: 'energy' has 5 m/s, and target moves at"):
         planned(tf.Scenario.load("zhai-spcpf", settings))
 
 

@@ -43,5 +43,6 @@ def check_speeds(sections: Mapping[str, SensorSection], paths: Mapping[str, Path
         return
     fastest_m_s, target = max((path.fastest_m_s, id) for id, path in paths.items())
     if speed_m_s <= fastest_m_s:
+        key = f"sensor.{sections[slowest].speed_key}"
         what = f"'{slowest}' has {speed_m_s:g} m/s, and {target} moves at {fastest_m_s:.3g} m/s"
-        raise ScenarioError(what, key="sensor.speed_m_s", expected="more than the speed of any target")
+        raise ScenarioError(what, key=key, expected="more than the speed of any target")

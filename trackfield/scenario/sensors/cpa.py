@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -19,6 +19,8 @@ Decibels = Annotated[float, Field(ge=-100, le=200), Exact]
 
 class CpaSensor(BuiltInSensor):
     """A microphone that notices when a target passes, the same at every node."""
+
+    speed_key: ClassVar[str] = "sound_m_s"
 
     kind: Literal["cpa"] = Field(
         default="cpa", description="a microphone that reports when a target passed, and how loud it was"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -17,6 +17,8 @@ SLOWEST_M_S = 1.0
 
 class EnergySensor(BuiltInSensor):
     """A microphone that measures the energy of sound, the same at every node."""
+
+    speed_key: ClassVar[str] = "sound_m_s"
 
     kind: Literal["energy"] = Field(default="energy", description="a microphone that measures the energy of sound")
     range_m: Reach = Field(default=150.0, description="beyond this distance from every target nothing is measured")

@@ -24,9 +24,13 @@ Ids = Annotated[tuple[Word, ...], Field(min_length=1, max_length=MOST_NODES)]
 
 
 class SensorSection(Section):
-    """The sensors of a field, or some of them, all of a kind; ``reach_key`` is the key that says how far they reach."""
+    """The sensors of a field, or some of them, all of a kind.
+
+    ``reach_key`` is the key that says how far they reach, ``speed_key`` how fast what they sense travels.
+    """
 
     reach_key: ClassVar[str] = "range_m"
+    speed_key: ClassVar[str] = "speed_m_s"
 
     kind: str
     nodes: Ids | None = Field(default=None, description="which sensors are of this kind, by id; in [[sensors]] only")
