@@ -73,6 +73,7 @@ UNKNOWNS = "expected a tuple of Unknown(name, sd, walk_sd, mean), at most 8, sd 
         *(("layer", value, "expected one of rays, rings, discs, or an empty text") for value in ("arrows", 1)),
         *(("rhythm", value, "expected steps or events") for value in ("step", None)),
         *(("thresholds", value, LEVELS) for value in ((2.0, 1.0), (1.0,), 3)),
+        *(("passes", value, "expected True or False") for value in (None, 1, "yes")),
         *(("memory_s", value, "expected seconds, from 0 to 1e+09") for value in (-1.0, NAN, inf, "long", None)),
         *(
             ("colour", value, COLOUR)
@@ -131,6 +132,43 @@ def test_a_member_that_no_kind_can_have(member: str, value: object, expected: st
 )  # fmt: skip
 def test_members_that_do_not_go_together(members: dict[str, Any], says: str) -> None:
     assert refused(**members) == says
+
+
+@dataclass(frozen=True)
+class Passing(Ranger):
+    """A kind that reports passes, with all that takes."""
+
+    time_sd_s: float = 0.1
+    strength_sd: float = 0.1
+    place_sd_m: float = 0.0
+    passes = True
+    sd = resolution = (1.0,) * 3
+    distance_power = speed_power = 0.0
+
+    def time_sd(self, away_m: Any, speed_m_s: Any, *, larger: Any) -> Any:
+        return self.time_sd_s
+
+
+def test_a_kind_that_reports_passes_says_what_their_noise_is() -> None:
+    """Trackers may take it to be larger; nothing that this needs may be missing."""
+    with registered(odd=Passing):
+        larger = make_sensor("odd", {}).assumed(2.0).passes
+    assert larger is not None and larger.time_sd_s == 0.2
+    numbers = "time_sd_s, strength_sd, place_sd_m, distance_power, speed_power"
+    expected = f"expected a dataclass with numbers {numbers} and a method time_sd"
+    assert refused(passes=True) == f"sensor.passes: 'odd' lacks {numbers}, time_sd; {expected}"
+    for member, value in (("time_sd", None), ("strength_sd", "much"), ("distance_power", None), ("place_sd_m", -1.0)):
+        assert refused_passing(**{member: value}) == f"sensor.passes: 'odd' lacks {member}; {expected}"
+    few = refused_passing(sd=(1.0, 1.0), resolution=(1.0, 1.0))
+    assert few == "sensor.passes: 'odd' has 2; expected at least 3 numbers: a time (s), a strength (dB), a width (s)"
+
+
+def refused_passing(**members: Any) -> str:
+    """What is said of a kind like ``Passing``, but for these members."""
+    made = type("Odd", (Passing,), {"__init__": lambda self: None, **members})
+    with registered(odd=made), pytest.raises(tf.ScenarioError) as caught:
+        make_sensor("odd", {})
+    return str(caught.value)
 
 
 @pytest.mark.parametrize(

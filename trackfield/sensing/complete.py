@@ -41,6 +41,8 @@ METHODS: Final = (
 """Methods that a class may have; there are defaults for them."""
 METHODS_OR_NONE: Final = ("variance", "log_clutter", "fix", "invented", "hearing")
 """The same, without a default."""
+PASS_NOISE: Final = ("time_sd_s", "strength_sd", "place_sd_m")
+"""Fields of a class that reports passes: standard deviations, which trackers may take to be larger."""
 OPEN: Final = -1
 """Their number if it is open."""
 _VARARGS: Final = 0x04
@@ -125,8 +127,7 @@ class Kind:
         if variance is not None:
             found.variance = lambda x, at: noise**2 * variance(x, at)
         if self.passes is not None:
-            names = ("time_sd_s", "strength_sd", "place_sd_m")
-            found.passes = replace(self.own, **{name: noise * getattr(self.own, name) for name in names})
+            found.passes = replace(self.own, **{name: noise * getattr(self.own, name) for name in PASS_NOISE})
         return found
 
     @property

@@ -13,7 +13,7 @@ from trackfield.files import FAR_M, LONG_S
 from trackfield.models.noise import Colour
 from trackfield.models.unknowns import Unknown
 from trackfield.plugins import Maker, Plugins
-from trackfield.sensing.complete import FIELD, METHODS, METHODS_OR_NONE, NEAREST, OPEN, Kind, arguments
+from trackfield.sensing.complete import FIELD, METHODS, METHODS_OR_NONE, NEAREST, OPEN, PASS_NOISE, Kind, arguments
 from trackfield.sensing.cpa import Cpa
 from trackfield.sensing.doa import Doa
 from trackfield.sensing.energy import Energy
@@ -109,6 +109,7 @@ def make_sensor(kind: str, options: Mapping[str, Any], *, recorded: bool = False
     own = made(SENSORS[kind], options, "sensor")
     _check_members(kind, own)
     _check_counts(kind, own)
+    _check_passes(kind, own)
     made_kind = Kind(kind, own, recorded=recorded)
     if made_kind.adaptive and made_kind.rhythm == "events":
         what = f"'{kind}' has {made_kind.thresholds}, which differ, and its sensors report by themselves"
@@ -146,6 +147,26 @@ def _check_counts(kind: str, own: Any) -> None:
         raise ScenarioError(what, key=f"sensor '{kind}': simulate", expected=expected)
     if getattr(own, "thresholds", None) is not None and not (hasattr(own, "level") or hasattr(own, "reading")):
         raise ScenarioError(f"'{kind}' has none", key="sensor.level", expected="a method level: it has thresholds")
+
+
+def _check_passes(kind: str, own: Any) -> None:
+    """Raise ``ScenarioError`` for a kind that reports passes and does not say what their noise is."""
+    if not getattr(own, "passes", False):
+        return
+    fields = getattr(own, "__dataclass_fields__", ())
+    lacks = [name for name in PASS_NOISE if name not in fields]
+    lacks += [name for name in (*PASS_NOISE, *_PASS_POWERS) if name not in lacks and not _sd(getattr(own, name, None))]
+    lacks += [] if callable(getattr(own, "time_sd", None)) else ["time_sd"]
+    if lacks:
+        options = f"a dataclass with numbers {', '.join((*PASS_NOISE, *_PASS_POWERS))} and a method time_sd"
+        raise ScenarioError(f"'{kind}' lacks {', '.join(lacks)}", key="sensor.passes", expected=options)
+    if len(own.resolution) < len(_PASS):
+        expected = f"at least {len(_PASS)} numbers: {', '.join(_PASS)}"
+        raise ScenarioError(f"'{kind}' has {len(own.resolution)}", key="sensor.passes", expected=expected)
+
+
+def _sd(value: object) -> bool:
+    return _number(value) and 0.0 <= value <= COARSEST  # type: ignore[operator]
 
 
 def _metres(value: object) -> bool:
@@ -236,6 +257,8 @@ def _colour(value: object) -> bool:
 
 _SMALL: Final = f"a tuple of numbers above 0: from {FINEST:g} to {COARSEST:g}"
 _FAR: Final = f"metres, above 0: from {NEAREST_M:g} to {FAR_M:g}"
+_PASS: Final = ("a time (s)", "a strength (dB)", "a width (s)")
+_PASS_POWERS: Final = ("distance_power", "speed_power")
 _BEARING: Final = ("a bearing (rad)", "a level (dB)")
 _RULES: Final = (
     ("range_m", _metres, _FAR),
@@ -255,6 +278,7 @@ _RULES: Final = (
     ("modules", _texts, "a tuple of texts"),
     ("summary", _text, "a text"),
     ("bearings", _flag, "True or False"),
+    ("passes", _flag, "True or False"),
     ("draws", _names, "a tuple of texts, or None"),
     ("message", _message, "a class of messages of trackfield/wire"),
     *((name, callable, "a method") for name in METHODS),
