@@ -56,7 +56,8 @@ class CpaSensor(BuiltInSensor):
         default="fit", description="with waveform, how a pass is found: as docs/listening.md says"
     )
     snr_db: Annotated[float, Field(ge=-100, le=200), Exact] = Field(
-        default=10.0, description="with waveform, how much louder than the noise of the place a target is at snr_at_m"
+        default=10.0,
+        description="with waveform, how much louder a target is at snr_at_m than the noise of the place above 100 Hz",
     )
     snr_at_m: Near = Field(default=20.0, description="with waveform, distance for which snr_db is given")
     place_sd_m: Length = Field(
