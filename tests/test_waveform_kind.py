@@ -248,7 +248,7 @@ def test_files_of_any_rate_become_samples_of_four_kilohertz(tmp_path: FilePath) 
 def test_a_targets_sound_has_a_sensible_length(seconds: float, what: str, tmp_path: FilePath) -> None:
     file = tmp_path / "car.wav"
     soundfile.write(file, np.ones(round(seconds * RATE)) * 0.1, RATE)
-    with pytest.raises(ScenarioError, match=f"car.wav: {what}"):
+    with pytest.raises(ScenarioError, match=f"car.wav: target.sound: {what}"):
         survey(scenario(**{"target.sound": str(file)}))
 
 
@@ -262,11 +262,16 @@ def test_files_that_cannot_be_used(tmp_path: FilePath) -> None:
         "silent": "of power 0",
         "two": "2 channels",
     }.items():
-        with pytest.raises(ScenarioError, match=what):
+        with pytest.raises(ScenarioError, match=f"{name}.wav: target.sound: .*{what}"):
             survey(scenario(**{"target.sound": str(tmp_path / f"{name}.wav")}))
-    with pytest.raises(ScenarioError, match="2 channels; expected one, or one for each of its 9 sensors"):
+    with pytest.raises(
+        ScenarioError,
+        match=r"two\.wav: sensor\.recording: has 2 channels; expected one, or one for each of its 9 sensors",
+    ):
         survey(scenario(**{"sensor.recording": str(tmp_path / "two.wav")}))
-    with pytest.raises(ScenarioError, match="sensors of kind 'cpa' do not listen"):
+    with pytest.raises(
+        ScenarioError, match=r"silent\.wav: sensor\.recording: is of sound, and sensors of kind 'cpa' do not listen"
+    ):
         survey(scenario(**{"sensor.recording": str(tmp_path / "silent.wav"), "sensor.waveform": False}))
 
 

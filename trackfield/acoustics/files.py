@@ -17,7 +17,6 @@ from trackfield.filters.types import Array
 
 _PIECE_S: Final = 0.5
 _RATES_HZ: Final = (1_000, 1_000_000)
-LONGEST_S: Final = 600.0
 SHORTEST_S: Final = 2.0
 """Of a pass, a second before its peak is heard and one after it."""
 _EXPECTED: Final = "a sound file, like a WAV file of 8 to 32 bits with one or more channels"
@@ -58,7 +57,7 @@ def _pieces(file: Path, key: str) -> Iterator[Array]:
         raise ScenarioError(what, file=str(file), key=key, expected=_EXPECTED) from None
 
 
-def channels(file: Path, key: str = "", longest_s: float = LONGEST_S) -> npt.NDArray[np.int16]:
+def channels(file: Path, longest_s: float, key: str = "") -> npt.NDArray[np.int16]:
     """(channels, n) a sound file of at most so many seconds at ``RATE``, in 16 bits, channel by channel.
 
     Raises ``ScenarioError`` as ``blocks`` does, and if it is longer.

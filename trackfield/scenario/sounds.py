@@ -9,34 +9,37 @@ from typing import Final
 
 import numpy as np
 
+from trackfield.acoustics.signals import RATE
 from trackfield.errors import ScenarioError
 from trackfield.scenario.scenario import Scenario
 from trackfield.scenario.sensors import SensorSection
 from trackfield.world.heard import Sounds
 from trackfield.world.windows import Windows
 
-RATE: Final = 4000
-"""Samples a second that nodes get, of two bytes each."""
 MOST_SOUND_S: Final = 60.0
 """The longest recording of what a target sounds like: 480 kB."""
 MOST_HEARD_S: Final = 600.0
 """The longest recording of what a sensor heard: 4.8 MB, sent to each."""
+_RECORDING: Final = "sensor.recording"
 _LISTENS: Final = 'sensors of kind "cpa" with waveform = true'
 
 
 def sounds_of(scenario: Scenario) -> tuple[bytes | None, ...]:
     """What each target sounds like, in order; empty if all are vehicles. Raises ``ScenarioError`` as ``_single``."""
-    files = [target.sound for target in scenario.every_target]
-    return tuple(None if file is None else _single(FilePath(file)) for file in files) if any(files) else ()
+    files = [(key, target.sound) for key, target in scenario.keyed_targets]
+    if not any(file for _, file in files):
+        return ()
+    return tuple(None if file is None else _single(FilePath(file), f"{key}.sound") for key, file in files)
 
 
-def _single(file: FilePath) -> bytes:
-    channels = read_sound(file, MOST_SOUND_S)
+def _single(file: FilePath, key: str) -> bytes:
+    channels = read_sound(file, MOST_SOUND_S, key)
     if len(channels) > 1:
         what = f"has {len(channels)} channels"
-        raise ScenarioError(what, file=str(file), expected="one: what the target sounds like")
+        raise ScenarioError(what, file=str(file), key=key, expected="one: what the target sounds like")
     if why := _useless(channels[0]):
-        raise ScenarioError(why, file=str(file), expected="the sound of a vehicle that passes, or drives along")
+        expected = "the sound of a vehicle that passes, or drives along"
+        raise ScenarioError(why, file=str(file), key=key, expected=expected)
     return channels[0]
 
 
@@ -71,19 +74,21 @@ def _heard(
         if section.sensing.hearing is None:
             what = f"is of sound, and sensors of kind '{name}' do not listen"
             expected = f"a CSV or Parquet file, or {_LISTENS}"
-            raise ScenarioError(what, file=section.listens_to, expected=expected)
+            raise ScenarioError(what, file=section.listens_to, key=_RECORDING, expected=expected)
         file, own = FilePath(section.listens_to), [ids[i] for i in sorted(kinds[name])]
-        channels = read_sound(file, MOST_HEARD_S)
+        channels = read_sound(file, MOST_HEARD_S, _RECORDING)
         if len(channels) not in (1, len(own)):
             expected = f"one, or one for each of its {len(own)} sensors"
-            raise ScenarioError(f"has {len(channels)} channels", file=str(file), expected=expected)
+            what = f"has {len(channels)} channels"
+            raise ScenarioError(what, file=str(file), key=_RECORDING, expected=expected)
         yield from zip(own, channels * len(own) if len(channels) == 1 else channels, strict=True)
 
 
 def heard_s(sections: Mapping[str, SensorSection]) -> float:
     """How long the longest of the recordings is that sensors listen to."""
     files = {section.listens_to for section in sections.values()} - {None}
-    return max((_seconds(read_sound(FilePath(str(file)), MOST_HEARD_S)[0]) for file in files), default=0.0)
+    heard = (read_sound(FilePath(str(file)), MOST_HEARD_S, _RECORDING)[0] for file in files)
+    return max(map(_seconds, heard), default=0.0)
 
 
 def _seconds(samples: bytes) -> float:
@@ -100,22 +105,22 @@ def sounds_at(targets: tuple[bytes | None, ...], recording: bytes | None, begins
     return Sounds(targets) if recording is None else Sounds((), recording, begins_ns)
 
 
-def read_sound(file: FilePath, most_s: float) -> tuple[bytes, ...]:
+def read_sound(file: FilePath, most_s: float, key: str = "") -> tuple[bytes, ...]:
     """The channels of a sound file: whole numbers of two bytes, little-endian, ``RATE`` a second.
 
-    Raises ``ScenarioError`` for one that cannot be read, or is too short or too long.
+    Raises ``ScenarioError``, with this ``key``, for one that cannot be read, or is too short or too long.
     """
     try:
         state = file.stat()
         version = state.st_mtime_ns, state.st_size
     except (OSError, ValueError):
         version = 0, 0  # its reader says what is wrong
-    return _read(file, most_s, version)
+    return _read(file, most_s, key, version)
 
 
 @lru_cache(maxsize=8)
-def _read(file: FilePath, most_s: float, version: tuple[int, int]) -> tuple[bytes, ...]:
+def _read(file: FilePath, most_s: float, key: str, version: tuple[int, int]) -> tuple[bytes, ...]:
     """``version`` tells two contents of a file apart."""
     from trackfield.acoustics.files import channels
 
-    return tuple(channel.astype("<i2").tobytes() for channel in channels(file, longest_s=most_s))
+    return tuple(channel.astype("<i2").tobytes() for channel in channels(file, most_s, key))

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-ENOUGH: Final = 4
+from trackfield.sensing.cpa import Cpa
+
+ENOUGH: Final = Cpa.fix_sensors
 """A path follows from the reports of so many sensors."""
 DELAY_NS: Final = 2_000_000_000
 """So long after a report its event is waited out, and solved at a step."""
