@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from launcher.report.folder import REPORTS
+from launcher.record.figures.hops import REPORTS
 from tests.campaign import __main__ as campaign
 from tests.campaign import verdicts
 from tests.campaign.__main__ import Verdict

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import trackfield as tf
 from launcher.plan.prepare import planned
 from launcher.record.books.said import describe
-from launcher.report.folder import REPORTS
+from launcher.record.figures.hops import REPORTS
 from tests.command_line import Call, trackfield
 from trackfield.scenario.sensors import SENSORS as SECTIONS
 from trackfield.sensing.complete import Kind

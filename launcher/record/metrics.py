@@ -15,7 +15,7 @@ from launcher.record.figures.bounds import bound_metrics, headline_bound, run_bo
 from launcher.record.figures.channel import air_of_run, channel_metrics
 from launcher.record.figures.clusters import clusters_metrics
 from launcher.record.figures.energy import batteries_of, devices_of, energy_metrics, lifetime_metrics
-from launcher.record.figures.hops import hop_latencies
+from launcher.record.figures.hops import CARRIERS, hop_latencies, reports_end_to_end
 from launcher.record.figures.leaders import age_metrics, leaders_metrics
 from launcher.record.figures.overhearing import overheard_ns
 from launcher.record.figures.passes.metrics import passes_metrics
@@ -71,7 +71,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "bytes": {"payload": ledger.payload_bytes, "on_air": ledger.on_air or None},
         "channel": channel_metrics(air_of_run(ledger)),
         "latency_ms": {
-            **_latencies(ledger.rows, tracks, headline(plan, tracks)),
+            **_latencies(plan, ledger.rows, tracks),
             "to_base": _exact([row.told_ns - row.t_ns for row in at_base if row.has_track]),
             "hops": hop_latencies(plan.bases, ledger.rows),
         },
@@ -231,22 +231,23 @@ def _by_role(plan: Plan, ledger: Ledger) -> Metrics:
     return figures
 
 
-def _latencies(rows: Sequence[MessageRow], tracks: Sequence[TrackRow], first: Sequence[TrackRow]) -> Metrics:
+def _latencies(plan: Plan, rows: Sequence[MessageRow], tracks: Sequence[TrackRow]) -> Metrics:
     """Emulated: on the link, from a report's sending to its fusion, and from a step's instant to its track in the
-    ``first`` view.
+    first view.
     """
     fused: dict[tuple[str, int | None], int] = {}
     for track in tracks:
         for sensor in track.point.sensors:
             report = sensor, track.point.step
             fused[report] = min(track.told_ns, fused.get(report, track.told_ns))
-    link, to_filter = [], []
-    for row in rows:
-        if row.delivered and row.due_ns is not None:
-            link.append(row.due_ns - row.sent_ns)
-            if row.outcome == "delivered" and row.step is not None and (row.src, row.step) in fused:
-                to_filter.append(fused[row.src, row.step] - row.sent_ns)
-    to_track = [track.told_ns - track.t_ns for track in first if not track.point.lag]
+    link = [row.due_ns - row.sent_ns for row in rows if row.delivered and row.due_ns is not None]
+    reports = [*(row for row in rows if row.kind not in CARRIERS), *reports_end_to_end(plan.bases, rows)]
+    to_filter = [
+        fused[row.src, row.step] - row.sent_ns
+        for row in reports
+        if row.outcome == "delivered" and row.step is not None and (row.src, row.step) in fused
+    ]
+    to_track = [track.told_ns - track.t_ns for track in headline(plan, tracks) if not track.point.lag]
     return {"link": _exact(link), "to_filter": _exact(to_filter), "to_track": _exact(to_track)}
 
 

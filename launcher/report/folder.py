@@ -18,7 +18,7 @@ from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
 from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import hears, planned_faults
-from launcher.record.figures.hops import end_to_end
+from launcher.record.figures.hops import CARRIERS, REPORTS, reports_end_to_end
 from launcher.record.journal import METRICS
 from launcher.record.reading import files as reading
 from launcher.record.reading.files import Manifest
@@ -31,8 +31,6 @@ from trackfield.scenario import Scenario, Site
 from trackfield.tracking.smoothing import WHOLE_PATTERN
 from trackfield.words import quoted
 
-REPORTS: Final = ("doa", "measurement", "range", "rss", "energy", "cpa-report", "cpa-report-sds")
-"""The kinds of message that carry what a sensor measured."""
 LONG: Final = 400
 """The most steps that a line can show one by one."""
 WINDOWS: Final = 60
@@ -48,7 +46,7 @@ class Frames:
     """Every frame and what became of it at each receiver; the columns of messages.parquet that a report needs.
 
     Times in s count from the first step, at ``origin_ns``. The last ``ways`` rows are no frames, but reports that went
-    over a tree, each as one from its sensor to the base.
+    over several hops, each as one from its sensor to its end.
     """
 
     table: pa.Table
@@ -266,7 +264,7 @@ def read_run(folder: Path) -> Run:
     toml, scenario = reading.read_scenario(folder)
     site = surveyed(scenario)
     field = built(site)
-    frames = _with_reports_over_trees(folder, field, frames)
+    frames = _with_reports_over_hops(folder, field, frames)
     course = course_of(site, metrics)
     run = Run(
         folder,
@@ -302,13 +300,14 @@ def _tracks(points: pa.Table, field: Built, course: Course) -> tuple[Track, ...]
     return (*found, *(replace(track, lag=0, whole=True) for track in whole))
 
 
-def _with_reports_over_trees(folder: Path, field: Built, frames: pa.Table) -> pa.Table:
-    """The frames, followed by the reports that went over a tree to one of its bases, each as one message."""
-    bases = [process.id for process in field.processes if process.base == process.id]
-    if not bases:
+def _with_reports_over_hops(folder: Path, field: Built, frames: pa.Table) -> pa.Table:
+    """The frames, followed by the reports that went over several hops, each as one message."""
+    carriers = pc.is_in(frames["kind"].cast(pa.string()), pa.array(CARRIERS))
+    if not pc.any(carriers).as_py():
         return frames
-    hops = reading.read_table(folder, MESSAGES_TABLE).filter(pc.equal(frames["kind"].cast(pa.string()), "hop"))
-    reports = [row for row in end_to_end(bases, [MessageRow(**row) for row in hops.to_pylist()]) if row.kind in REPORTS]
+    rows = reading.read_table(folder, MESSAGES_TABLE).filter(carriers).to_pylist()
+    bases = [process.id for process in field.processes if process.base == process.id]
+    reports = reports_end_to_end(bases, [MessageRow(**row) for row in rows])
     columns = [pa.array([getattr(row, one.name) for row in reports], one.type) for one in frames.schema]
     return pa.concat_tables([frames, pa.table(columns, frames.schema)]).unify_dictionaries()
 

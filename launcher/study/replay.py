@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.plan.prepare import load, planned
-from launcher.record.figures.hops import end_to_end
+from launcher.record.figures.hops import CARRIERS, end_to_end
 from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
@@ -72,7 +72,7 @@ def replay(
     jumps = (p.jumps for p in plan.processes)
     check_belongs(run, plan.info.places, plan.run.end_ns, jumps, read_table(run, TRACKS_TABLE), messages)
     rows = [MessageRow(**row) for row in messages.to_pylist()]
-    reports = [*(row for row in rows if row.kind != "hop"), *end_to_end(plan.bases, rows)]
+    reports = [*(row for row in rows if row.kind not in CARRIERS), *end_to_end(plan.bases, rows)]
     check_repeatable(run, plan)
     fusions, handed = read_points(run)
     _check_usable(run, plan, fusions, reports)

@@ -9,11 +9,11 @@ from math import isfinite
 from typing import Final
 
 from fusion.role import Phase as CentrePhase
+from launcher.record.figures.hops import REPORTS
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
 from launcher.record.tables import TrackRow, track_rows
 from launcher.records import Plan
-from launcher.report.folder import REPORTS
 from node.role import Phase as NodePhase
 from tests.protocols.agreement import Compared, compared
 from tests.running import SPEEDS, kept_up

@@ -1,30 +1,46 @@
-"""Messages that went over a tree, each as one from its origin to the base, and how long they took."""
+"""Messages that went over several hops, each as one from its origin to its end, and how long they took."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from launcher.records import MessageRow
 from trackfield.protocols.collection.links import text_of
 from trackfield.wire.codec import decoded, kind_name
+from trackfield.wire.interests import Data
 from trackfield.wire.messages import Hop
 
 USED: Final = ("delivered", "late")
-"""The outcomes of a message that came to a base for the first time."""
+"""The outcomes of a message that came to its end for the first time."""
+CARRIERS: Final = ("hop", "data")
+"""The kinds of message that carry another one: over a tree to a base, and to the sink of an interest."""
+REPORTS: Final = ("doa", "measurement", "range", "rss", "energy", "cpa-report", "cpa-report-sds")
+"""The kinds of message that carry what a sensor measured."""
+
+
+class _Carried(NamedTuple):
+    """A frame that carries the ``number``-th ``message`` of ``origin`` to one of ``ends``, after so many ``hops``."""
+
+    row: MessageRow
+    origin: str
+    number: int
+    hops: int
+    message: bytes
+    ends: frozenset[str]
 
 
 def hop_latencies(bases: Iterable[str], rows: Sequence[MessageRow]) -> dict[str, dict[str, Any]]:
-    """Of the messages that came to a base: how many (``n``), and their ``p50`` and ``p95`` in ms, by number of hops.
+    """Of those that came to a base over a tree, by number of hops: how many (``n``), their ``p50`` and ``p95`` in ms.
 
     From the first transmission by the origin to the arrival at the base.
     """
     took: dict[int, list[int]] = defaultdict(list)
-    for hops, row in _journeys(set(bases), rows):
+    for hops, row in _journeys(bases, (row for row in rows if row.kind == "hop")):
         if row.outcome in USED and row.due_ns is not None:
             took[hops].append(row.due_ns - row.sent_ns)
     return {str(hops): {"n": len(ns), **_quantiles(ns)} for hops, ns in sorted(took.items())}
@@ -35,28 +51,43 @@ def _quantiles(ns: Sequence[int]) -> dict[str, float]:
     return {"p50": p50, "p95": p95}
 
 
-def end_to_end(bases: Iterable[str], rows: Sequence[MessageRow]) -> list[MessageRow]:
-    """The messages that went over a tree to one of these bases, as if each had gone there directly.
+def end_to_end(bases: Iterable[str], rows: Iterable[MessageRow]) -> list[MessageRow]:
+    """The messages that went to one of these bases or to a sink, as if each had gone there directly.
 
     Of one that never came, the outcome is what became of its last frame; if that was not lost, ``in_flight``.
     """
-    return [row for _, row in _journeys(set(bases), rows)]
+    return [row for _, row in _journeys(bases, rows)]
 
 
-def _journeys(bases: set[str], rows: Iterable[MessageRow]) -> Iterator[tuple[int, MessageRow]]:
-    """(hops, the message from its origin to the base) of each message that was sent over a tree."""
-    found: dict[tuple[bytes, int], list[tuple[Hop, MessageRow]]] = {}
-    for row in sorted((row for row in rows if row.kind == "hop"), key=lambda row: row.sent_ns):
-        hop = decoded(row.payload)
-        if isinstance(hop, Hop) and hop.message and not hop.to:
-            found.setdefault((hop.origin, hop.number), []).append((hop, row))
+def reports_end_to_end(bases: Iterable[str], rows: Iterable[MessageRow]) -> list[MessageRow]:
+    """Of these, the reports of sensors."""
+    return [row for row in end_to_end(bases, rows) if row.kind in REPORTS]
+
+
+def _journeys(bases: Iterable[str], rows: Iterable[MessageRow]) -> Iterator[tuple[int, MessageRow]]:
+    """(hops, the message from its origin to its end) of each message that was sent over several hops, or might be."""
+    found: dict[tuple[str, int, frozenset[str]], list[_Carried]] = {}
+    for one in _carried(frozenset(bases), rows):
+        found.setdefault((one.origin, one.number, one.ends), []).append(one)
     for frames in found.values():
-        hop, first = frames[0]
-        inner = decoded(hop.message)
-        if hop.hops or inner is None or text_of(hop.origin) != first.src:
+        first = frames[0]
+        inner = decoded(first.message)
+        if first.hops or inner is None or first.origin != first.row.src:
             continue
-        last, end = next((one for one in frames if one[1].dst in bases and one[1].outcome in USED), frames[-1])
-        outcome = "in_flight" if end.dst not in bases and end.delivered else end.outcome
-        sent = replace(first, kind=kind_name(inner), payload=hop.message, bytes=len(hop.message))
-        due_ns = end.due_ns if outcome in USED else None
-        yield last.hops + 1, replace(sent, dst=end.dst, outcome=outcome, due_ns=due_ns)
+        last = next((one for one in frames if one.row.dst in one.ends and one.row.outcome in USED), frames[-1])
+        end = last.row
+        outcome = "in_flight" if end.dst not in last.ends and end.delivered else end.outcome
+        sent = replace(first.row, kind=kind_name(inner), payload=first.message, bytes=len(first.message))
+        due_ns, step = end.due_ns if outcome in USED else None, getattr(inner, "step", None)
+        yield last.hops + 1, replace(sent, dst=end.dst, outcome=outcome, due_ns=due_ns, step=step)
+
+
+def _carried(bases: frozenset[str], rows: Iterable[MessageRow]) -> Iterator[_Carried]:
+    """In the order in which they were sent, those that carry anything."""
+    for row in sorted((row for row in rows if row.kind in CARRIERS), key=lambda row: row.sent_ns):
+        match decoded(row.payload):
+            case Hop(to=b"") as hop if hop.message:
+                yield _Carried(row, text_of(hop.origin), hop.number, hop.hops, hop.message, bases)
+            case Data() as data if data.message:
+                sink = frozenset({text_of(data.sink)})
+                yield _Carried(row, text_of(data.origin), data.serial, data.hops, data.message, sink)

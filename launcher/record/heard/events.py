@@ -23,7 +23,6 @@ from trackfield.world.events import ENOUGH
 
 PER_DB: Final = log(10.0) / 20.0
 """The natural logarithm of an amplitude, per dB."""
-ECPA: Final = "ecpa"
 
 
 def events_of_run(plan: Plan, tracks: Iterable[TrackRow], frames: Iterable[MessageRow]) -> list[Event]:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from launcher.heard import Report
+from launcher.record.figures.hops import CARRIERS, end_to_end
 from launcher.records import SENSES, MessageRow, Plan
 from trackfield.role import NS
 from trackfield.wire.codec import decoded
-from trackfield.wire.interests import Data
 from trackfield.wire.passes import CpaReport, CpaReportSds, FixReport
 from trackfield.wire.raw import unpack
 
-KINDS = frozenset({"data", "fix", "cpa-report", "cpa-report-sds"})
+KINDS = frozenset({*CARRIERS, "fix", "cpa-report", "cpa-report-sds"})
 """The kinds of message that carry reports, or fixes."""
 
 
 class Told(NamedTuple):
-    """What frames say: the reports in each fix, by its head and step; and those that were sent to each process."""
+    """What frames say: the reports in each fix, by its head and step; and those that came to each process."""
 
     fixes: dict[tuple[str, int], tuple[Report, ...]]
     sent: dict[str, list[Report]]
@@ -37,28 +37,15 @@ def told(plan: Plan, frames: Iterable[MessageRow]) -> Told:
     """What the frames of a run say of passes, each once."""
     found = Told({}, defaultdict(list))
     ids = [place.id for place in plan.info.tagged(SENSES)]
-    for src, dst, message in _messages(frames):
-        match message:
+    rows = [row for row in frames if row.kind in KINDS]
+    for row in (*rows, *end_to_end(plan.bases, rows)):
+        match decoded(row.payload):
             case FixReport(step=step, raw=raw):
-                found.fixes[src, step] = tuple(_raw(plan, ids, step, raw))
-            case CpaReport() | CpaReportSds():
+                found.fixes[row.src, step] = tuple(_raw(plan, ids, step, raw))
+            case CpaReport() | CpaReportSds() as message if row.delivered:
                 at_ns = plan.origin_ns + message.step * plan.step_ns - round(message.early_s * NS)
-                found.sent[dst].append(Report(src, at_ns, message.strength_db, message.width_s))
+                found.sent[row.dst].append(Report(row.src, at_ns, message.strength_db, message.width_s))
     return found
-
-
-def _messages(frames: Iterable[MessageRow]) -> Iterator[tuple[str, str, Any]]:
-    """(origin, for whom, message) of each; of what goes over several hops, whoever it is for."""
-    seen = set[tuple[str, bytes]]()
-    for row in frames:
-        if row.kind not in KINDS or (row.dst, row.payload) in seen:
-            continue
-        seen.add((row.dst, row.payload))
-        message = decoded(row.payload)
-        if isinstance(message, Data):
-            yield _text(message.origin), _text(message.sink), decoded(message.message)
-        elif row.delivered:
-            yield row.src, row.dst, message
 
 
 def _raw(plan: Plan, ids: list[str], step: int, data: bytes) -> Iterator[Report]:
@@ -71,7 +58,3 @@ def _raw(plan: Plan, ids: list[str], step: int, data: bytes) -> Iterator[Report]
     for one in sorted(rows, key=lambda one: -one.early_s):
         if one.number < len(ids):
             yield Report(ids[one.number], at_ns - round(one.early_s * NS), one.strength_db, one.width_s)
-
-
-def _text(id: bytes) -> str:
-    return id.decode("ascii", "replace")

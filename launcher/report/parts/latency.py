@@ -9,6 +9,7 @@ import pyarrow.compute as pc
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from launcher.record.figures.hops import CARRIERS
 from launcher.record.words import span
 from launcher.report import style
 from launcher.report.cells import Table, number
@@ -76,7 +77,7 @@ def latencies(run: Run) -> dict[str, Array]:
 def _to_fusion(run: Run) -> Array:
     """From sending a report to the first track that used it, s; NaN if none did."""
     first = run.first_fused_ns
-    reports = run.frames.table.filter(run.frames.where("outcome", "delivered") & ~run.frames.where("kind", "hop"))
+    reports = run.frames.table.filter(run.frames.where("outcome", "delivered") & ~run.frames.where("kind", *CARRIERS))
     reports = reports.filter(reports["step"].is_valid())
     sent = zip(*(reports[name].to_pylist() for name in ("src", "step", "sent_ns")), strict=True)
     return np.array([first.get((src, step), np.nan) - sent_ns for src, step, sent_ns in sent]) / NS
