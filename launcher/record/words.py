@@ -56,8 +56,10 @@ def led(metrics: Mapping[str, Any]) -> list[str]:
         elected = f"{elections} ({leaders['split_elections']} split), " if leaders["elections"] else ""
         asked = "" if leaders["reports_asked"] is None else f" of {leaders['reports_asked']:.1f} asked for"
         used = "" if leaders["reports_used"] is None else f"; {leaders['reports_used']:.1f} reports a step{asked}"
+        handed = leaders["handovers"]
+        over = "" if handed is None else f"{_many(handed, 'hand-over')} ({leaders['lost_handovers']} more lost), "
         found.append(
-            f"leaders: {_many(leaders['handovers'], 'hand-over')} ({leaders['lost_handovers']} more lost), "
+            f"leaders: {over}"
             f"{_many(leaders['take_overs'], 'take-over')} ({leaders['false_take_overs']} false), {elected}"
             f"two at once in {_many(leaders['two_leader_steps'], 'step')}{used}"
         )

@@ -59,7 +59,8 @@ def leaders_metrics(
 def _of_passes(
     schedule: Passing, frames: Iterable[MessageRow], own: Iterable[TrackRow], per_step: Mapping[int, set[str]]
 ) -> dict[str, Any]:
-    """``leaders`` where clusters hear passes: a term there is a fix, and not a reign; reports do not come every step.
+    """``leaders`` where clusters hear passes: a term there is a fix, and no reign that could be handed over; reports do
+    not come every step.
 
     With fixed clusters, two lead in a step if they are of one cluster.
     """
@@ -72,8 +73,8 @@ def _of_passes(
         "per_step_mean": _mean(counts),
         "per_step_max": max(counts, default=None),
         "two_leader_steps": sum(count > 1 for count in most),
-        "handovers": 0,
-        "lost_handovers": 0,
+        "handovers": None,
+        "lost_handovers": None,
         "take_overs": sum(turn.how == terms.TAKE_OVER for turn in ruled),
         "false_take_overs": sum(turn.how == terms.TAKE_OVER and turn.false for turn in ruled),
         "dissolved": 0,

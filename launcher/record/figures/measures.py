@@ -117,8 +117,8 @@ class Leaders(Figures):
     per_step_mean: Number | None
     per_step_max: Count | None
     two_leader_steps: Count
-    handovers: Count
-    lost_handovers: Count
+    handovers: Count | None
+    lost_handovers: Count | None
     take_overs: Count
     false_take_overs: Count
     dissolved: Count

@@ -47,7 +47,7 @@ def trackers(run: Run) -> Table:
 
 
 def _line(name: str, m: dict[str, Any]) -> dict[str, str]:
-    rmse, counted = m["rmse"], "steps_tracked" if m["verdict"] is None else "steps"
+    rmse = m["rmse"]
     return {
         "tracker": name,
         "verdict": told(m),
@@ -58,7 +58,7 @@ def _line(name: str, m: dict[str, Any]) -> dict[str, str]:
         "north [m]": number(rmse["y"]),
         "median [m]": number(m["median_error"]),
         "velocity [m/s]": number(rmse["velocity"]),
-        "steps": f"{m[counted]:,} of {m['steps_expected']:,}",
+        "steps": f"{m['steps_tracked']:,} of {m['steps_expected']:,}",
         "RMSE in gaps [m]": number(m["gap"]["rmse"]),
         "steps in gaps": number(m["gap"]["steps"]),
     }

@@ -80,8 +80,10 @@ def _whole(run: Run, name: str) -> bool:
 
 def _error(own: list[Track], m: dict[str, Any]) -> str:
     """Its errors, over which steps, and against which bound."""
-    expected = m["steps_expected"]
-    steps = f"all {expected:,} steps" if m["steps"] >= expected else f"{m['steps']:,} of {expected:,} steps"
+    expected, tracked, scored = m["steps_expected"], m["steps_tracked"], m["steps"]
+    steps = f"all {expected:,} steps" if scored == expected else f"{scored:,} of {expected:,} steps"
+    if scored != tracked:
+        steps = f"{scored:,} steps"
     blind = sum(int((track.coasting & track.scored).sum()) for track in own)
     if blind:
         steps += f" ({'all' if blind == m['steps'] else f'{blind:,}'} of them without a report)"
@@ -90,6 +92,8 @@ def _error(own: list[Track], m: dict[str, Any]) -> str:
         bounded = sum(int((track.scored & np.isfinite(track.bound)).sum()) for track in own)
         over = "the same steps" if bounded == m["steps"] else f"the {bounded:,} of them that have one"
         text += f"; {number(m['times_bound'])} times the bound of {number(m['bound_m'], 'm')} over {over}"
+    if scored != tracked:
+        text += f". A track at {tracked:,} of the {expected:,} steps at which one was expected"
     return f"{text}."
 
 
