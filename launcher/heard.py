@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import atan2, degrees, hypot
 from typing import Final, NamedTuple
 
 from numpy import float64
@@ -40,6 +41,14 @@ class Outcome(NamedTuple):
     line: Line | None
     covariance: tuple[float, ...] = ()
 
+    @property
+    def text(self) -> str:
+        """The speed and the heading of the fix, or why there is none."""
+        if self.line is None:
+            return f"no fix: {self.refused}" if self.refused else "no fix"
+        _, _, vx, vy = self.line
+        return f"{hypot(vx, vy):.1f} m/s towards {degrees(atan2(vx, vy)) % 360.0:.0f}°"
+
 
 class Tried(NamedTuple):
     """What ECPA considers (Yang et al., section 3.3): the ``lone`` sensor, three ``far`` ones across the path, and the
@@ -71,8 +80,9 @@ class Event(NamedTuple):
 
     @property
     def ranked(self) -> list[str]:
-        """The sensors, the loudest first."""
-        return [one.sensor for one in sorted(self.reports, key=lambda one: (-one.strength_db, one.sensor))]
+        """The sensors, the loudest first, each once."""
+        ordered = sorted(self.reports, key=lambda one: (-one.strength_db, one.sensor))
+        return list(dict.fromkeys(one.sensor for one in ordered))
 
 
 class Sound(NamedTuple):

@@ -5,26 +5,35 @@ from __future__ import annotations
 import base64
 import io
 import wave
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from launcher import report
+from launcher.heard import Event, Report
 from launcher.plan.prepare import planned
 from launcher.record.folder import keep
 from launcher.record.heard.events import events_of_run
+from launcher.record.heard.reports import told
 from launcher.record.heard.sounds import BEFORE_NS, loudest_and_weakest, sounds
 from launcher.record.heard.wav import FULL, LOUDEST, wav
+from launcher.record.words import led
+from launcher.records import MessageRow
+from launcher.report import outages
 from launcher.report.folder import read_run
 from launcher.report.led import read_led
-from launcher.report.parts import passes
+from launcher.report.parts import errors, latency, passed, passes, verdicts
 from launcher.run import run_virtual
 from tests.cpa_fields import SMALL, plan_of
 from tests.reporting import read
 from tests.simulated import simulated
 from trackfield.role import NS
 from trackfield.scenario import Scenario
+from trackfield.wire.codec import encode
+from trackfield.wire.passes import CpaReport
 
 pytestmark = pytest.mark.rendered
 
@@ -77,11 +86,13 @@ def test_reports_are_those_of_the_fix_at_the_times_of_the_true_passes(modelled: 
         assert abs(known_ns - NS - one.at_ns) < NS // 10
 
 
-@pytest.mark.parametrize("kind", ["centralised", "cpa"])
+@pytest.mark.parametrize("kind", ["centralised", "cpa", "tree"])
 @pytest.mark.parametrize("loss", [0.0, 0.2])
 def test_the_reports_of_an_event_are_those_that_its_head_had(kind: str, loss: float) -> None:
     """A centre is sent each of them; a head's own report is in its fix alone."""
-    plan = plan_of(SMALL, architecture={"kind": kind}, link__range_m=30.0 if kind == "cpa" else 200.0, link__loss=loss)
+    architecture = {"kind": "centralised", "multihop": True} if kind == "tree" else {"kind": kind}
+    reach_m = 200.0 if kind == "centralised" else 30.0
+    plan = plan_of(SMALL, architecture=architecture, link__range_m=reach_m, link__loss=loss)
     ledger, rows = simulated(plan)
     found = events_of_run(plan, rows, ledger.rows)
     assert [one.head for one in found] == 2 * ["n000" if kind == "cpa" else "fusion"]
@@ -90,6 +101,76 @@ def test_the_reports_of_an_event_are_those_that_its_head_had(kind: str, loss: fl
         for one in event.reports:
             known_ns = min(plan.passes[one.sensor].values(), key=lambda at_ns: abs(at_ns - NS - one.at_ns))
             assert abs(known_ns - NS - one.at_ns) < NS // 10
+
+
+def test_reports_that_sensors_send_to_a_head_arrive(modelled: Path) -> None:
+    run = read_run(modelled)
+    assert run.frames.senders("delivered") == set(NAMES) - {"n000"}
+    assert outages.few_reports(run) == ""
+    to_fusion = latency.latencies(run)["sending to fusion"]
+    assert len(to_fusion) == 4
+    assert run.metrics["latency_ms"]["to_filter"]["max"] == pytest.approx(1e3 * to_fusion.max())
+
+
+def test_reports_of_different_sensors_may_be_the_same_and_a_lost_frame_may_come_later() -> None:
+    plan = plan_of(SMALL)
+    payload = encode(CpaReport(7, 1.0, 0, -20.0, 1.0))
+    sent = [("n001", 0, "radio"), ("n001", 1, "delivered"), ("n002", 2, "delivered"), ("n003", 3, "radio")]
+    frames = [
+        MessageRow("cpa-report", src, "n000", "field", at_ns, at_ns, outcome, len(payload), payload=payload)
+        for src, at_ns, outcome in sent
+    ]
+    assert [one.sensor for one in told(plan, frames).sent["n000"]] == ["n001", "n002"]
+
+
+def test_the_steps_with_a_track_are_of_those_at_which_one_is_expected(modelled: Path) -> None:
+    """A fix is predicted on beyond the steps of its pass."""
+    run = read_run(modelled)
+    m = run.metrics["trackers"]["ml"]
+    assert m["steps"] > m["steps_tracked"] > 0
+    share = f"{m['steps_tracked']} of {m['steps_expected']}"
+    table = errors.trackers(run)
+    assert table.rows[0][list(table.head).index("steps")] == share
+    text = verdicts.verdicts(run)[0].text
+    assert f"over {m['steps']} steps" in text
+    assert f"A track at {m['steps_tracked']} of the {m['steps_expected']} steps at which one was expected." in text
+
+
+def test_heads_hand_nothing_over(modelled: Path) -> None:
+    leaders = read_run(modelled).metrics["leaders"]
+    assert (leaders["handovers"], leaders["lost_handovers"]) == (None, None)
+    assert led(read_run(modelled).metrics)[0] == "leaders: 0 take-overs (0 false), two at once in 0 steps"
+
+
+def test_what_nobody_knows_is_left_out(modelled: Path) -> None:
+    run = read_run(modelled)
+    known = passes.lines(run)
+    assert next(value for name, value, _ in known if "errors" in name).endswith("°")
+    unknown = {key: {"mean": None, "max": None} for key in ("location_m", "speed_m_s", "heading_deg", "delay_s")}
+    figures = {name: {**one, **unknown} for name, one in run.metrics["passes"]["trackers"].items()}
+    metrics = {**run.metrics, "passes": {"events": 0, "enough": 0, "trackers": figures}}
+    blind = replace(run, field=replace(run.field, site=replace(run.site, paths={})), metrics=metrics)
+    rest = [line for line in passes.lines(blind) if "heads" not in line[0] and "base" not in line[0]]
+    assert [name for name, _, _ in rest] == ["ml: fixes", "ecpa: fixes"]
+    assert passes.events(blind).head[-1] == "fix"
+
+
+def test_a_sensor_that_reported_twice_stands_once() -> None:
+    reports = [Report("a", 0, 1.0, 0.5), Report("b", 1, 2.0, 0.5), Report("a", 2, 3.0, 0.5)]
+    assert Event("a", tuple(reports), ()).ranked == ["a", "b"]
+
+
+def test_why_there_is_no_fix_stands_in_lines_over_a_map(modelled: Path) -> None:
+    run = read_run(modelled)
+    (event,) = run.heard.events
+    why = "the reports are not those of one pass on a straight line"
+    refused = event._replace(outcomes=tuple(one._replace(refused=why, line=None) for one in event.outcomes))
+    axes = Figure().subplots()
+    passed.draw(axes, run, refused)
+    first, *rest = axes.get_title(loc="left").splitlines()
+    assert first.endswith("n000:")
+    assert " ".join(rest) == why
+    assert max(map(len, rest)) <= passed.LETTERS
 
 
 def test_an_event_without_a_fix_says_why(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any, Final
 
 import numpy as np
@@ -23,6 +24,8 @@ LEAST_M: Final = 15.0
 LONE: Final = "#e69f00"
 HEARD: Final = "#0072b2"
 REST: Final = "#c6ced8"
+LETTERS: Final = 40
+"""So many letters are as wide as a map."""
 BESIDE_S: Final = 15.0
 """So much of the true path before and after is drawn, as far as it is in the picture."""
 
@@ -52,8 +55,9 @@ def draw(axes: Axes, run: Run, event: Event) -> None:
         axis.set_major_locator(MaxNLocator(4))
     axes.tick_params(labelsize=6.5)
     refused = {one.refused for one in event.outcomes if one.refused}
-    title = f"{(event.begin_ns - run.site.origin_ns) / NS:.1f} s, {event.head}"
-    axes.set_title(f"{title}: {'; '.join(sorted(refused))}" if refused else title, fontsize=7.5, loc="left", wrap=True)
+    said = textwrap.wrap("; ".join(sorted(refused)), LETTERS)
+    title = f"{(event.begin_ns - run.site.origin_ns) / NS:.1f} s, {event.head}{':' if said else ''}"
+    axes.set_title("\n".join([title, *said]), fontsize=7.5, loc="left")
 
 
 def entries(run: Run) -> tuple[list[Any], list[str]]:

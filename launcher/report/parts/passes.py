@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from math import degrees, hypot
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy import arctan2
 
 from launcher.heard import Event, Outcome, Sound
+from launcher.record.figures.passes.metrics import ERRORS
 from launcher.record.heard.wav import wav
 from launcher.record.words import span
 from launcher.report import style
@@ -54,19 +53,22 @@ def shown(run: Run) -> bool:
 def lines(run: Run) -> list[Line]:
     """The figures of metrics.json."""
     passes = run.metrics["passes"]
-    found: list[Line] = [
-        ("passes of a cluster, by the true paths", f"{passes['events']:,}", False),
-        ("of these, those in reach of enough sensors for a fix", f"{passes['enough']:,}", False),
-    ]
+    found: list[Line] = []
+    if run.site.paths:
+        found += [
+            ("passes of a cluster, by the true paths", f"{passes['events']:,}", False),
+            ("of these, those in reach of enough sensors for a fix", f"{passes['enough']:,}", False),
+        ]
     for name, one in passes["trackers"].items():
         if not one["fixes"] and not one["refused"]:
             continue
         false, refused = one["false_fixes"], sum(one["refused"].values())
         said = "" if false is None else f"; {false:,} false"
         found.append((f"{name}: fixes", f"{one['fixes']:,}{said}; {refused:,} refused", bool(false)))
-        sizes = ("location_m", "m"), ("speed_m_s", "m/s"), ("heading_deg", "°")
-        off = [f"{number(one[key]['mean'], unit)}, {number(one[key]['max'], unit)}" for key, unit in sizes]
-        found.append((f"{name}: errors of location, speed, heading, mean and worst", "; ".join(off), False))
+        if one["location_m"]["mean"] is not None:
+            mean, worst = (_errors(*(one[key][which] for key in ERRORS)) for which in ("mean", "max"))
+            off = "; ".join(f"{a}, {b}" for a, b in zip(mean, worst, strict=True))
+            found.append((f"{name}: errors of location, speed, heading, mean and worst", off, False))
         if one["delay_s"]["mean"] is not None:
             late = f"{span(one['delay_s']['mean'])}, {span(one['delay_s']['max'])}"
             found.append((f"{name}: from the last pass to the fix, mean and most", late, False))
@@ -96,30 +98,26 @@ def events(run: Run) -> Table:
         for event in run.heard.events[:MOST_EVENTS]
         for number_of, outcome in enumerate(event.outcomes)
     ]
-    return Table(["event", "head", "sensors", "tracker", "fix", "location", "speed", "heading", "after"], rows)
+    head = ["event", "head", "sensors", "tracker", "fix", "location", "speed", "heading", "after"]
+    known = len(head) if run.site.paths else head.index("location")
+    return Table(head[:known], [row[:known] for row in rows])
 
 
 def _row(run: Run, event: Event, outcome: Outcome, *, first: bool) -> list[str]:
     """The sensors stand in the order of how loud they heard the target; errors are beside the truth."""
     fix = run.heard.fix(event, outcome)
     off = fix.errors if fix is not None else None
-    errors = (
-        [number(off.location_m, "m"), number(off.speed_m_s, "m/s"), number(off.heading_deg, "°")]
-        if off is not None
-        else [NOTHING] * 3
-    )
+    errors = [NOTHING] * 3 if off is None else _errors(*off)
     after = NOTHING if fix is None or fix.after_s is None else span(fix.after_s)
     at = f"{(event.begin_ns - run.site.origin_ns) / NS:.2f} s"
-    what = _words(outcome) if fix is None or fix.target or not run.site.paths else f"{_words(outcome)}, false"
+    what = outcome.text if fix is None or fix.target or not run.site.paths else f"{outcome.text}, false"
     whose = (event.head, ids(event.ranked) or NOTHING) if first else ("", "")
     return [at, *whose, outcome.tracker, what, *errors, after]
 
 
-def _words(outcome: Outcome) -> str:
-    if outcome.line is None:
-        return f"no fix: {outcome.refused}" if outcome.refused else "no fix"
-    _, _, vx, vy = outcome.line
-    return f"{hypot(vx, vy):.1f} m/s, {degrees(float(arctan2(vx, vy))) % 360.0:.0f}°"
+def _errors(location_m: float | None, speed_m_s: float | None, heading_deg: float | None) -> list[str]:
+    heading = NOTHING if heading_deg is None else f"{heading_deg:.2f}°"
+    return [number(location_m, "m"), number(speed_m_s, "m/s"), heading]
 
 
 # --- what was heard ---------------------------------------------------------------------------------------------------

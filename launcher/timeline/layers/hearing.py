@@ -13,6 +13,7 @@ from launcher.timeline import look, rows
 from launcher.timeline.layers.clusters import SLOWER
 from launcher.timeline.layers.heads import arrow
 from launcher.timeline.scene import Add, Points, Shown
+from trackfield.protocols.collection.links import text_of
 from trackfield.role import NS
 from trackfield.wire.codec import decoded
 from trackfield.wire.interests import Interest
@@ -61,7 +62,7 @@ class Hearing:
                 self._heard(row, row.due_ns, interest)
 
     def _heard(self, row: MessageRow, at_ns: int, interest: Interest) -> None:
-        sink = interest.sink.decode("ascii", "replace")
+        sink = text_of(interest.sink)
         key = row.dst, sink, interest.number
         if sink == row.dst or self._first.get(key) == interest.refresh:
             return

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import zip_longest
-from math import degrees, hypot, nan
+from math import hypot, nan
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 import rerun as rr
 
-from launcher.heard import RANKS, Event, Line, Outcome, Report, Sound
+from launcher.heard import RANKS, Event, Line, Report, Sound
 from launcher.records import FieldInfo
 from launcher.timeline import look, rows
 from launcher.timeline.look import path as entity
@@ -123,7 +123,8 @@ class Passes:
             self._log(one.at_ns, _heard(one))
         for outcome in event.outcomes:
             count = len(event.reports)
-            said = f"{event.head}, {outcome.tracker}: {_words(outcome)}" + (f", of {count} reports" if count else "")
+            fix = "a fix, " if outcome.line is not None else ""
+            said = f"{event.head}, {outcome.tracker}: {fix}{outcome.text}" + (f", of {count} reports" if count else "")
             self._log(outcome.told_ns, said, "INFO" if outcome.line is not None else "WARN")
 
     def _log(self, t_ns: int, text: str, level: str = "INFO") -> None:
@@ -210,10 +211,3 @@ def _rings(found: list[Any]) -> Points:
 
 def _heard(report: Report) -> str:
     return f"{report.sensor} hears a target loudest: {report.strength_db:.1f} dB, {report.width_s:.2g} s wide"
-
-
-def _words(outcome: Outcome) -> str:
-    if outcome.line is None:
-        return f"no fix: {outcome.refused}" if outcome.refused else "no fix"
-    _, _, vx, vy = outcome.line
-    return f"a fix, {hypot(vx, vy):.1f} m/s towards {degrees(float(np.arctan2(vx, vy))) % 360.0:.0f}°"
