@@ -41,7 +41,10 @@ OPTIONS: Final = {"range_m": 60.0, "time_sd_s": 0.01, "strength_sd": 0.05}
 
 @dataclass(frozen=True)
 class Line:
-    """A target that is nearest to (``x_m``, ``y_m``) ``at_s`` after step 0, moves at ``speed`` to the bearing."""
+    """A target that is nearest to (``x_m``, ``y_m``) ``at_s`` after step 0, moves at ``speed`` to the bearing.
+
+    Reports of it say the ``sds`` of time (s) and strength (dB), if there are any.
+    """
 
     x_m: float
     y_m: float
@@ -49,6 +52,7 @@ class Line:
     at_s: float
     speed: float = 13.4
     heard_m: float = 60.0
+    sds: tuple[float, ...] = ()
 
     @property
     def velocity(self) -> tuple[float, float]:
@@ -67,7 +71,8 @@ class Line:
         if away_m > self.heard_m:
             return None
         at_ns = ORIGIN_NS + round((self.at_s + after_s + away_m / SOUND_M_S) * NS)
-        return at_ns, Passed((-KNOWN_NS / NS, -20.0 * log10(max(away_m, 1.0)), min(away_m / self.speed, 6.3)))
+        read = (-KNOWN_NS / NS, -20.0 * log10(max(away_m, 1.0)), min(away_m / self.speed, 6.3))
+        return at_ns, Passed((*read, *self.sds))
 
 
 def pentagon(x_m: float = 0.0, y_m: float = 0.0) -> list[Place]:
@@ -161,7 +166,9 @@ class Field(Net):
         return hypot(point.mean[0] - x, point.mean[1] - y), hypot(point.mean[2] - vx, point.mean[3] - vy)
 
 
-def bank_of(places: Mapping[str, Place], trackers: Sequence[str] = ("ml",), prior: Any = None) -> dict[str, Any]:
+def bank_of(
+    places: Mapping[str, Place], trackers: Sequence[str] = ("ml",), prior: Any = None, *, variances: bool = False
+) -> dict[str, Any]:
     return {
         "prior": prior,
         "trackers": list(trackers),
@@ -169,7 +176,7 @@ def bank_of(places: Mapping[str, Place], trackers: Sequence[str] = ("ml",), prio
         "step_ns": STEP_NS,
         "origin_ns": ORIGIN_NS,
         "seed": 1,
-        "sensing": {"cpa": {"kind": "cpa", "options": OPTIONS}},
+        "sensing": {"cpa": {"kind": "cpa", "options": {**OPTIONS, "variances": variances}}},
         "sigma_v": 0.1,
     }
 
@@ -206,6 +213,7 @@ def hearing_of(
     trackers: Sequence[str] = ("ml",),
     prior: Any = None,
     sync: Any = None,
+    variances: bool = False,
     **settings: Any,
 ) -> Hearing:
     around = {one: places[one] for one in group} if heads == "fixed" else places
@@ -220,7 +228,7 @@ def hearing_of(
         deadline_ns=DEADLINE_NS,
         max_age_ns=MAX_AGE_NS,
         sync=sync,
-        **bank_of(around, trackers, prior),
+        **bank_of(around, trackers, prior, variances=variances),
     )
 
 
@@ -258,6 +266,7 @@ def field_of(
 ) -> Field:
     """A field that has started, with a base; ``before`` that a test may say what befalls it from the start on."""
     known = named(pentagon() if places is None else places)
+    settings["variances"] = any(line.sds for line in lines)
     ids, field = list(known), Field(lines, reach_m)
     field.add(BASE, sink_of(known, base, trackers, spline), base)
     for number, id in enumerate(ids):

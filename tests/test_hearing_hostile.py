@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, get_args
 
 import msgpack
 import numpy as np
 import pytest
-from hypothesis import Phase, given, settings
+from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 
 from head.hearing.memory import MOST_PASSES
@@ -36,6 +37,12 @@ reports = st.builds(
     CpaReport, st.integers(0, 40) | st.just(65535), st.sampled_from([0.0, 1.2, 6.5535]), st.integers(0, 3),
     st.sampled_from([-100.0, -20.0, 0.0, 200.0]), st.sampled_from([0.0, 1.0, 6.375]),
 )  # fmt: skip
+SDS = [one for one in registry.kind_of_class(CpaReportSds).fields if one.name in ("time_sd_s", "strength_sd_db")]
+sds = st.tuples(*[st.sampled_from([one.scaled.low, one.scaled.resolution, one.scaled.high])
+                  | st.floats(one.scaled.low, one.scaled.high) for one in SDS])  # fmt: skip
+reports_sds = st.builds(
+    lambda one, said: CpaReportSds(one.step, one.early_s, one.event, one.strength_db, one.width_s, *said), reports, sds
+)
 fixes = st.builds(
     FixReport, st.integers(0, 3), st.sampled_from([0, 5, 12, 20, 65535]), st.sampled_from([0, 1, 99, 255]),
     some_beliefs().filter(lambda data: len(data) <= 800) | st.binary(max_size=40) | st.just(b""),
@@ -63,7 +70,7 @@ others = (
     | st.builds(SyncReply, st.integers(0, 3), *[st.integers(-(10**9), 10**9)] * 3)
     | reports
     | fixes
-    | reports.map(lambda one: CpaReportSds(one.step, one.early_s, one.event, one.strength_db, one.width_s, 0.1, 1.0))
+    | reports_sds
 )
 event = st.tuples(
     st.sampled_from([0, 0, 1, 30 * MS, 400 * MS, NS, 4 * NS]),
@@ -91,6 +98,28 @@ def test_nothing_that_is_said_makes_a_role_fail(heads: Heads, at_ns: int, events
         if consumes(field, dst, message):
             field.inject(dst, message, sender)
     bounded(field.run(field.t_ns + 8 * NS))
+
+
+PRIOR = {"mean": [-70.0, 0.0, 13.0, 2.0], "sd": [20.0, 20.0, 3.0, 3.0]}
+
+
+@pytest.mark.parametrize("tracker", ["ml", "ecpa", "ukf"])
+@pytest.mark.parametrize("heads", HEADS)
+@settings(max_examples=6, deadline=None, phases=[Phase.explicit, Phase.generate])
+@given(sds, st.lists(st.tuples(st.sampled_from(NODES), st.sampled_from(NODES), reports_sds), max_size=4))
+@example((0.0, 0.0), [])
+@example((0.0, 1.0), [])
+@example((0.01, 0.0), [])
+def test_however_exact_a_report_says_it_is(tracker: str, heads: Heads, said: tuple[float, ...], others: Any) -> None:
+    """The sds of a line's reports, and of some others, are any that their messages hold."""
+    line = replace(LINE, sds=said)
+    field = field_of(line, heads=heads, trackers=(tracker,), prior=PRIOR if tracker == "ukf" else None)
+    field.until(7)
+    for dst, sender, report in others:
+        field.inject(dst, report, sender)
+    bounded(field.until(12))
+    if tracker != "ukf" and not others and max(said) <= 1.0:
+        assert field.error(line)[0] < 0.2
 
 
 def bounded(field: Field) -> None:

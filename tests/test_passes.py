@@ -10,8 +10,22 @@ from trackfield.filters.passes.bounds import bound, bound_errors, line_errors
 from trackfield.filters.passes.geometry import across, arrivals, line_of, state, state_slopes
 from trackfield.filters.passes.likelihood import likelihood
 from trackfield.filters.passes.solve import solve
-from trackfield.filters.passes.types import AMBIGUOUS, FEW, IN_LINE, NO_PASS, REASONS, UNCERTAIN, Passes, event_of
+from trackfield.filters.passes.types import (
+    AMBIGUOUS,
+    FEW,
+    IN_LINE,
+    LEAST_STRENGTH_SD,
+    LEAST_TIME_SD_S,
+    NO_PASS,
+    REASONS,
+    UNCERTAIN,
+    Passes,
+    event_of,
+)
+from trackfield.filters.solving.solver import PER_DB
 from trackfield.models import passing
+from trackfield.wire import registry
+from trackfield.wire.passes import CpaReportSds
 
 NAMES = ("ml", "ecpa", "cpa", "plane")
 
@@ -298,6 +312,27 @@ def test_random_times_are_no_pass():
 def test_times_that_say_little_leave_the_path_uncertain():
     answer = solve("ml", trials(50, time_sd=3.0).passes)
     assert (answer.reason == UNCERTAIN).mean() > 0.8
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("time_sd", "strength_sd"), [(0.0, 0.0), (0.0, 0.1), (0.1, 0.0), (1e-9, 1e-9)])
+def test_reports_that_are_said_to_be_exact_give_the_path(name, time_sd, strength_sd):
+    field = trials(50, time_sd=0.0, strength_sd=0.0)
+    full = np.ones_like(field.passes.times_s)
+    said = field.passes._replace(time_sd_s=time_sd * full, strength_sd=strength_sd * full)
+    least = said._replace(
+        time_sd_s=np.maximum(said.time_sd_s, LEAST_TIME_SD_S),
+        strength_sd=np.maximum(said.strength_sd, LEAST_STRENGTH_SD),
+    )
+    answer = solve(name, said)
+    assert (answer.reason == 0).mean() > 0.9
+    np.testing.assert_array_equal(answer.mean, solve(name, least).mean)
+
+
+def test_the_least_noise_is_half_of_what_a_message_tells_apart():
+    fields = {one.name: one for one in registry.kind_of_class(CpaReportSds).fields}
+    assert fields["early_s"].scaled.resolution / 2 == LEAST_TIME_SD_S
+    assert fields["strength_db"].scaled.resolution / 2 * PER_DB == pytest.approx(LEAST_STRENGTH_SD)
 
 
 def test_an_unknown_solver_is_an_error():

@@ -7,6 +7,7 @@ by NaN.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
@@ -46,6 +47,9 @@ NEGATIVE: Final = 9
 DIVIDED_OTHERWISE: Final = 10
 
 
+LEAST_TIME_SD_S: Final = 5e-5
+LEAST_STRENGTH_SD: Final = 0.005 * math.log(10.0) / 20.0
+"""No report is more exact than half of what its message can tell apart, 0.1 ms and 0.01 dB, whatever it says."""
 _QUIET: Final = 1e9
 """Below the logarithm of any strength."""
 
@@ -102,9 +106,9 @@ class Event(NamedTuple):
     loud: Flags
     """(..., K) where there is a strength."""
     time_sd: Array
-    """(..., K), 1 where there is no report."""
+    """(..., K), at least ``LEAST_TIME_SD_S``; 1 where there is no report."""
     log_sd: Array
-    """(..., K) sd of ``logs``, 1 where there is none."""
+    """(..., K) sd of ``logs``, at least ``LEAST_STRENGTH_SD``; 1 where there is none."""
     place_sd: float
 
     def only(self, which: Flags) -> Event:
@@ -153,7 +157,7 @@ def event_of(passes: Passes) -> Event:
         np.log(np.where(loud, passes.strengths, 1.0)),
         heard,
         loud,
-        np.where(heard, passes.time_sd_s, 1.0),
-        np.where(loud, passes.strength_sd, 1.0),
+        np.where(heard, np.maximum(passes.time_sd_s, LEAST_TIME_SD_S), 1.0),
+        np.where(loud, np.maximum(passes.strength_sd, LEAST_STRENGTH_SD), 1.0),
         passes.place_sd_m,
     )
