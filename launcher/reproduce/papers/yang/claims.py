@@ -42,6 +42,8 @@ SMALL: Final = {"location": 2.0, "heading": 6.0}
 """Below which errors "are very small": m (sec. 3.3.2), deg (sec. 3.3.2)."""
 FAILS: Final = 0.1
 """The share of runs in which the original algorithm succeeds at most (fig. 13)."""
+ALL: Final = 0.99
+"""The share of runs that is taken for all of them."""
 SIX: Final = Band(5.5, 6.5)
 FEW_BYTES: Final = 0.01
 QUICK_S: Final = 0.02
@@ -55,9 +57,9 @@ def claims(found: Found) -> list[Claim]:
 
 
 def in_part(answers: Sequence[bool | None]) -> Verdict:
-    """Whether all are true, or at least one."""
+    """Whether all are true, or at least one; too few runs to tell if either is open."""
     every, some = all_of(answers), any_of(answers)
-    if every is None and None in answers:
+    if every is None or some is None:
         return verdict(None)
     return "holds" if every else "holds in part" if some else "does not hold"
 
@@ -97,17 +99,10 @@ def _success(found: Found) -> Claim:
     ]
     return Claim(
         "ECPA maps the path into the hull of the nodes, and locates it in 100 % of all cases",
-        "its path crosses the hull in at least 99 % of the runs, and it is right (5 m, 15 deg) in at least 95 % with "
-        "times off by 0.1 s and in at least 75 % with places off by up to 5 m, too",
+        f"its path crosses the hull, and is right (5 m, 15 deg), in at least {ALL:.0%} of the runs, with exact times, "
+        "with times off by 0.1 s, and with places off by up to 5 m, too; in part: it only crosses the hull",
         "in the hull: " + "; ".join(told),
-        verdict(
-            all_of(
-                [
-                    *(share.above(0.99) for share in hull.values()),
-                    *(good[name].above(band.low) for name, (_, band) in ENHANCED.items()),
-                ]
-            )
-        ),
+        in_part([all_of(share.above(ALL) for share in shares.values()) for shares in (hull, good)]),
     )
 
 
@@ -207,16 +202,18 @@ def _others(found: Found) -> Claim:
     ours = errors(found, USUAL_CASE, "location", ECPA)
     rivals = {name: errors(found, USUAL_CASE, "location", name) for name in (NODE_FIT, EKF)}
     ratios = {name: mean_ratio(ours, some) for name, some in rivals.items()}
+    better = all_of(one.at_most(1.0) for one in ratios.values())
     told = ", ".join(f"{name} {two(rms_error(some))} m" for name, some in rivals.items())
     return Claim(
         "ECPA is more accurate than extended Kalman filters, lateral inhibition, and both",
-        "its mean error of the location is below that of a Kalman filter to which each node is where the target is at "
-        "its time, and of an EKF that gets the same times and strengths, in the same runs",
+        "in part, as lateral inhibition is not run: its mean error of the location is below that of a Kalman filter to "
+        "which each node is where the target is at its time, and of an EKF that gets the same times and strengths, in "
+        "the same runs",
         f"RMSE: ecpa {two(rms_error(ours))} m, {told}; quoted from other data: "
         + ", ".join(f"{name} {value:.1f}" for name, value in OTHERS.items())
         + "; ratio of means: "
         + ", ".join(f"{name} {two(one)}" for name, one in ratios.items()),
-        verdict(all_of(one.at_most(1.0) for one in ratios.values())),
+        "holds in part" if better else verdict(better),
     )
 
 
@@ -238,13 +235,13 @@ def _field(found: Found) -> Claim:
         some = some[~np.isnan(some)]
         low, high = np.percentile(rng.choice(some, (_REPEATS, 8)).mean(axis=1), [2.5, 97.5]).tolist()
         told.append(f"{kind} {published:.2f} in the field, {low:.2f}-{high:.2f} for eight runs")
-        answers.append(None if len(some) < 100 else bool(low <= published <= high))
+        answers.append(False if len(some) >= 100 and not low <= published <= high else None)
     return Claim(
         "The simulation matches the field-test very well",
-        "each mean error of Table 1's eight runs lies where 95 % of the means of eight of our simulated runs at 30 mph "
-        "do; in part: one of them",
+        "no mean error of Table 1's eight runs lies outside of where 95 % of the means of eight of our simulated runs "
+        "at 30 mph do; eight runs can refute that, and not show it (below, with roles: errors of the whole system)",
         "; ".join(told),
-        in_part(answers),
+        verdict(all_of(answers)),
     )
 
 
@@ -265,8 +262,9 @@ def _computation(found: Found) -> Claim:
     better = (least(found, DETECTION) + least(found, ML)) / own
     return Claim(
         "EKF, TDOA and DOA involve more computation",
-        "on the same machine, the highest amplitude of 5 s at five nodes and one fix of ECPA take less time than 50 "
-        "updates of an EKF, the delays of all pairs of nodes, and the directions at five arrays; in part: than some",
+        "on the same machine, the highest amplitude of 5 s at five nodes and one path of ECPA, without a covariance, "
+        "take less time than 50 updates of an EKF, the delays of all pairs of nodes, and the directions at five "
+        "arrays; in part: than some",
         "times that: "
         + ", ".join(f"{name} {value:.1f}" for name, value in ratios.items())
         + f"; the detector fit with ml {better:.1f}",

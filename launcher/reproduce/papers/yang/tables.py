@@ -110,10 +110,11 @@ def to_bound(found: Found, case: str, kind: str) -> Interval:
 
 
 def _beside_bound(found: Found, case: str) -> Iterator[Row]:
-    """The root mean square errors of ``ml``; the band is one of heading and speed."""
+    """The root mean square errors of ``ml``, beside the bound in the same runs; the band is of heading and speed."""
     for kind in KINDS:
         ratio = to_bound(found, case, kind)
-        ours, least = (rms_error(errors(found, case, kind, name)) for name in (ML, BOUND))
+        some, bound = (errors(found, case, kind, name) for name in (ML, BOUND))
+        ours, least = rms_error(some), rms_error(np.where(np.isnan(some), np.nan, bound))
         banded = kind != "location"
         yield Row(
             *(case, ML, f"RMSE of {quantity(kind)}", ours),

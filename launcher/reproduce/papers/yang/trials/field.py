@@ -119,6 +119,8 @@ def crossing(places: Array, speed: float, rngs: Generators) -> Array:
     low, high = aside.min(axis=1), aside.max(axis=1)
     offset = low + (high - low) * drawn[..., 1]
     good = (np.abs(aside - offset[:, None]) >= LEAST_M).all(axis=1)
+    if not good.any(axis=1).all():
+        raise ValueError(f"no line of {_TRIES} passes every node at {LEAST_M:g} m or more")
     first = np.argmax(good, axis=1)
     chosen = np.arange(len(first)), first
     at = centre + offset[chosen][:, None] * across[chosen]
