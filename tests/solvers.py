@@ -51,18 +51,22 @@ def sides(field: Trials) -> Array:
 
 
 def success(number: int) -> Iterator[str]:
-    """How often CPA and ECPA are right, and why CPA fails."""
-    yield "| time sd s, places off m | cpa accepts % | cpa right % | why not | ecpa right % | ml fixes % | ml right % |"
-    yield "|---|---|---|---|---|---|---|"
+    """How often CPA and ECPA are right, and why CPA fails; if CPA is told the sides, and if not."""
+    yield (
+        "| time sd s, places off m | cpa accepts % | cpa right % | why not | sides not told: cpa fixes %, right % "
+        "| ecpa right % | ml fixes % | ml right % |"
+    )
+    yield "|---|---|---|---|---|---|---|---|"
     for time_sd, off in NOISES:
         field = trials(number, time_sd=time_sd, place_error_m=off, strength_sd=0.1 if time_sd else 0.0)
         told = solve_cpa(field.passes, sides=sides(field))
         counts = np.bincount(told.reason, minlength=len(REASONS))
         why = "; ".join(f"{REASONS[k]}: {n}" for k, n in enumerate(counts) if k and n)
-        ml = solve("ml", field.passes)
-        cells = (np.mean(told.reason == 0), _right(field, told), _right(field, solve_ecpa(field.passes)))
-        share = [f"{100.0 * part:.0f}" for part in (*cells, np.mean(ml.reason == 0), _right(field, ml))]
-        yield f"| {time_sd:g}, {off:g} | {share[0]} | {share[1]} | {why} | {share[2]} | {share[3]} | {share[4]} |"
+        by = [told, *(solve(name, field.passes) for name in ("cpa", "ecpa", "ml"))]
+        cells = [(f"{100.0 * np.mean(one.reason == 0):.0f}", f"{100.0 * _right(field, one):.0f}") for one in by]
+        (accepts, right), untold, (_, ecpa), (fixes, good) = cells
+        shares = f"{', '.join(untold)} | {ecpa} | {fixes} | {good}"
+        yield f"| {time_sd:g}, {off:g} | {accepts} | {right} | {why} | {shares} |"
 
 
 def _right(field: Trials, answer: Solved) -> float:
@@ -135,10 +139,11 @@ def bad(number: int) -> Iterator[str]:
 
 
 def curved(number: int) -> Iterator[str]:
-    """How far paths along an arc of R = 100 m are off it."""
+    """How far paths along an arc of R = 100 m are off it, of the arcs on which all events have a fix."""
     field = arcs(number)
-    fixes = solve("ml", field.passes, gate=200.0)
+    fixes = solve("ml", field.passes)
     all_of = (fixes.reason == 0).all(axis=1)
+    every = np.mean(fixes.reason == 0)
     passes = Passes(*(part[all_of] for part in field.passes[:-1]), 0.0)
     fixes = Solved(*(part[all_of] for part in fixes))
     path = hermite(passes, fixes)
@@ -150,7 +155,8 @@ def curved(number: int) -> Iterator[str]:
     straight = mean[..., :2] + mean[..., 2:] * (at - np.take_along_axis(fixes.time_s, near, axis=1))[..., None]
     angle = field.speed * at / field.radius_m
     true = field.radius_m * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
-    yield "| path | off the arc m | off the target m |"
+    yield f"{100.0 * every:.0f} % of the events have a fix.\n"
+    yield f"| path, of {100.0 * all_of.mean():.0f} % of the arcs | off the arc m | off the target m |"
     yield "|---|---|---|"
     for name, places in (("straight fixes", straight), ("Hermite spline", path.at(at)[..., :2])):
         away = np.linalg.norm(places - true, axis=-1)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tests.passes import PENTAGON, arcs, heard
+from tests.solvers import curved, success
 from trackfield.filters.passes.hermite import Spline, hermite
 from trackfield.filters.passes.solve import solve
 from trackfield.filters.passes.types import Passes, Solved
@@ -114,3 +115,12 @@ def test_the_delay_of_sound_is_taken_off():
     along = np.sum((deaf.states - path.states)[..., :2] * path.states[..., 2:], axis=-1)
     late_s = np.nanmean(along / np.square(path.states[..., 2:]).sum(axis=-1))
     assert -0.06 < late_s < -0.01
+
+
+def test_the_tables_say_what_is_not_told_and_what_is_left_out():
+    """Those of docs/solvers.md: CPA without the sides, and how many of the events and arcs have a fix."""
+    (header, *rows), (every, *table) = success(20), curved(40)
+    assert "sides not told" in header
+    assert {row.count("|") for row in rows} == {header.count("|")}
+    assert every.endswith("% of the events have a fix.\n")
+    assert "% of the arcs" in table[0]
