@@ -15,7 +15,6 @@ import numpy as np
 
 from fusion.fixes import Fix
 from trackfield.filters.passes.hermite import Spline, hermite
-from trackfield.filters.passes.solve import solve
 from trackfield.filters.passes.types import Passes, Solved
 from trackfield.filters.solving.solver import PER_DB, Solver
 from trackfield.filters.types import Array, Estimate, Reports
@@ -94,8 +93,7 @@ class Splines:
         if len(kept) < 2:
             return
         sound_m_s, epoch_ns = self.bank.model.sensor.speed_m_s, kept[0].at_ns
-        passes = self.passes(kept, epoch_ns)
-        solved = solve(solver.solver, passes, sound_m_s=sound_m_s, gate=solver.gate, least=solver.least)
+        passes, solved = solver.solved(self.bank.model, self.passes(kept, epoch_ns))
         reports: tuple[Any, ...] = passes[:-1]
         fixes: tuple[Any, ...] = solved
         for which in _tracks(solved):

@@ -127,6 +127,22 @@ def test_of_a_straight_path_it_is_that() -> None:
     assert max(off_m(splines.points(kept, 40), straight)) < 0.05
 
 
+def test_events_are_solved_with_the_noise_that_the_trackers_take() -> None:
+    """It grows with the distance: near sensors are exact, and one time for all would leave far ones many sds off."""
+    law = {"time_sd_s": 0.02, "time_at_m": 3.0, "distance_power": 2.0, "speed_power": 1.0, "place_sd_m": 0.5}
+    bank = Bank(**{**bank_of(PLACES), "sensing": {"cpa": {"kind": "cpa", "options": {**NOISE, **law}}}})
+    splines, kept = Splines(bank), events()
+    assert max(off_m(splines.points(kept, 40), arc)) < 0.5
+    given = splines.passes(kept, ORIGIN_NS)
+    taken, solved = splines.solvers["ml"].solved(bank.model, given)
+    assert (solved.reason == 0).all()
+    for i, one in enumerate(kept):
+        alone, fix = splines.solvers["ml"].solved(bank.model, splines.passes((one,), ORIGIN_NS))
+        assert np.array_equal(alone.time_sd_s[0], taken.time_sd_s[i], equal_nan=True)
+        assert np.allclose(fix.mean[0], solved.mean[i])
+    assert np.nanmax(taken.time_sd_s) > 5.0 * np.nanmin(taken.time_sd_s) > 0.0
+
+
 def test_a_single_event_has_none() -> None:
     assert SPLINES.points(events()[:1], 40) == []
     assert SPLINES.points((), 40) == []

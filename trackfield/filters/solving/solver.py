@@ -19,7 +19,7 @@ from trackfield.filters.gaussian import constant_velocity, predict, symmetric
 from trackfield.filters.needs import PASSES
 from trackfield.filters.parts import OWN
 from trackfield.filters.passes.solve import solve
-from trackfield.filters.passes.types import FEW, REASONS, Passes, Solved
+from trackfield.filters.passes.types import FEW, FIX, REASONS, Passes, Solved
 from trackfield.filters.solving.events import Ended, Event, Events, Pass, mean_time_s, passes_of
 from trackfield.filters.types import Estimate, Gaussian, Model, Reports
 from trackfield.models.passing import distances
@@ -125,22 +125,31 @@ class Solver:
         return closed, Fix(ahead(belief, -time_s, dt, model.sigma_v), 0.0)
 
     def _solved(self, model: Model, passes: tuple[Pass, ...]) -> Solved:
-        """The solution; if the noise of times depends on the path, a second one with that of the first.
+        """The solution; with the noise that the sensors say, if they do."""
+        given = problem(passes, model)
+        return self.solved(model, given)[1] if np.isnan(passes[0].time_sd_s) else self._once(model, given, self.gate)
 
-        In the first one all times have the noise of one distance, and far ones may be off by many of its deviations: so
-        it counts whatever its fit is.
+    def solved(self, model: Model, given: Passes) -> tuple[Passes, Solved]:
+        """The solutions of events (..., K), with the reports as they were taken.
+
+        If the noise of times depends on the path, they are second ones, with that of the first. In the first ones all
+        times have the noise of one distance, and far ones may be off by many of its deviations: so they count whatever
+        their fit is.
         """
         noise = model.sensor.passes
         assert noise is not None
-        given = problem(passes, model)
-        if not (noise.distance_power or noise.speed_power) or not np.isnan(passes[0].time_sd_s):
-            return self._once(model, given, self.gate)
+        if not (noise.distance_power or noise.speed_power):
+            return given, self._once(model, given, self.gate)
         found = self._once(model, given, math.inf)
-        if found.reason:
-            return found
-        away, speed = distances(found.mean, given.places), np.hypot(*found.mean[2:])
-        time_sd_s = noise.time_sd(away, speed, larger=np.maximum)
-        return self._once(model, given._replace(time_sd_s=time_sd_s), self.gate)
+        fixed = found.reason == FIX
+        if not fixed.any():
+            return given, found
+        away, speed = distances(found.mean, given.places), np.hypot(found.mean[..., 2], found.mean[..., 3])
+        time_sd_s = noise.time_sd(away, speed[..., None], larger=np.maximum)
+        given = given._replace(time_sd_s=np.where(fixed[..., None], time_sd_s, given.time_sd_s))
+        again = self._once(model, given, self.gate)
+        which = (fixed, fixed[..., None], fixed[..., None, None], fixed[..., None], fixed)
+        return given, Solved(*(np.where(*parts) for parts in zip(which, again, found, strict=True)))
 
     def _once(self, model: Model, passes: Passes, gate: float) -> Solved:
         with np.errstate(all="ignore"):  # of reports that are refused
