@@ -154,6 +154,19 @@ def test_the_same_report_again_is_known_by_its_number_and_time() -> None:
     assert len(field.head("n00").passes) == passes + 1
 
 
+@pytest.mark.parametrize("trackers", [("ml",), ("ecpa", "ml")])
+def test_a_fix_is_told_with_the_reports_that_it_is_made_of(trackers: tuple[str, ...]) -> None:
+    """Not with that of a sensor which says a second later that it was passed again; solvers drop it."""
+    field = field_of(LINE, trackers=trackers)
+    first = min(field.nodes, key=lambda id: field.known(id)[0][0])
+    field.extra[first] = [(field.known(first)[0][0] + NS, Passed((-1.0, -30.0, 1.0)))]
+    field.start(first)
+    field.until(16)
+    assert len(field.head("n00").passes) == 6
+    assert sorted(field.events(BASE)[-1].sensors) == field.nodes
+    exact(field)
+
+
 def test_a_false_report_does_not_spoil_the_next_fix() -> None:
     field = field_of(replace(LINE, at_s=20.0))
     field.extra["n02"] = [(ORIGIN_NS + 7 * NS, Passed((-1.0, -30.0, 1.0)))]

@@ -6,7 +6,7 @@ trackers take all steps since the first of them at once, and go on step by step.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import hypot
 from typing import Final
@@ -19,8 +19,10 @@ from head.hearing.settings import Settings
 from head.hearing.told import fix_report
 from trackfield.filters.belief import Belief, moments
 from trackfield.filters.passes.types import FEW, REASONS
+from trackfield.filters.solving.solver import Closed
 from trackfield.role import (
     NEIGHBOURHOOD,
+    NS,
     CancelTimer,
     Effect,
     Ignored,
@@ -40,6 +42,8 @@ from trackfield.wire.passes import FIXES, PASSES, FixReport
 GATHERED: Final = "gathered"
 LAST_STEP: Final = 65535
 MOST_OFFERED: Final = 8
+SAME_NS: Final = NS // 1000
+"""Two times of one report differ by less."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +177,7 @@ class Leading:
         after = replace(memory, leads=leads)
         if not over:
             return after, published
-        after, told = self._tell(after, leads, closed)
+        after, told = self._tell(after, leads, closed, self.bank.closed(taken.state.tracks).values())
         return after, (*published, *told)
 
     def _quiet(self, leads: Leadership, taken: Taken) -> bool:
@@ -181,10 +185,12 @@ class Leading:
         last = max((one.at_ns for one in leads.used), default=0)
         return leads.open and self.bank.at_ns(taken.state.step) - last >= self.settings.times.close_ns
 
-    def _tell(self, memory: Memory, leads: Leadership, closed: Sequence[TrackPoint]) -> Step:
+    def _tell(
+        self, memory: Memory, leads: Leadership, closed: Sequence[TrackPoint], ended: Iterable[Closed] = ()
+    ) -> Step:
         """Tell all that want fixes what the event says; of the loudest, the neighbours, too: it is over."""
         assert leads.progress is not None
-        step, used = leads.progress.step, self._used(leads, closed)
+        step, used = leads.progress.step, self._used(leads, closed, ended)
         raw = [(self.settings.numbers[one.sensor], one) for one in used]
         beliefs = self.bank.beliefs(leads.progress.tracks)
         fix = fix_report(memory.events % NUMBERS, step, self.bank.at_ns(step), beliefs, closed, raw)
@@ -195,13 +201,18 @@ class Leading:
         after = replace(memory, events=memory.events + 1, leads=replace(leads, open=False))
         return after, (note, *sends)
 
-    def _used(self, leads: Leadership, closed: Sequence[TrackPoint]) -> list[Pass]:
-        """The reports of an event: those around it that the trackers got."""
+    def _used(self, leads: Leadership, closed: Sequence[TrackPoint], ended: Iterable[Closed]) -> list[Pass]:
+        """The reports of an event: those around it that the trackers got, and did not drop if they solve for it."""
+        assert leads.progress is not None
+        now_ns = self.bank.at_ns(leads.progress.step)
+        kept = {(one.sensor, now_ns + one.time_s * NS) for event in ended for one in event.passes}
         last = max((one.at_ns for one in leads.used), default=0)
         around = next((point.event_ns for point in closed if point.event_ns is not None), last)
-        return [
+        near = [
             one for one in leads.used if abs(one.at_ns - around) <= EVENT_NS and one.sensor in self.settings.numbers
         ]
+        solved = [one for one in near if any(id == one.sensor and abs(ns - one.at_ns) < SAME_NS for id, ns in kept)]
+        return solved or near
 
     # --- other heads ---------------------------------------------------------------------------------------------
 
