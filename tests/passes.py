@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from trackfield.filters.passes.cpa import angles
-from trackfield.filters.passes.types import Passes
+from trackfield.filters.passes.geometry import dot, right
+from trackfield.filters.passes.strength import extent
+from trackfield.filters.passes.types import Event, Passes
 from trackfield.filters.types import Array
 
 SOUND = 340.0
@@ -29,6 +31,26 @@ class Trials(NamedTuple):
 def angles_as_printed(difference: Array, delta: Array, mach: Array) -> Array:
     """``angles`` by eq. 19 as printed: (-xi + eta / M) cos phi + (-eta - xi / M) sin phi = delta."""
     return -angles(difference * [-1.0, 1.0], delta, mach)
+
+
+def located_by_two(event: Event, e: Array) -> Array:
+    """The offset (...,) by eq. 34 from the two weakest reports, as printed: ill-conditioned, often on the wrong side.
+
+    Their distances are as 1 / s: the path is between them, or beyond the less far one. As in figure 6, no path is
+    outside of the hull, and it is the one from which others are the least farther than these two.
+    """
+    weak = np.argsort(np.where(event.loud, event.logs, np.inf), axis=-1, kind="stable")[..., :2]
+    aside = dot(event.at, right(e))
+    q1, q2 = np.moveaxis(np.take_along_axis(aside, weak, axis=-1), -1, 0)
+    s1, s2 = np.exp(np.moveaxis(np.take_along_axis(event.logs, weak, axis=-1), -1, 0))
+    between = (s1 * q1 + s2 * q2) / (s1 + s2)
+    beyond = (s2 * q2 - s1 * q1) / np.where(s2 == s1, np.nan, s2 - s1)
+    paths = np.stack((between, beyond), axis=-1)
+    low, high = (end[..., None] for end in extent(event, e))
+    d = np.where(event.heard[..., None, :], np.abs(aside[..., None, :] - paths[..., None]), 0.0)
+    nearer = np.minimum(np.abs(q1[..., None] - paths), np.abs(q2[..., None] - paths))
+    excess = np.where((paths > low) & (paths < high), d.max(axis=-1) - nearer, np.inf)
+    return np.take_along_axis(paths, excess.argmin(axis=-1)[..., None], axis=-1)[..., 0]
 
 
 def paths(rng: np.random.Generator, number: int, places: Array, speed: float, least_m: float) -> Array:

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from tests.passes import PENTAGON, SOUND, angles_as_printed, heard, trials
+from tests.passes import PENTAGON, SOUND, angles_as_printed, heard, located_by_two, trials
 from trackfield.filters.passes.bounds import line_errors
 from trackfield.filters.passes.cpa import Far, angles, joint, mach_number
 from trackfield.filters.passes.ecpa import Differences, ecpa
 from trackfield.filters.passes.geometry import across, line_of, state
-from trackfield.filters.passes.slope import direction, located_by_two
+from trackfield.filters.passes.slope import direction
 from trackfield.filters.passes.solve import solve, solve_cpa
 from trackfield.filters.passes.strength import located
 from trackfield.filters.passes.types import (
@@ -220,12 +220,6 @@ def test_without_its_differences_ecpa_is_cpa():
     assert without(divides=False) >= full - 0.02  # the estimate nearly always divides the sensors as the path does
     none = without(divides=False, selects=False, refers=False, by_strength=False)
     assert none < 0.2
-
-
-def test_the_nearest_sensor_of_all_is_a_bad_second():
-    """Eq. 35 with a sensor on the same side is ill-conditioned: r_1 = r_k s_k / (s_k - s_0)."""
-    field = trials(500)
-    assert right_share(field, by_ecpa(field, location="nearest")) < right_share(field, by_ecpa(field)) - 0.05
 
 
 @pytest.mark.parametrize("count", [6, 8])

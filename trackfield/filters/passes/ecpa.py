@@ -60,10 +60,9 @@ def ecpa(
 ) -> tuple[Array, Codes]:
     """The lines (..., 4) by ECPA, and why there are none (...,), which needs a difference left out.
 
-    ``location`` is "pair" (eq. 35, with the nearest sensor across the path), "nearest" (with the nearest of all), or
-    "all" (the strengths of all sensors). ``sides`` (..., K) are as true, 1: right of the path; needed without
-    ``divides``. The estimate holds where the angle is not computed well, and the speed of the estimate where eq. 18
-    gives none.
+    ``location`` is "pair" (eq. 35, with the nearest sensor across the path) or "all" (the strengths of all sensors).
+    ``sides`` (..., K) are as true, 1: right of the path; needed without ``divides``. The estimate holds where the angle
+    is not computed well, and the speed of the estimate where eq. 18 gives none.
     """
     guess = estimate(event, sound_m_s)
     if sides is None or differences.divides:
@@ -89,7 +88,7 @@ def ecpa(
     elif location == "all":
         b = located(event, e)
     else:
-        b = located_by_pair(event, e, sides, chosen.lone, across_only=location == "pair")
+        b = located_by_pair(event, e, sides, chosen.lone)
     return timed(event, slowness[..., None] * e, b, sound_m_s), reason
 
 
@@ -114,7 +113,7 @@ def candidates(event: Event, sound_m_s: float) -> Candidates:
     e = -right(np.sign(mach)[..., None] * np.stack((np.cos(phi), np.sin(phi)), axis=-1))
     each = event.map(lambda part: np.repeat(np.expand_dims(part, phi.ndim - 1), phi.shape[-1], axis=phi.ndim - 1))
     beside, lone = (np.repeat(part[..., None, :], phi.shape[-1], axis=-2) for part in (sides, chosen.lone[..., None]))
-    b = located_by_pair(each, e, beside, lone[..., 0], across_only=True)
+    b = located_by_pair(each, e, beside, lone[..., 0])
     lines = timed(each, e / (sound_m_s * np.abs(mach))[..., None], b, sound_m_s)
     lines = np.where(chosen.enough[..., None, None], lines, np.nan)
     return Candidates(chosen.lone, np.stack((chosen.last, chosen.other, chosen.third), axis=-1), lines)
@@ -181,19 +180,17 @@ def turned(difference: Array, phi: Array, speed: Array) -> Array:
     return np.asarray(error / (r * np.abs(np.cos(away))))
 
 
-def located_by_pair(event: Event, e: Array, sides: Array, lone: Numbers, *, across_only: bool) -> Array:
-    """The offset (...,) by eq. 35: from the lone sensor n0 and the nearest other nk, by the ratio of their strengths.
+def located_by_pair(event: Event, e: Array, sides: Array, lone: Numbers) -> Array:
+    """The offset (...,) by eq. 35: from the lone sensor n0 and the nearest across the path, by their strengths' ratio.
 
-    It is kept within the hull, as section 6.1 says. Without ``across_only`` nk may be on the same side, where r_1 = r_k
-    s_k / (s_k - s_0); that is ill-conditioned.
+    It is kept within the hull, as section 6.1 says.
     """
     at0 = place(event.at, lone)
     away = np.linalg.norm(event.at - at0[..., None, :], axis=-1)
     opposite = sides != _of(sides, lone)[..., None]
-    others = opposite if across_only else np.arange(away.shape[-1]) != lone[..., None]
-    nk = np.where(event.loud & others, away, np.inf).argmin(axis=-1)
+    nk = np.where(event.loud & opposite, away, np.inf).argmin(axis=-1)
     s0, sk = np.exp(_of(event.logs, lone)), np.exp(_of(event.logs, nk))
-    share = sk / (sk + np.where(_of(opposite, nk), s0, -s0))
+    share = sk / (sk + s0)
     point = at0 + share[..., None] * (place(event.at, nk) - at0)
     low, high = extent(event, e)
     return np.asarray(np.clip((point * right(e)).sum(axis=-1), low, high))

@@ -17,20 +17,19 @@ from typing import Final
 import numpy as np
 
 from trackfield.filters.passes.geometry import across, arrivals, dot, place, right, unit
-from trackfield.filters.passes.strength import extent, located
+from trackfield.filters.passes.strength import located
 from trackfield.filters.passes.types import Event
 from trackfield.filters.types import Array
 
 _ROUNDS: Final = 3  # without delays, and two with
 
 
-def estimate(event: Event, sound_m_s: float, *, all_strengths: bool = True) -> Array:
-    """The line (..., 4), through the hull of the sensors; without ``all_strengths`` by eq. 34, from the two weakest."""
+def estimate(event: Event, sound_m_s: float) -> Array:
+    """The line (..., 4), through the hull of the sensors, by all strengths; eq. 34 takes the two weakest only."""
     times = event.times
     for _ in range(_ROUNDS):
         e = direction(event, times)
-        b = located(event, e) if all_strengths else located_by_two(event, e)
-        line = fitted(event, times, e, b)
+        line = fitted(event, times, e, located(event, e))
         times = event.times - np.abs(across(line, event.at)) / sound_m_s
     return line
 
@@ -67,23 +66,3 @@ def timed(event: Event, g: Array, b: Array, sound_m_s: float) -> Array:
     late = np.where(event.heard, event.times - arrivals(line, event.at, sound_m_s), 0.0)
     line[..., 0] = late.sum(axis=-1) / event.heard.sum(axis=-1)
     return line
-
-
-def located_by_two(event: Event, e: Array) -> Array:
-    """The offset (...,) by eq. 34 from the two weakest reports, as printed: ill-conditioned, often on the wrong side.
-
-    Their distances are as 1 / s: the path is between them, or beyond the less far one. As in figure 6, no path is
-    outside of the hull, and it is the one from which others are the least farther than these two.
-    """
-    weak = np.argsort(np.where(event.loud, event.logs, np.inf), axis=-1, kind="stable")[..., :2]
-    aside = dot(event.at, right(e))
-    q1, q2 = np.moveaxis(np.take_along_axis(aside, weak, axis=-1), -1, 0)
-    s1, s2 = np.exp(np.moveaxis(np.take_along_axis(event.logs, weak, axis=-1), -1, 0))
-    between = (s1 * q1 + s2 * q2) / (s1 + s2)
-    beyond = (s2 * q2 - s1 * q1) / np.where(s2 == s1, np.nan, s2 - s1)
-    paths = np.stack((between, beyond), axis=-1)
-    low, high = (end[..., None] for end in extent(event, e))
-    d = np.where(event.heard[..., None, :], np.abs(aside[..., None, :] - paths[..., None]), 0.0)
-    nearer = np.minimum(np.abs(q1[..., None] - paths), np.abs(q2[..., None] - paths))
-    excess = np.where((paths > low) & (paths < high), d.max(axis=-1) - nearer, np.inf)
-    return np.take_along_axis(paths, excess.argmin(axis=-1)[..., None], axis=-1)[..., 0]
