@@ -47,8 +47,8 @@ def measured(rounds: int, many: int = MANY) -> list[Row]:
 
 def event(passes: Passes, k: int) -> Passes:
     """One of them."""
-    places, times_s, strengths, widths_s, time_sd_s, strength_sd, place_sd_m = passes
-    return Passes(places[k], times_s[k], strengths[k], widths_s[k], time_sd_s[k], strength_sd[k], place_sd_m)
+    places, times_s, strengths, time_sd_s, strength_sd, place_sd_m = passes
+    return Passes(places[k], times_s[k], strengths[k], time_sd_s[k], strength_sd[k], place_sd_m)
 
 
 def ms(given: list[Passes], who: str) -> float:

@@ -122,17 +122,16 @@ class Splines:
         """The reports of some events, (E, K), times (s) after ``epoch_ns``."""
         noise = self.bank.model.sensor.passes
         assert noise is not None
-        numbers = np.full((len(kept), MOST_RAW, 5), np.nan)
+        numbers = np.full((len(kept), MOST_RAW, 4), np.nan)
         for event, heard in enumerate(kept):
-            for i, (id, at_ns, strength_db, width_s) in enumerate(heard.rows):
+            for i, (id, at_ns, strength_db, _) in enumerate(heard.rows):
                 x, y = self.bank.positions[id]
-                numbers[event, i] = x, y, (at_ns - epoch_ns) / NS, strength_db, width_s or np.nan
+                numbers[event, i] = x, y, (at_ns - epoch_ns) / NS, strength_db
         known = np.where(np.isfinite(numbers[..., 2]), 1.0, np.nan)
         return Passes(
             numbers[..., :2],
             numbers[..., 2],
             np.exp(PER_DB * numbers[..., 3]),
-            numbers[..., 4],
             noise.time_sd_s * known,
             noise.strength_sd * known,
             noise.place_sd_m,

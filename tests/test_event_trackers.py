@@ -224,7 +224,6 @@ def test_reports_are_given_with_what_is_said_of_their_noise_or_known_of_the_kind
     assert (passes.places == [(1.0, 2.0), (3.0, 4.0)]).all()
     assert (passes.times_s == [-1.5, -1.0]).all()
     assert passes.strengths == pytest.approx([10.0, 100.0])  # amplitudes
-    assert (np.isnan(passes.widths_s) == [True, False]).all()
     assert passes.time_sd_s == pytest.approx([0.03, 0.07])
     assert passes.strength_sd == pytest.approx([0.2, 0.5 * np.log(10.0) / 20.0])
     assert passes.place_sd_m == 0.5

@@ -255,7 +255,7 @@ def test_two_paths_that_fit_as_well_are_refused():
     """
     places = np.array([[-20.0, 10.0], [-20.0, -10.0], [20.0, 10.0], [20.0, -10.0], [0.0, 0.0]])
     d, full = np.abs(places[:, 1] - 5.0), np.ones(5)
-    passes = Passes(places, places[:, 0] / 13.4 + d / SOUND, 1.0 / d, full * np.nan, 0.002 * full, 0.1 * full)
+    passes = Passes(places, places[:, 0] / 13.4 + d / SOUND, 1.0 / d, 0.002 * full, 0.1 * full)
     assert solve("ml", each(passes, lambda part: part[:4])).reason == AMBIGUOUS
     answer = solve("ml", passes)
     assert answer.reason == 0
@@ -299,7 +299,6 @@ def test_random_times_are_no_pass():
         np.broadcast_to(20.0 * PENTAGON, (number, 5, 2)),
         rng.uniform(0.0, 10.0, (number, 5)),
         np.exp(rng.normal(0.0, 0.7, (number, 5))),
-        full * np.nan,
         0.1 * full,
         0.1 * full,
     )

@@ -45,7 +45,7 @@ def test_a_straight_path_stays_straight():
     places = 20.0 * PENTAGON + np.array([[0.0, 0.0], [60.0, 10.0], [120.0, 12.0]])[:, None]
     times, d = (part.reshape(1, 3, 5) for part in heard(truth, np.array([50.0]), places.reshape(1, 15, 2)))
     full = np.ones((1, 3, 5))
-    passes = Passes(places[None], times, 1.0 / d, full * np.nan, 0.1 * full, 0.1 * full)
+    passes = Passes(places[None], times, 1.0 / d, 0.1 * full, 0.1 * full)
     path = hermite(passes, solve("ml", passes))
     assert path.converged.all()
     at = rng.uniform(48.0, 62.0, (1, 20))

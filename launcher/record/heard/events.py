@@ -66,7 +66,6 @@ def _tried(plan: Plan, reports: Sequence[Report]) -> Tried | None:
             np.array([places[one.sensor] for one in reports]),
             np.array([(one.at_ns - begin_ns) / NS for one in reports]),
             np.exp(PER_DB * np.array([one.strength_db for one in reports])),
-            np.full(count, np.nan),
             np.ones(count),
             np.ones(count),
         )

@@ -190,7 +190,7 @@ def located_by_pair(event: Event, e: Array, sides: Array, lone: Numbers) -> Arra
     opposite = sides != _of(sides, lone)[..., None]
     nk = np.where(event.loud & opposite, away, np.inf).argmin(axis=-1)
     s0, sk = np.exp(_of(event.logs, lone)), np.exp(_of(event.logs, nk))
-    share = sk / (sk + s0)
+    share = sk / (sk + np.where(_of(opposite, nk), s0, -s0))
     point = at0 + share[..., None] * (place(event.at, nk) - at0)
     low, high = extent(event, e)
     return np.asarray(np.clip((point * right(e)).sum(axis=-1), low, high))

@@ -57,7 +57,6 @@ def _padded(passes: Passes) -> Passes:
         places=wider(passes.places, -2),
         times_s=wider(passes.times_s),
         strengths=wider(passes.strengths),
-        widths_s=wider(passes.widths_s),
         time_sd_s=wider(passes.time_sd_s),
         strength_sd=wider(passes.strength_sd),
     )

@@ -63,8 +63,6 @@ class Passes(NamedTuple):
     """(..., K) when each heard the target loudest, the delay of sound included."""
     strengths: Array
     """(..., K) the amplitude then, linear, in any unit that is the same for all; NaN: not known."""
-    widths_s: Array
-    """(..., K) the width of the pulse, distance by speed; NaN: not known."""
     time_sd_s: Array
     """(..., K) sd of ``times_s``."""
     strength_sd: Array

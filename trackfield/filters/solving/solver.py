@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -149,7 +149,8 @@ class Solver:
         given = given._replace(time_sd_s=np.where(fixed[..., None], time_sd_s, given.time_sd_s))
         again = self._once(model, given, self.gate)
         which = (fixed, fixed[..., None], fixed[..., None, None], fixed[..., None], fixed)
-        return given, Solved(*(np.where(*parts) for parts in zip(which, again, found, strict=True)))
+        both: tuple[tuple[Any, ...], tuple[Any, ...]] = again, found
+        return given, Solved(*(np.where(*parts) for parts in zip(which, *both, strict=True)))
 
     def _once(self, model: Model, passes: Passes, gate: float) -> Solved:
         with np.errstate(all="ignore"):  # of reports that are refused
@@ -189,12 +190,11 @@ def problem(passes: tuple[Pass, ...], model: Model) -> Passes:
     noise = model.sensor.passes
     assert noise is not None
     numbers = np.array([one[1:] for one in passes], float)
-    times, strength_db, widths, time_sd_s, strength_sd_db = numbers[:, 2:].T
+    times, strength_db, _, time_sd_s, strength_sd_db = numbers[:, 2:].T
     return Passes(
         numbers[:, :2],
         times,
         np.exp(PER_DB * strength_db),
-        np.where(widths > 0.0, widths, np.nan),
         np.where(np.isnan(time_sd_s), noise.time_sd_s, time_sd_s),
         np.where(np.isnan(strength_sd_db), noise.strength_sd, PER_DB * strength_sd_db),
         noise.place_sd_m,

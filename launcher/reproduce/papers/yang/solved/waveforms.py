@@ -108,7 +108,6 @@ def passes_of(places: Array, told: Sequence[Detection | None]) -> Passes:
         places=places[None],
         times_s=column("peak_s"),
         strengths=10.0 ** (column("strength_db") / 20.0),
-        widths_s=column("width_s"),
         time_sd_s=column("time_sd_s"),
         strength_sd=column("strength_sd_db") / _DB,
     )

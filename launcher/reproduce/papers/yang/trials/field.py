@@ -97,7 +97,6 @@ def trials(setup: Setup, seeds: Sequence[int]) -> Trials:
         places=told,
         times_s=measured,
         strengths=strengths,
-        widths_s=np.full((count, nodes), np.nan),
         time_sd_s=np.maximum(told_sd, 1e-4),
         strength_sd=np.full((count, nodes), max(setup.strength, 1e-3)),
         place_sd_m=setup.place_sd_m,
