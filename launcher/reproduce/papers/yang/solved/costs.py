@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -41,7 +41,8 @@ def times() -> dict[str, list[float]]:
     audio = _audio()
     one = trials(USUAL, [1]).passes
     often = int(RECORDED_S / WINDOW_S)
-    many = Passes(*(np.concatenate([part] * often, axis=1) for part in one[:-1]), one.place_sd_m)
+    reports: list[Any] = [np.concatenate([part] * often, axis=1) for part in one[:-1]]
+    many = Passes(*reports)._replace(place_sd_m=one.place_sd_m)
     contenders: dict[str, Callable[[], object]] = {
         HIGHEST: lambda: np.abs(audio).argmax(axis=-1),
         DETECTION: partial(_detection, audio),
