@@ -96,7 +96,9 @@ class Keeping:
         return replace(kept, references=references), ()
 
     def hear(self, kept: Kept, message: Announce, sender: str) -> Kept:
-        """A node or the base announces itself."""
+        """A node or the base announces itself, which all do before the field is set up."""
+        if kept.settled:
+            return kept
         times, _ = kept.near.get(sender, (0, 0.0))
         away_m = hypot(message.x_m - self.base_x_m, message.y_m - self.base_y_m)
         return replace(kept, near=kept.near.set(sender, (times + 1, away_m)))

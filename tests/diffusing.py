@@ -149,8 +149,11 @@ class Station:
                     self.timers.pop(name, None)
                 case Ignored(reason):
                     self.ignored.append(reason)
-        self.sent += (effect for effect in step.effects if isinstance(effect, Send))
-        return [effect.message for effect in step.effects if isinstance(effect, Send)]
+        sent = [effect for effect in step.effects if isinstance(effect, Send)]
+        self.sent += sent
+        for one in sent:
+            encode(one.message)
+        return [one.message for one in sent]
 
     def hears(self, message: Any, sender: str) -> list[Any]:
         return self.does(self.piece.handle(self.state, Received(self.now, message, sender)))

@@ -283,3 +283,16 @@ def test_its_table_of_phases_allows_what_it_does() -> None:
     assert {phase for phase, _ in TRANSITIONS} == set(Phase)
     with pytest.raises(IllegalEvent):
         check_transition(TRANSITIONS, Phase.IDLE, Started(0), Phase.IDLE)
+
+
+def test_announcements_are_remembered_until_the_field_is_set_up() -> None:
+    """All nodes announce themselves before; whatever comes later, of names that nobody has, is not kept."""
+    state, _ = EAR.handle(EAR.begin(), Started(0))
+    for number, now in enumerate((NS, 2 * NS)):
+        state, _ = EAR.handle(state, Received(now, Announce(1, 3, 0, 0.0, 0.0), f"n{number:02}"))
+    assert set(state.kept.near) == {"n00", "n01"}
+    state, _ = EAR.handle(state, Timer(ORIGIN_NS, "settled"))
+    for number in range(100):
+        state, effects = EAR.handle(state, Received(at(1), Announce(1, 3, 0, 0.0, 0.0), f"x{number}"))
+        assert effects == ()
+    assert set(state.kept.near) == {"n00", "n01"}

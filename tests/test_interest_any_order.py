@@ -59,6 +59,7 @@ def check(station: Station) -> None:
     assert all(len(seen) <= traffic.REMEMBERED for seen in state.traffic.seen.values())
     assert max(len(state.paths.onward), len(state.paths.came), len(state.paths.silent)) <= paths.MOST_FLOWS
     assert len(state.timed.due) <= timed.MOST_DUE
+    assert len(state.timed.paced) <= interests.MOST_INTERESTS
     assert {name: at for name, at in station.timers.items() if name != PATIENCE} == state.timed.alarms()
     assert (PATIENCE in station.timers) == bool(state.traffic.next)
     assert set(station.timers) <= TIMERS

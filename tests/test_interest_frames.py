@@ -90,6 +90,26 @@ def test_only_who_was_sent_a_message_acknowledges_it() -> None:
     assert PATIENCE not in station.timers
 
 
+@pytest.mark.parametrize(("hops", "goes"), [(0, True), (6, True), (7, False), (254, False), (255, False)])
+def test_a_refresh_that_comes_further_than_the_first_is_handed_on_as_far_as_it_may_go(hops: int, goes: bool) -> None:
+    """The first one waits to be handed on when the next one comes, which was told to have made so many hops."""
+    station = Station()
+    station.hears(interest(most_hops=8), "a")
+    station.hears(interest(refresh=1, hops=hops, most_hops=8), "a")
+    station.until(MS * 100)
+    told = [one.message for one in station.sent if isinstance(one.message, Interest)]
+    assert {one.hops for one in told} == ({hops + 1} if goes else set())
+
+
+def test_the_pace_is_kept_for_a_bounded_number_of_interests() -> None:
+    station = Station()
+    for number in range(3 * interests.MOST_INTERESTS):
+        station.hears(interest(number=number, interval_s=600.0, lasts_s=0.3, most_hops=1), "a")
+        station.tells()
+        station.until(station.now + 300 * MS)
+    assert 0 < len(station.state.timed.paced) <= interests.MOST_INTERESTS
+
+
 def data(serial: int, hops: int = 0, spread: int = 0, origin: bytes = b"c") -> Data:
     return Data(b"base", 1, origin, serial, hops, spread, REPORT)
 

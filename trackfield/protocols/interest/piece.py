@@ -217,6 +217,8 @@ class Diffusion:
             if entry is None:
                 continue
             if due.parcel is None:
+                if entry.hops >= entry.interest.most_hops:
+                    continue  # of a later refresh, which came further
                 sent.append(Send(replace(entry.interest, hops=entry.hops), NEIGHBOURHOOD))
             else:
                 sent.append(Send(due.parcel.data(due.spread or min(entry.hops + SLACK, MOST_HOPS)), NEIGHBOURHOOD))

@@ -9,7 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from trackfield.protocols.interest.interests import REFRESHES, Key, Wanted
+from trackfield.protocols.interest.interests import MOST_INTERESTS, REFRESHES, Key, Wanted
+from trackfield.protocols.interest.paths import kept
 from trackfield.protocols.interest.traffic import Parcel
 from trackfield.role import NS, CancelTimer, SetTimer
 
@@ -79,7 +80,7 @@ class Timed:
     def pacing(self, key: Key, paced: Paced, now: int) -> Timed:
         """The same with the pace under an interest; of others it is forgotten when it holds nothing up any longer."""
         others = {one: of for one, of in self.paced.items() if of.message is not None or of.next_ns > now}
-        return replace(self, paced={**others, key: paced})
+        return replace(self, paced=kept(others, key, paced, MOST_INTERESTS))
 
     def alarms(self) -> dict[str, int]:
         """The timers that this needs."""
