@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -15,6 +15,7 @@ from trackfield.filters.types import Estimate, Reports
 from trackfield.role import NS, TrackPoint
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.following import Starts
+from trackfield.tracking.plausible import plausible
 from trackfield.tracking.points import track_point
 from trackfield.tracking.stored import unpack
 from trackfield.wire.passes import FixReport
@@ -23,6 +24,8 @@ from trackfield.wire.raw import unpack as unpack_raw
 
 UNKNOWN: Final = "no fix"
 """Why there is none, where its head has another reason than those that are numbered."""
+MOST_S: Final = 60.0
+"""So far from the step of a fix the target was nearest to the middle of the sensors, at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,17 +60,25 @@ class Ended(NamedTuple):
     refused: str
 
 
-def read(message: FixReport, head: str, sensors: Sequence[str]) -> Fix:
+def read(message: FixReport, head: str, bank: Bank) -> Fix:
     """The fix of a message. Raises ``ValueError`` for one that says what cannot be."""
     known = unpack(message.belief).beliefs if message.belief else {}
     beliefs = {name: one for name, one in known.items() if one is not None}
-    if not all(np.isfinite(moments(one).mean).all() for one in beliefs.values()):
-        raise ValueError("a belief that is not finite")
-    raw = unpack_raw(message.raw)
+    if not plausible(beliefs, bank.model):
+        raise ValueError("a belief of a target that cannot be")
+    raw, sensors = unpack_raw(message.raw), tuple(bank.positions)
     if any(one.number >= len(sensors) for one in raw):
         raise ValueError("a report of a sensor that is not of the field")
     heard = tuple(sensors[one.number] for one in raw)
-    return Fix(head, message.number, message.step, message.reason, beliefs, raw, heard)
+    fix = Fix(head, message.number, message.step, message.reason, beliefs, raw, heard)
+    if raw and any(abs(_early_s(fix, bank, beliefs.get(name))) > MOST_S for name in _solving(bank)):
+        raise ValueError("an event at another time")
+    return fix
+
+
+def _solving(bank: Bank) -> Iterable[str]:
+    """The trackers that say themselves when an event is over."""
+    return (name for name, one in bank.trackers.items() if isinstance(one.following.tracker, Starts))
 
 
 def ended_of(fix: Fix, bank: Bank) -> dict[str, Ended]:
@@ -75,8 +86,7 @@ def ended_of(fix: Fix, bank: Bank) -> dict[str, Ended]:
     if not fix.raw:
         return {}
     why = (REASONS[fix.reason] if fix.reason < len(REASONS) else "") or UNKNOWN
-    solving = [name for name, one in bank.trackers.items() if isinstance(one.following.tracker, Starts)]
-    beliefs = {name: fix.beliefs.get(name) for name in solving}
+    beliefs = {name: fix.beliefs.get(name) for name in _solving(bank)}
     return {
         name: Ended(bank.at_ns(fix.step) - round(_early_s(fix, bank, one) * NS), why if one is None else "")
         for name, one in beliefs.items()

@@ -123,7 +123,6 @@ class Sink:
     ) -> None:
         self.id, self.place, self.deadline_ns = id, (x_m, y_m), deadline_ns
         self.bank, self.sync, self.interest = Bank(**bank), TimeSync(), Interested(**interest)
-        self.sensors: Sequence[str] = tuple(self.bank.positions)
         self.announcing = Admitting(id=id, x_m=x_m, y_m=y_m, sensors=(), seed=self.bank.seed, **association)
         self.splines, self.last_step = Splines(self.bank) if spline else None, last_step
         self.diffusion = Diffusion(id=id, x_m=x_m, y_m=y_m, **diffusion)
@@ -210,7 +209,7 @@ class Sink:
         if message.step > self.bank.step_at(now) + 1:
             return memory, (Ignored("from the future"),)
         try:
-            fix = read(message, head, self.sensors)
+            fix = read(message, head, self.bank)
         except ValueError:
             return memory, (Ignored("unusable fix"),)
         key, before = (head, fix.step, fix.number), memory.fix
@@ -230,7 +229,7 @@ class Sink:
             return memory, ()
         try:
             number, step, head, belief, raw, known = msgpack.unpackb(stored)
-            fix = read(FixReport(number, step, 0, belief, raw), head, self.sensors)
+            fix = read(FixReport(number, step, 0, belief, raw), head, self.bank)
             keys = tuple((str(by), int(at), int(one)) for by, at, one in known)
         except (ValueError, TypeError, msgpack.UnpackException) as error:
             return memory, (Note(f"What an earlier life stored cannot be used: {error}"),)

@@ -8,27 +8,10 @@ from typing import Final
 import numpy as np
 
 from trackfield.filters.belief import Belief, Modes, Particles, moments
-from trackfield.filters.types import Gaussian
 from trackfield.tracking.stored import pack
 
 MOST_BYTES: Final = 3700
 """Of a hand-over."""
-
-
-MOST_M: Final = 1e6
-"""How far from the origin a target may be believed to be, and the sd of that; a ``Result`` says no more either."""
-MOST_M_S: Final = 1000.0
-
-
-def plausible(beliefs: Mapping[str, Belief | None]) -> bool:
-    """Whether beliefs are of a target that can be, so that trackers can go on with them."""
-    return all(_within(moments(one)) for one in beliefs.values() if one is not None)
-
-
-def _within(known: Gaussian) -> bool:
-    mean, variances = known.mean, np.diagonal(known.covariance)
-    near = bool(np.all(np.abs(mean[:2]) <= MOST_M) and np.all(np.abs(mean[2:4]) <= MOST_M_S))
-    return near and bool(np.all(variances <= MOST_M**2))
 
 
 def packed_beliefs(

@@ -51,21 +51,19 @@ def heard(path: Path, place: Place, around_s: float) -> tuple[float, float]:
     return float(times[best]) + away[best] / SOUND_M_S, away[best]
 
 
-def told(
-    path: Path, cluster: int, around_s: float, *, most: int = 5, number: int = 0, places: dict[str, Place] = PLACES
-) -> Fix:
+def told(path: Path, cluster: int, around_s: float, *, most: int = 5, number: int = 0, bank: Bank = BANK) -> Fix:
     """What the head of a cluster tells of a pass, half a second after the last report could come."""
-    ids = list(places)[5 * cluster :][:most]
-    found = [heard(path, places[id], around_s) for id in ids]
+    ids = list(bank.positions)[5 * cluster :][:most]
+    found = [heard(path, bank.positions[id], around_s) for id in ids]
     step = int(max(t_s for t_s, _ in found) / (STEP_NS / NS)) + 4
     at_s = step * STEP_NS / NS
     rows = [
-        Raw(list(places).index(id), at_s - t_s, -20.0 * float(np.log10(d)), d / SPEED)
+        Raw(list(bank.positions).index(id), at_s - t_s, -20.0 * float(np.log10(d)), d / SPEED)
         for id, (t_s, d) in zip(ids, found, strict=True)
     ]
     x, y = path(at_s)
     belief = pack(step, None, {"ml": Gaussian(np.array([x, y, SPEED, 0.0]), np.eye(4))})
-    return read(FixReport(number, step, 0, belief, pack_raw(rows)), ids[0], list(places))
+    return read(FixReport(number, step, 0, belief, pack_raw(rows)), ids[0], bank)
 
 
 def off_m(points: list[TrackPoint], path: Path) -> list[float]:
@@ -123,7 +121,7 @@ def test_of_a_straight_path_it_is_that() -> None:
     bank = Bank(**{**bank_of(here), "sensing": {"cpa": {"kind": "cpa", "options": NOISE}}})
     splines, kept = Splines(bank), ()
     for cluster, around_s in enumerate((2.0, 6.5, 11.0)):
-        kept = splines.learn(kept, told(straight, cluster, around_s, places=here))
+        kept = splines.learn(kept, told(straight, cluster, around_s, bank=bank))
     assert max(off_m(splines.points(kept, 40), straight)) < 0.05
 
 
@@ -162,7 +160,7 @@ def test_of_events_that_share_reports_the_one_with_more_counts() -> None:
 
 def test_an_event_without_a_fix_is_none() -> None:
     fix = told(arc, 0, 2.0)
-    refused = read(FixReport(0, fix.step, 1, b"", pack_raw(fix.raw)), "n00", list(PLACES))
+    refused = read(FixReport(0, fix.step, 1, b"", pack_raw(fix.raw)), "n00", BANK)
     assert SPLINES.learn((), refused) == ()
 
 
@@ -172,7 +170,7 @@ def test_so_many_are_kept() -> None:
         step = fix.step + 40 * number
         belief = pack(step, None, {"ml": fix.beliefs["ml"]})
         later = FixReport(number, step, 0, belief, pack_raw(fix.raw))
-        kept = SPLINES.learn(kept, read(later, "n00", list(PLACES)))
+        kept = SPLINES.learn(kept, read(later, "n00", BANK))
     assert len(kept) == MOST
     assert kept[-1].step == fix.step + 40 * (MOST + 19)
 

@@ -11,9 +11,26 @@ from collections.abc import Iterable, Sequence
 from itertools import combinations
 from typing import Final, NamedTuple
 
+from trackfield.role import NS
+
 Point = tuple[float, float]
 MOST: Final = 8
 """So many reports are used at most, if all are."""
+
+
+EVENT_NS: Final = 5 * NS
+"""A vehicle passes a cluster in so long (Yang et al., section 4.2)."""
+
+
+def event_begins(own_ns: int, times_ns: Sequence[int]) -> int:
+    """When (ns) of the ``EVENT_NS`` with an own pass those begin in which most passes are.
+
+    Each begins with one of the passes. Of several with as many passes it is the one that has the own pass nearest to
+    the middle.
+    """
+    begins = [at_ns for at_ns in times_ns if 0 <= own_ns - at_ns <= EVENT_NS]
+    spans = [[at_ns for at_ns in times_ns if 0 <= at_ns - begin <= EVENT_NS] for begin in begins]
+    return min(max(spans, key=lambda span: (len(span), -abs(own_ns - (min(span) + max(span)) // 2))))
 
 
 class Choice(NamedTuple):

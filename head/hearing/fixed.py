@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+from head.hearing.choice import EVENT_NS
 from head.hearing.leading import Leading
-from head.hearing.memory import EVENT_NS, Memory, Pass, Step
+from head.hearing.memory import Memory, Pass, Step
 from head.hearing.settings import Settings
 from trackfield.role import NS, SetTimer
 from trackfield.wire.interests import Interest

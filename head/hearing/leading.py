@@ -13,8 +13,8 @@ from typing import Final
 
 from immutables import Map
 
-from head.beliefs import plausible
-from head.hearing.memory import EVENT_NS, NUMBERS, Leadership, Memory, Pass, Step, recent
+from head.hearing.choice import EVENT_NS
+from head.hearing.memory import NUMBERS, Leadership, Memory, Pass, Step, recent
 from head.hearing.settings import Settings
 from head.hearing.told import fix_report
 from trackfield.filters.belief import Belief, moments
@@ -34,6 +34,7 @@ from trackfield.role import (
 )
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.collecting import Collected
+from trackfield.tracking.plausible import plausible
 from trackfield.tracking.steps import Progress, Steps, Taken
 from trackfield.tracking.stored import unpack
 from trackfield.wire.interests import Interest
@@ -234,7 +235,7 @@ class Leading:
             beliefs = unpack(fix.belief).beliefs if fix.belief else {}
         except ValueError:
             return memory, (Ignored("unusable belief"),)
-        if not plausible(beliefs):
+        if not plausible(beliefs, self.bank.model):
             return memory, (Ignored("unusable belief"),)
         if not self._comes(beliefs):
             return memory, ()

@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import dist
 
-from head.hearing.choice import Heard, chosen
+from head.hearing.choice import EVENT_NS, Heard, chosen, event_begins
 from head.hearing.fixed import LEAD
 from head.hearing.leading import Leading
-from head.hearing.memory import EVENT_NS, Memory, Pass, Step
+from head.hearing.memory import Memory, Pass, Step
 from head.hearing.settings import Settings
 from trackfield.role import NS, CancelTimer, Effect, Ignored, SetTimer
 from trackfield.wire.interests import Interest
@@ -42,9 +42,8 @@ class Loudest:
         own = next((one for one in reversed(memory.passes) if one.sensor == self.settings.id), None)
         if own is None or own.at_ns <= memory.spent_ns:
             return ()
-        begins = [one.at_ns for one in memory.passes if 0 <= own.at_ns - one.at_ns <= EVENT_NS]
-        spans = [[one for one in memory.passes if 0 <= one.at_ns - begin <= EVENT_NS] for begin in begins]
-        near = {one.sensor: one for one in max(spans, key=lambda span: (len(span), -_apart_ns(span, own)))}
+        since_ns = event_begins(own.at_ns, [one.at_ns for one in memory.passes])
+        near = {one.sensor: one for one in memory.passes if 0 <= one.at_ns - since_ns <= EVENT_NS}
         return tuple(sorted({**near, own.sensor: own}.values(), key=lambda one: (-one.report.strength_db, one.sensor)))
 
     def _louder(self, memory: Memory, event: tuple[Pass, ...]) -> list[str]:
@@ -157,9 +156,3 @@ class Loudest:
 def _knows(memory: Memory, head: str) -> bool:
     """Whether it has heard the report of a head itself: then it hears, too, when that is done."""
     return any(one.sensor == head for one in memory.passes)
-
-
-def _apart_ns(span: list[Pass], own: Pass) -> int:
-    """How far a pass is from the middle of others."""
-    times = [one.at_ns for one in span]
-    return abs(own.at_ns - (min(times) + max(times)) // 2)

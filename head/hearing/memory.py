@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Final, NamedTuple
 
+from head.hearing.choice import EVENT_NS
 from trackfield.protocols.timesync import Timekeeping
 from trackfield.role import NS, ClockSet, Effect, Received, Started, Timer, Transitions
 from trackfield.tracking.steps import Progress
@@ -34,8 +35,6 @@ KEPT_NS: Final = 15 * NS
 """Reports are kept for so long, for a head that begins to lead."""
 MOST_PASSES: Final = 64
 NUMBERS: Final = 1 << 16
-EVENT_NS: Final = 5 * NS
-"""A vehicle passes a cluster in so long (Yang et al., section 4.2)."""
 
 
 class Pass(NamedTuple):

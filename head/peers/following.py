@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from head.beliefs import packed_beliefs, plausible
+from head.beliefs import packed_beliefs
 from head.peers.known import rank_of, stored_of
 from head.peers.leading import Leading, prior_beliefs, untold
 from head.peers.local import Local
@@ -36,6 +36,7 @@ from trackfield.role import (
 )
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.collecting import Collected
+from trackfield.tracking.plausible import plausible
 from trackfield.tracking.results import beliefs_of
 from trackfield.tracking.steps import Progress, Steps
 from trackfield.tracking.stored import unpack
@@ -308,7 +309,7 @@ class Following:
             beliefs = unpack(message.beliefs).beliefs
         except ValueError:
             return memory, (Ignored("unusable belief"),)
-        if not plausible(beliefs):
+        if not plausible(beliefs, self.bank.model):
             return memory, (Ignored("unusable belief"),)
         after, effects = self._lead(memory, now, message.number, beliefs, message.step, f"{sender} hands over")
         return after, (ack, *effects)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from head.beliefs import plausible
 from head.peers.choice import by_distance
 from head.peers.memory import Memory
 from head.peers.settings import Settings
 from trackfield.filters.belief import moments
 from trackfield.role import NS
 from trackfield.tracking.bank import Bank
+from trackfield.tracking.plausible import plausible
 from trackfield.tracking.stored import Stored, unpack
 
 
@@ -20,7 +20,7 @@ def stored_of(settings: Settings, bank: Bank, memory: Memory, now: int) -> Store
         return None
     latest = bank.step_at(memory.time.corrected(now)) + 1
     fresh = stored is not None and latest - settings.expiry_steps <= stored.step <= latest
-    return stored if stored is not None and fresh and plausible(stored.beliefs) else None
+    return stored if stored is not None and fresh and plausible(stored.beliefs, bank.model) else None
 
 
 def rank_of(settings: Settings, bank: Bank, memory: Memory, now: int) -> int | None:

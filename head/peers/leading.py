@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from immutables import Map
 
-from head.beliefs import MOST_M, MOST_M_S, packed_beliefs, plausible
+from head.beliefs import packed_beliefs
 from head.peers import choice
 from head.peers.local import Local
 from head.peers.memory import Known, Leadership, Memory, Offer
@@ -30,6 +30,7 @@ from trackfield.role import (
     SetTimer,
 )
 from trackfield.tracking.bank import Bank
+from trackfield.tracking.plausible import MOST_M, MOST_M_S, plausible
 from trackfield.tracking.steps import Progress, Steps, Taken
 from trackfield.tracking.stored import pack, unpack
 from trackfield.wire.clusters import HandOver, HandOverAck, NoTarget
@@ -155,7 +156,7 @@ class Leading:
         except ValueError:
             return memory, (Ignored("unusable belief"),)
         fresh = 0 <= progress.step - message.step <= self.settings.expiry_steps
-        if not fresh or message.number != memory.held.term.number or not plausible(beliefs):
+        if not fresh or message.number != memory.held.term.number or not plausible(beliefs, self.bank.model):
             return memory, (Ignored("unusable belief"),)
         tracks = self.bank.resume(beliefs, message.step, progress.step).tracks
         return self.chosen(replace(memory, leads=replace(leads, progress=replace(progress, tracks=tracks)))), ()

@@ -12,13 +12,14 @@ from typing import Any
 
 from immutables import Map
 
-from head.beliefs import packed_beliefs, plausible
+from head.beliefs import packed_beliefs
 from head.peers.memory import Leadership
 from trackfield.filters.belief import Belief, moments
 from trackfield.filters.types import Gaussian
 from trackfield.tracking.bank import Bank
 from trackfield.tracking.collecting import Collected
 from trackfield.tracking.combining import Way, combined
+from trackfield.tracking.plausible import plausible
 from trackfield.tracking.steps import Progress, Taken
 from trackfield.tracking.stored import Stored, unpack
 
@@ -64,7 +65,7 @@ class Local:
             beliefs = unpack(data).beliefs
         except ValueError:
             return {}
-        return beliefs if plausible(beliefs) else {}
+        return beliefs if plausible(beliefs, self.bank.model) else {}
 
     def _combined(self, name: str, found: Mapping[str, Mapping[str, Belief | None]], prior: Belief) -> Gaussian:
         given = [one for each in found.values() if (one := each.get(name)) is not None]
