@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from math import dist
 from pathlib import Path
@@ -9,11 +10,14 @@ from typing import Any
 
 import pytest
 
+from head.hearing.choice import event_begins
 from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.forecast.foresight import foresee
 from launcher.plan.forecast.hearing.diffusing import Diffusing
 from launcher.plan.forecast.hearing.events import nearest_m
+from launcher.plan.forecast.hearing.passed import Passed
 from launcher.plan.forecast.hearing.reached import Reached
+from launcher.plan.forecast.masters.load import Load
 from launcher.plan.forecast.warnings import summary, warnings
 from tests.command_line import Call, trackfield
 from tests.cpa_fields import RANDOM, SMALL, THREE, expected, plan_of
@@ -23,6 +27,7 @@ from trackfield.world.targets import waypoints
 
 __all__ = ["trackfield"]
 
+WIFI = {"model": "lognormal_prr", "radio": "wifi11b", "range_m": 30.0}
 PENTAGON = ("n000", "n001", "n002", "n003", "n004")
 
 
@@ -218,7 +223,7 @@ def test_sensors_beyond_range_are_missed_and_named() -> None:
 
 
 def test_around_the_loudest_events_have_the_reports_of_those_near_it() -> None:
-    """Every report is in some event. A head has those of two ranges around it, within 5 s of its own."""
+    """Every report is in some event. A head has those of two ranges around it, of 5 s with its own."""
     plan = plan_of(RANDOM)
     field, places = expected(plan), {place.id: (place.x, place.y) for place in plan.info.places}
     told = {id for id, steps in plan.passes.items() if steps}
@@ -226,7 +231,29 @@ def test_around_the_loudest_events_have_the_reports_of_those_near_it() -> None:
     for event in field.events:
         assert event.head in event.heard
         assert all(dist(places[id], places[event.head]) <= 40.0 for id in event.heard)
-        assert all(abs(at_ns - event.heard[event.head]) <= 5 * NS for at_ns in event.heard.values())
+        assert max(event.heard.values()) - min(event.heard.values()) <= 5 * NS
+
+
+def test_a_slow_target_makes_several_events_of_one_span_each() -> None:
+    """It passes sensors for 40 s: a head does not have those before its own pass and those after it, 5 s each."""
+    slow = {**RANDOM["target"], "waypoints": [[0, -40, 30], [40, 140, 70]], "steps": 80}
+    events = expected(plan_of({**RANDOM, "target": slow})).events
+    assert len(events) > 2
+    assert all(max(event.heard.values()) - min(event.heard.values()) <= 5 * NS for event in events)
+
+
+@pytest.mark.parametrize(
+    ("own", "times", "begin"),
+    [
+        (10, [10], 10),
+        (10, [4, 10, 16], 10),  # 4 is not with it, 16 is not either
+        (10, [6, 8, 10, 12], 8),  # of two with three each that in whose middle it is
+        (10, [6, 7, 8, 10, 13], 6),
+        (10, [3, 10, 13, 15], 10),
+    ],
+)
+def test_an_event_is_the_span_in_which_most_passes_are(own: int, times: list[int], begin: int) -> None:
+    assert event_begins(own * NS, [one * NS for one in times]) == begin * NS
 
 
 def test_the_louder_of_two_leads_the_other_one_is_in_its_event() -> None:
@@ -243,6 +270,28 @@ def test_how_near_a_target_comes_is_looked_up_in_time() -> None:
     assert nearest_m(path, (50, 7), 0, 10 * NS) == pytest.approx(7.0, abs=0.1)
     assert nearest_m(path, (50, 7), 8 * NS, 10 * NS) == pytest.approx(30.8, abs=0.1)
     assert nearest_m(path, (50, 7), 20 * NS, 21 * NS) == float("inf")
+
+
+def test_of_a_long_run_all_events_are_counted_and_the_rest_by_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two passes in 180 s, of which the rest is quiet."""
+    target = {**SMALL["target"], "waypoints": [*SMALL["target"]["waypoints"], [180, -135, -7]], "steps": 360}
+    field = expected(plan_of({**SMALL, "target": target, "link": WIFI}))
+
+    def looked(field: Passed, most: int = 200) -> Load:
+        monkeypatch.setattr("launcher.plan.forecast.masters.load.MOST_LOOKED", most)
+        return Load.of(field)
+
+    few, whole = looked(field), looked(field, 1000)
+    assert (whole.every, whole.quiet) == (1.0, ())
+    assert few.every_quiet == pytest.approx(358 / 200, abs=0.02)
+    all_, events, quiet = (Counter(one.kind for one in frames) for frames in (whole.steps, few.steps, few.quiet))
+    assert events["data"] == all_["data"] == 18
+    assert quiet["data"] == 0
+    assert events["interest"] + few.every_quiet * quiet["interest"] == pytest.approx(all_["interest"], rel=0.15)
+    assert few.crowd is not None
+    assert whole.crowd is not None
+    assert few.crowd.use_mean == pytest.approx(whole.crowd.use_mean, rel=0.15)
+    assert few._busiest["n000"] == pytest.approx(whole._busiest["n000"], rel=0.15)
 
 
 # --- what is expected -------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ where they are, and by which ways are reinforced, are left out: some messages at
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final
@@ -36,6 +36,11 @@ class Diffusing:
             yield from self._reported(event)
         for fixed in self._fixes.get(step, ()):
             yield from self._told(fixed)
+
+    @property
+    def busy(self) -> Set[int]:
+        """The steps that have such messages."""
+        return self._events.keys() | self._fixes.keys()
 
     @cached_property
     def _events(self) -> Mapping[int, list[Event]]:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from head.hearing.choice import EVENT_NS, event_begins
 from launcher.plan.forecast.heard import Heard
 from launcher.plan.forecast.hearing.reached import Reached
 from launcher.records import SENSES, Passing, Plan
@@ -114,7 +115,7 @@ def _around_loudest(plan: Plan, passing: Passing, reports: Sequence[Report]) -> 
     away = {one: nearest_m(paths[one.target][1], places[one.id], one.at_ns - APART_NS, one.at_ns) for one in reports}
 
     def due(one: Report) -> tuple[int, float, str]:
-        near = [other for other in reports if _together(one, other) and other.id in (one.id, *reached.near[one.id])]
+        near = _together(one, [other for other in reports if other.id in (one.id, *reached.near[one.id])])
         louder = sum(away[other] < away[one] for other in near)
         return max(other.at_ns for other in near) + passing.close_ns + louder * passing.turn_ns, away[one], one.id
 
@@ -122,21 +123,22 @@ def _around_loudest(plan: Plan, passing: Passing, reports: Sequence[Report]) -> 
     while left:
         head = left[0]
         hops, reach_m = reached.hops(head.id), 2.0 * plan.reaches[head.id]
-        event = [
+        near = [
             one
             for one in reports
-            if _together(head, one)
-            and dist(places[one.id], places[head.id]) <= reach_m
-            and one.id in hops
-            and hops[one.id] <= passing.most_hops
+            if dist(places[one.id], places[head.id]) <= reach_m and one.id in hops and hops[one.id] <= passing.most_hops
         ]
-        yield Event(paths[head.target][0], head.id, {one.id: one.at_ns for one in event}, {})
+        event = _together(head, near)
+        heard = {**{one.id: one.at_ns for one in event}, head.id: head.at_ns}
+        yield Event(paths[head.target][0], head.id, heard, {})
         left = [one for one in left if one not in event]
 
 
-def _together(one: Report, other: Report) -> bool:
-    """Whether two reports may be of one event."""
-    return one.target == other.target and abs(one.at_ns - other.at_ns) <= APART_NS
+def _together(own: Report, reports: Iterable[Report]) -> list[Report]:
+    """Those of the same event as one of them, as its sensor sees it."""
+    same = [one for one in reports if one.target == own.target]
+    since_ns = event_begins(own.at_ns, [one.at_ns for one in same])
+    return [one for one in same if 0 <= one.at_ns - since_ns <= EVENT_NS]
 
 
 def nearest_m(path: Path, place: Point, begin_ns: int, end_ns: int) -> float:

@@ -150,8 +150,7 @@ class Passed:
         group = next((group for group in schedule.clusters if event.head in group), ())
         step_ns, deadline_ns = plan.step_ns, round(plan.deadline_s * NS)
         if schedule.loudest:
-            over_ns = event.last_ns - KNOWN_NS + schedule.close_ns + schedule.gather_ns
-            head_ns = max(over_ns, event.last_ns)
+            head_ns = event.last_ns + schedule.close_ns + schedule.gather_ns
         else:
             waits = 0 if len(self.hops(event)) == len(group) else ceil(schedule.close_ns / step_ns)
             steps = ceil((event.last_ns - plan.origin_ns) / step_ns) + waits

@@ -1,7 +1,7 @@
 """How much masters and slaves will send, or nodes of which any may lead, or those that hear targets pass.
 
 That is how full the channel will be, and whether a radio sends for too long.
-Single steps, evenly spread, stand for all; the setup is counted as it is.
+Single steps, evenly spread, stand for all; the setup is counted as it is, and so are the events of those that hear.
 """
 
 from __future__ import annotations
@@ -34,12 +34,18 @@ MOST_LOOKED: Final = 200
 
 @dataclass(frozen=True)
 class Load:
-    """The messages of a field with a schedule: those of the ``setup``, and of ``steps``, one in ``every`` of all."""
+    """The messages of a field with a schedule: those of the ``setup``, and of ``steps``, one in ``every`` of all.
+
+    In long runs of sensors that hear targets pass, ``steps`` are all those with events, and one in ``every_quiet`` of
+    the others is in ``quiet``.
+    """
 
     field: Scheduled | Polled | Passed
     setup: Sequence[Transmission]
     steps: Sequence[Transmission]
     every: float
+    quiet: Sequence[Transmission] = ()
+    every_quiet: float = 1.0
 
     @classmethod
     def of(cls, field: Scheduled | Polled | Passed) -> Load:
@@ -47,17 +53,21 @@ class Load:
         plan, traffic = field.plan, _traffic(field)
         steps = (plan.run.end_ns - 1 - plan.origin_ns) // plan.step_ns
         known = list(field.turns) if isinstance(field, Scheduled) else [*range(1, steps + 1, field.every)]
-        spread = np.linspace(0, len(known) - 1, min(len(known), MOST_LOOKED)).round().astype(int)
-        some = [known[i] for i in spread.tolist()]
-        last_ns = plan.run.end_ns
+        some, last_ns = _spread(known), plan.run.end_ns
 
-        def of_steps() -> Iterator[Sent]:
+        def of_steps(some: Sequence[int]) -> Iterator[Sent]:
             for step in some:
                 begin_ns = plan.origin_ns + step * plan.step_ns
                 yield from traffic.of_step(step)
                 yield from traffic.at_intervals(begin_ns, min(begin_ns + plan.step_ns, last_ns))
 
-        return cls(field, _frames(traffic.of_setup()), _frames(of_steps()), steps / len(some) if some else 1.0)
+        setup = _frames(traffic.of_setup())
+        if isinstance(traffic, Diffusing) and len(some) < len(known):
+            others = [step for step in known if step not in traffic.busy]
+            busy, quiet = [step for step in known if step in traffic.busy], _spread(others)
+            every = len(others) / len(quiet) if quiet else 1.0
+            return cls(field, setup, _frames(of_steps(busy)), 1.0, _frames(of_steps(quiet)), every)
+        return cls(field, setup, _frames(of_steps(some)), steps / len(some) if some else 1.0)
 
     # --- the channel ---------------------------------------------------------------------------------------------
 
@@ -69,9 +79,11 @@ class Load:
         air = self._air(self.steps, [Due(n, one.dst, fate.cause is None) for n, one, fate in fates])
         if air is None or not air.expected:
             return None
-        before = self._air(self.setup, [])
-        setup = {use.id: use for use in before.uses} if before is not None else {}
-        uses = [_both(use, setup.get(use.id), self.every) for use in air.uses]
+        uses = [use._replace(mean=self.every * use.mean) for use in air.uses]
+        for frames, times in ((self.setup, 1.0), (self.quiet, self.every_quiet)):
+            more = self._air(frames, [])
+            others = {use.id: use for use in more.uses} if more is not None else {}
+            uses = [_both(use, others.get(use.id), times) for use in uses]
         most, lost = max(uses, key=lambda use: use.mean), sum(fate.cause is not None for _, _, fate in fates)
         return Crowd(air, lost, self.every, most.mean, max(use.peak for use in uses), most.id)
 
@@ -101,7 +113,7 @@ class Load:
     def _busiest(self) -> Mapping[str, float]:
         """For how long (s) each sends in its busiest hour."""
         sent: dict[str, list[tuple[int, float]]] = {}
-        for frames, times in ((self.setup, 1.0), (self.steps, self.every)):
+        for frames, times in ((self.setup, 1.0), (self.steps, self.every), (self.quiet, self.every_quiet)):
             for frame in frames:
                 fate = self.field.link.fate(frame)
                 sent.setdefault(frame.src, []).append((frame.sent_ns, times * fate.air_ns / NS))
@@ -132,11 +144,17 @@ def _frames(sent: Iterator[Sent]) -> list[Transmission]:
     return found
 
 
-def _both(use: Use, setup: Use | None, every: float) -> Use:
-    """The use over the run."""
-    if setup is None:
-        return use._replace(mean=min(every * use.mean, 1.0))
-    return use._replace(mean=min(every * use.mean + setup.mean, 1.0), peak=max(use.peak, setup.peak))
+def _spread(steps: Sequence[int]) -> list[int]:
+    """Some of these, evenly spread."""
+    chosen = np.linspace(0, len(steps) - 1, min(len(steps), MOST_LOOKED)).round().astype(int)
+    return [steps[i] for i in chosen.tolist()]
+
+
+def _both(use: Use, other: Use | None, times: float) -> Use:
+    """The use by some frames, and by others so many ``times``."""
+    if other is None:
+        return use._replace(mean=min(use.mean, 1.0))
+    return use._replace(mean=min(use.mean + times * other.mean, 1.0), peak=max(use.peak, other.peak))
 
 
 def _most_in_an_hour(sent: Sequence[tuple[int, float]]) -> float:
