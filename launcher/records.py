@@ -250,17 +250,15 @@ class Passing:
 
     Fixed ``clusters`` are the ids of their sensors, the head first; ``tells`` are the heads that want the fixes of a
     head, as the target may come to them. There are none if the ``loudest`` sensor of those that heard a target leads
-    those around it. A head uses up to ``reports`` of an event (0: all). Its interest makes
-    ``most_hops`` hops, lasts ``interest_s``, and is spread anew every third of that; so is that of the ``base`` in
-    fixes, through the whole field. A hop takes up to ``hop_ns``. An event is over ``close_ns`` after its last
-    pass; the head of a new cluster waits for ``gather_ns``, and each node that may lead besides ``turn_ns`` longer.
-    During the setup a node makes ``announcements`` in the first ``announce_ns``.
+    those around it. The interest of a head makes ``most_hops`` hops, lasts ``interest_s``, and is spread anew every
+    third of that; so is that of the ``base`` in fixes, through the whole field. A hop takes up to ``hop_ns``. An event
+    is over ``close_ns`` after its last report; the head of a new cluster waits for ``gather_ns``, and each node that
+    may lead besides ``turn_ns`` longer. During the setup a node makes ``announcements`` in the first ``announce_ns``.
     """
 
     clusters: tuple[tuple[str, ...], ...]
     tells: Mapping[str, tuple[str, ...]]
     loudest: bool
-    reports: int
     most_hops: int
     interest_s: float
     base: str

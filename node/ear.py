@@ -8,7 +8,7 @@ field that wants fixes also broadcasts its reports, so that its neighbours know 
 
 The ear keeps the clock of the process, and its receiver is always on. What the other half says to the own id, it does
 for it: an ``Interest`` is spread (one that lasts 0 s is withdrawn), a ``FixReport`` goes to all that want fixes. What
-comes for the process it hands over as ``Arrived``, and so each interest of others when it is heard first.
+comes for the process it hands over as ``Arrived``, and so each copy of an interest of others that is of use to it.
 """
 
 from __future__ import annotations

@@ -29,8 +29,12 @@ def event_begins(own_ns: int, times_ns: Sequence[int]) -> int:
     the middle.
     """
     begins = [at_ns for at_ns in times_ns if 0 <= own_ns - at_ns <= EVENT_NS]
-    spans = [[at_ns for at_ns in times_ns if 0 <= at_ns - begin <= EVENT_NS] for begin in begins]
-    return min(max(spans, key=lambda span: (len(span), -abs(own_ns - (min(span) + max(span)) // 2))))
+
+    def rated(begin: int) -> tuple[int, int]:
+        span = [at_ns for at_ns in times_ns if 0 <= at_ns - begin <= EVENT_NS]
+        return len(span), -abs(own_ns - (begin + max(span)) // 2)
+
+    return max(begins, key=rated)
 
 
 class Choice(NamedTuple):

@@ -4,7 +4,7 @@ Yang et al., section 4: sensor nodes report when a target was closest to them to
 directed diffusion, and the head solves for the target's path. Who leads is settled by ``fixed`` or by ``loudest``; what
 a head does is in ``leading``. The two halves say to each other, by messages to the own id: an ``Interest`` (the ear
 spreads it), a ``FixReport`` (the ear sends it to all that want fixes), ``Arrived`` (what came for this process over
-several hops, or an interest that was heard first), and the reports of the own sensor. It follows the ear's clock.
+several hops, or a copy of an interest), and the reports of the own sensor. It follows the ear's clock.
 """
 
 from __future__ import annotations

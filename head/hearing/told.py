@@ -30,6 +30,7 @@ def fix_report(
     """The message of an event after a ``step``, which was ``at_ns``.
 
     ``closed`` are the points in which trackers say how it ended, ``raw`` the reports with the numbers of their sensors.
+    The beliefs are those of trackers that have a fix, and the reason is that of the first one that has none.
     """
     refused = {point.tracker: point.refused for point in closed if point.refused}
     known = {name: one for name, one in beliefs.items() if one is not None and name not in refused}

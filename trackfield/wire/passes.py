@@ -61,9 +61,10 @@ class CpaReportSds:
 class FixReport:
     """What the reports of an event say: ``belief`` (as in ``hand-over``) at the instant of ``step``; empty: no fix.
 
-    ``number`` counts the events of the head that sends it. ``reason`` says why there is no fix (docs/wire.md); 0: there
-    is one. ``raw`` are the reports that it is made of, eight bytes each, little-endian: number of the sensor in the
-    field's list, time before the step (0.1 ms), strength (0.01 dB, signed), width (25 ms).
+    It is that of those trackers that have a fix. ``number`` counts the events of the head that sends it. ``reason``
+    says why the first tracker that has no fix has none (docs/wire.md); 0: none says so. ``raw`` are the reports that it
+    is made of, eight bytes each, little-endian: number of the sensor in the field's list, time before the step (0.1
+    ms), strength (0.01 dB, signed), width (25 ms).
     """
 
     number: Annotated[int, Scaled(0, 65535, unit="number of the event")]

@@ -115,7 +115,6 @@ class _Told:
             self.groups,
             {group[0]: self._tells(group) for group in self.groups},
             of.heads != "fixed",
-            of.reports,
             of.hops,
             of.interest_s,
             of.base,

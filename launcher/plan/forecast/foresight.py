@@ -62,8 +62,8 @@ class Foresight:
 
     ``receptions`` are by kind of message, reports first, on the links of those sensors alone, at the times at which
     they report; ``hops`` are the same on links between processes without sensors, over the run. ``arriving`` is the
-    share of all reports that may be expected to arrive, ``of_use`` the share of those that are not too late,
-    ``delay_s`` (n,) how long some of them take, with the time for which they wait in their nodes for the radio.
+    share of all reports that may be expected to arrive, ``of_use`` the share of those that are not too late (None: not
+    predicted), ``delay_s`` (n,) how long some take, with the time for which they wait in their nodes for the radio.
     ``use_s`` is up to which age a report is of use; ``air_s`` (n,) the time on air of all reports of each step that has
     any. ``crowd`` is what they are to each other on the channel; None without a radio. ``duties`` are who sends longest
     in any hour, of each role and of each kind of frame; none where no rule limits that. Where leaders choose who
@@ -80,7 +80,7 @@ class Foresight:
     receptions: Mapping[str, Shares]
     hops: Mapping[str, Shares]
     arriving: float
-    of_use: float
+    of_use: float | None
     delay_s: Array
     trial: Trial
     use_s: float
@@ -176,7 +176,7 @@ def _passes(field: Passed) -> Foresight:
         receptions=receptions(plan, {id: [plan.origin_ns] for id in counts}),
         hops={},
         arriving=float(np.mean(chances)) if chances else 0.0,
-        of_use=1.0,
+        of_use=None,
         delay_s=np.array([hops * field.hop_s for event in field.events for hops in field.hops(event).values()]),
         trial=Trial(*np.empty((4, 0))),
         use_s=max(plan.deadline_s, plan.max_age_s),

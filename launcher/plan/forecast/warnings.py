@@ -61,10 +61,11 @@ def summary(plan: Plan, seen: Foresight) -> Iterator[str]:
     if not seen.reports:
         return
     senders = f"{len(seen.reports)} sensor node{'s' * (len(seen.reports) != 1)}"
+    in_time = "" if seen.of_use is None else f", {seen.of_use:.1%} of those in time"
     yield (
         f"reports: {_at_most(seen) or 'about '}{_total(seen):.0f} from {senders}"
-        f"{', at the lowest threshold' if seen.adaptive else ''}; {seen.arriving:.1%} arrive, "
-        f"{seen.of_use:.1%} of those in time ({_delays(seen)}; {_limit(plan)})"
+        f"{', at the lowest threshold' if seen.adaptive else ''}; {seen.arriving:.1%} arrive{in_time} "
+        f"({_delays(seen)}; {_limit(plan)})"
     )
     if len(seen.air_s) and seen.air_s.max() > 0:
         yield (
@@ -170,7 +171,7 @@ def _poor(seen: Foresight) -> list[tuple[list[str], dict[tuple[str, str], float]
 
 def _late(plan: Plan, seen: Foresight) -> Iterator[str]:
     """Reports that arrive too late to be used."""
-    if 1 - seen.of_use >= FEW:
+    if seen.of_use is not None and 1 - seen.of_use >= FEW:
         yield (
             f"{1 - seen.of_use:.0%} of the reports that arrive are too late ({_delays(seen)}; {_limit(plan)})"
             f"{_consequence(seen)}; use a faster radio, a longer fusion.deadline_s, or fusion.max_age_s"
@@ -179,7 +180,7 @@ def _late(plan: Plan, seen: Foresight) -> Iterator[str]:
 
 def _weak(seen: Foresight, one: Coverage) -> Iterator[str]:
     """Losses that no other warning names."""
-    if _fixed(one) < COVERED:
+    if _fixed(one) < COVERED and seen.of_use is not None:
         yield (
             f"{seen.arriving * seen.of_use:.0%} of all reports may be expected to arrive in time, {_fixes(seen, one)}"
         )

@@ -62,7 +62,6 @@ class Known(NamedTuple):
     sink: str
     number: int
     task: int
-    interval_s: float
     hops: int
 
     @property

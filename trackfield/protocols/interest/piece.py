@@ -121,7 +121,7 @@ class Diffusion:
         found = [(wanted.interest(self.id, 0), 0) for wanted in own]
         found += [(one.interest, one.hops) for one in state.interests.known.values() if one.live(now)]
         return tuple(
-            Known(one.sink.decode(), one.number, task, one.interval_s, hops)
+            Known(one.sink.decode(), one.number, task, hops)
             for one, hops in found
             if one.task == task and covers(one, self.place)
         )

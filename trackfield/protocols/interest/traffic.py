@@ -64,8 +64,7 @@ class Traffic:
 
     It was sent there ``tries`` times, and the neighbours in ``tried`` did not acknowledge it. ``serial`` is that of the
     next own message. ``seen`` are the last messages of each origin: serial, how they were here (the sum of ``CARRIED``,
-    ``SPREAD``, ``LOOPED``), and after how many hops they first were. ``dropped`` counts the messages that were given
-    up here.
+    ``SPREAD``, ``LOOPED``), and after how many hops they first were.
     """
 
     queue: tuple[Parcel, ...] = ()
@@ -74,7 +73,6 @@ class Traffic:
     tried: tuple[str, ...] = ()
     serial: int = 0
     seen: Mapping[str, tuple[tuple[int, int, int], ...]] = field(default_factory=dict)
-    dropped: int = 0
 
     def was(self, parcel: Parcel) -> int:
         """How this message was here before; 0: it was not."""
@@ -106,16 +104,17 @@ class Traffic:
         queue = (*self.queue, parcel)
         if len(queue) <= most:
             return replace(self, queue=queue), ()
-        return replace(self, queue=(*queue[:begun], *queue[begun + 1 :]))._dropped(queue[begun], f"{most} wait already")
+        left = replace(self, queue=(*queue[:begun], *queue[begun + 1 :]))
+        return left, (_dropped(queue[begun], f"{most} wait already"),)
 
     def drop(self, why: str) -> tuple[Traffic, tuple[Note, ...]]:
         """The first message is given up."""
-        return self.done()._dropped(self.queue[0], why)
+        return self.done(), (_dropped(self.queue[0], why),)
 
     def done(self) -> Traffic:
         """The first message has gone on."""
         return replace(self, queue=self.queue[1:], next="", tries=0, tried=())
 
-    def _dropped(self, lost: Parcel, why: str) -> tuple[Traffic, tuple[Note, ...]]:
-        note = Note(f"message {lost.serial} of {lost.origin} is dropped: {why}")
-        return replace(self, dropped=self.dropped + 1), (note,)
+
+def _dropped(lost: Parcel, why: str) -> Note:
+    return Note(f"message {lost.serial} of {lost.origin} is dropped: {why}")
