@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, cast
 
 import msgpack
@@ -24,7 +24,7 @@ from launcher.records import Plan
 from tests.hostile import field
 from tests.hostile.loopback import Loopback, came
 from tests.hostile.mixes import HARMLESS, OTHERS
-from tests.hostile.samples import Draw, Means, Sample
+from tests.hostile.samples import Bad, Draw, Means, Sample
 from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.process import Process
 from trackfield.role import NS
@@ -66,9 +66,20 @@ def _block(seed: int) -> list[str]:
 
 
 class Parts:
-    """The parts of a run of this plan in this process, with a ``token`` or without."""
+    """The parts of a run of this plan in this process, with a ``token`` or without.
 
-    def __init__(self, plan: Plan, token: bytes) -> None:
+    These ``lives`` are given ``kinds`` of samples, as if the run had begun ``after_ns`` (emulated) before.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        token: bytes,
+        lives: Sequence[str] = LIVES,
+        kinds: Sequence[Bad] = (*HARMLESS, *OTHERS),
+        after_ns: int = AFTER_NS,
+    ) -> None:
+        self.kinds, self.after_ns = kinds, after_ns
         self.loopback = Loopback()
         session: Any = cast("Any", self.loopback)
         self.plan = plan
@@ -77,17 +88,16 @@ class Parts:
         self.registry.declare(session)
         self.listener = Listener(session, self.plan, Seal(token))
         factories = {life.name: life.factory for life in self.plan.processes}
-        self.processes = [Process(session, name, factories[name], Seal(token)) for name in LIVES]
+        self.processes = [Process(session, name, factories[name], Seal(token)) for name in lives]
 
     def attacked(self, draw: Draw) -> list[str]:
         """Bring in a block of samples, most of them after the start, and make the run's tables; what was raised."""
-        kinds = [*HARMLESS, *OTHERS]
         for i in range(BLOCK):
             if i == BLOCK // 10:
-                begun_ns = time.monotonic_ns() - round(AFTER_NS / field.SPEED)
+                begun_ns = time.monotonic_ns() - round(self.after_ns / field.SPEED)
                 self._order(keys.START, str(begun_ns).encode())
-            draw.known.now_ns = AFTER_NS if i >= BLOCK // 10 else 0
-            sample = draw.choice(kinds).sample(draw)
+            draw.known.now_ns = self.after_ns if i >= BLOCK // 10 else 0
+            sample = draw.choice(self.kinds).sample(draw)
             if sample is not None:
                 self.loopback.bring(sample)
                 self._arrive(sample)
