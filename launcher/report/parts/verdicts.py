@@ -82,7 +82,7 @@ def _error(own: list[Track], m: dict[str, Any]) -> str:
     """Its errors, over which steps, and against which bound."""
     expected, tracked, scored = m["steps_expected"], m["steps_tracked"], m["steps"]
     steps = f"all {expected:,} steps" if scored == expected else f"{scored:,} of {expected:,} steps"
-    if scored != tracked:
+    if scored > tracked:
         steps = f"{scored:,} steps"
     blind = sum(int((track.coasting & track.scored).sum()) for track in own)
     if blind:
@@ -92,7 +92,7 @@ def _error(own: list[Track], m: dict[str, Any]) -> str:
         bounded = sum(int((track.scored & np.isfinite(track.bound)).sum()) for track in own)
         over = "the same steps" if bounded == m["steps"] else f"the {bounded:,} of them that have one"
         text += f"; {number(m['times_bound'])} times the bound of {number(m['bound_m'], 'm')} over {over}"
-    if scored != tracked:
+    if scored > tracked:
         text += f". A track at {tracked:,} of the {expected:,} steps at which one was expected"
     return f"{text}."
 
