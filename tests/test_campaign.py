@@ -52,7 +52,6 @@ def test_a_seed_draws_the_same_again() -> None:
 
 
 @pytest.mark.alone
-@pytest.mark.timeout(400)
 @pytest.mark.parametrize("talkers", TALKERS)
 def test_both_drivers_agree_on_one(talkers: str) -> None:
     seed = next(seed for seed in SEEDS if case(seed).talkers == talkers)

@@ -187,7 +187,6 @@ def test_a_target_that_leaves_the_field_is_claimed_when_it_is_back(scenario: Pat
 
 
 @pytest.mark.long
-@pytest.mark.timeout(400)
 @pytest.mark.parametrize("kind", ["", "kill", "freeze"])
 def test_as_processes_it_is_the_same(scenario: Path, tmp_path: Path, kind: str) -> None:
     until = ", until_s=25.6" if kind == "freeze" else ""

@@ -144,7 +144,6 @@ def test_a_channel_is_as_full_as_predicted() -> None:
 # --- both drivers -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.timeout(400)
 @pytest.mark.parametrize("heads", ["fixed", "loudest"])
 def test_as_processes_it_is_the_same(tmp_path: Path, heads: str) -> None:
     """One pass, then a head that dies; or a cluster that forms around the loudest sensor."""

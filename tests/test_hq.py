@@ -15,7 +15,6 @@ from tests.rrd import entities
 from tests.running import both_ways
 
 __all__ = ["trackfield"]
-pytestmark = pytest.mark.timeout(400)  # of both runs, on a machine that does not keep up
 
 HQ = "architecture.centre=hq"
 FAULTS = (

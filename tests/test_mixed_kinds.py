@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
-from math import dist
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +16,7 @@ import trackfield as tf
 from launcher.plan.prepare import planned
 from launcher.record.figures.bounds import run_bounds
 from launcher.study.compare import differences
+from tests.ranging import Ranging
 from tests.rrd import read
 from tests.running import SPEEDS, kept_up
 from tests.sensing import registered
@@ -27,33 +26,6 @@ from trackfield.filters.metrics import nees, nees_band
 from trackfield.filters.types import Readings, Reports
 
 TRACKERS: Final = ("ekf", "ukf", "bootstrap")
-
-
-@dataclass(frozen=True)
-class Ranging:
-    """How far away the target is."""
-
-    range_m: float = 100.0
-    sd_m: float = 2.0
-
-    resolution = (0.01,)
-    units = ("m",)
-    fix_sensors = 3
-
-    @property
-    def sd(self) -> tuple[float, ...]:
-        return (self.sd_m,)
-
-    def simulate(self, target: Any, place: Any, normals: Any) -> tuple[float, ...]:
-        return (dist(target[:2], place) + self.sd_m * normals[0],)
-
-    def h(self, x: Any, at: Any) -> Any:
-        return np.linalg.norm(x[..., None, :2] - at, axis=-1)[..., None]
-
-    def jacobian(self, x: Any, at: Any) -> Any:
-        slopes = np.zeros((*x.shape[:-1], len(at), 1, 4))
-        slopes[..., 0, :2] = (x[..., None, :2] - at) / np.maximum(self.h(x, at), 1e-6)
-        return slopes
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -20,7 +20,6 @@ from tests.running import both_ways
 from trackfield.role import NS
 
 __all__ = ["trackfield"]
-pytestmark = pytest.mark.timeout(400)  # of both runs, on a machine that does not keep up
 
 CROSSING = (
     "target={path='waypoints', waypoints=[[0, 107, 103], [20, 397, 411]], id='car'}",

@@ -11,13 +11,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 
 from launcher.plan.prepare import load, planned
-from launcher.processes import children, patience
+from launcher.processes import children, deployment, patience
 from launcher.processes.children import ZYGOTE, Children
 from launcher.processes.deployment import ROUTER, Deployment
 from launcher.processes.patience import MAX_RESTARTS
@@ -224,6 +225,34 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(children, "ASK_S", 1.0)
 
 
+class FakeClock:
+    """A clock that goes on while somebody sleeps."""
+
+    now = 0.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, for_s: float) -> None:
+        self.now += for_s
+
+
+class Slow(Deployment):
+    """A field without processes, whose registry says who is ready."""
+
+    def __init__(self, names: list[str]) -> None:
+        self._lives: Any = dict.fromkeys(names)
+        self.registry: Any = SimpleNamespace(live=set(), arrivals=0)
+        self._orders: Any = SimpleNamespace(look=lambda _: None)
+        self._watch: Any = SimpleNamespace(still=lambda _: set())
+
+    def _look_at_start(self) -> None:
+        pass
+
+    def failure(self, what: str, name: str) -> RunFailed:
+        return RunFailed(what)
+
+
 @pytest.mark.usefixtures("hasty")
 @pytest.mark.parametrize("name", sorted(NEEDED))
 def test_who_is_needed_cannot_hold_up_the_start(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,6 +275,26 @@ def test_any_other_fails_it_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         pytest.raises(RunFailed, match="n005 was stopped from outside at start, and not continued"),
     ):
         field.wait_ready(lambda ready, of: False)
+
+
+@pytest.mark.parametrize(("arriving", "ready"), [(4, True), (3, False)])
+def test_those_that_start_slowly_are_waited_for_while_one_after_another_arrives(
+    arriving: int, ready: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = [RECORDER, "n000", "n001", "n002"]
+    field, clock = Slow(names[1:]), FakeClock()
+    monkeypatch.setattr(deployment, "time", clock)
+
+    def one_in_forty_seconds(missing: set[str], of: int) -> bool:
+        field.registry.live = set(names[: min(arriving, int(clock.now / 40.0))])
+        return False
+
+    if ready:
+        field.wait_ready(one_in_forty_seconds)
+    else:
+        with pytest.raises(RunFailed, match="1 of 4 processes were not ready in time"):
+            field.wait_ready(one_in_forty_seconds)
+    assert clock.now > 160.0
 
 
 def test_a_zygote_that_cannot_be_is_a_failed_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -181,13 +181,15 @@ class Deployment(Logged):
     def wait_ready(self, tick: Callable[[set[str], int], bool]) -> None:
         """Wait until all declare themselves alive; ``tick(missing, of)`` returns True to give up.
 
-        Raises ``RunFailed`` for a process that dies first, or is not ready in time.
+        Raises ``RunFailed`` for a process that dies first, or if none became ready for so long.
         """
         wanted = {*self._lives, RECORDER}
-        deadline = time.monotonic() + self._ready_timeout_s()
+        fewest, deadline = len(wanted) + 1, 0.0
         while missing := wanted - self.registry.live:
             if tick(missing, len(wanted)):
                 return
+            if len(missing) < fewest:
+                fewest, deadline = len(missing), time.monotonic() + self._ready_timeout_s()
             self._look_at_start()
             self._orders.look(self.registry.arrivals)
             for name in sorted(missing & self._watch.still(patience.STILL_S)):
