@@ -273,6 +273,11 @@ def test_files_that_cannot_be_used(tmp_path: FilePath) -> None:
         ScenarioError, match=r"silent\.wav: sensor\.recording: is of sound, and sensors of kind 'cpa' do not listen"
     ):
         survey(scenario(**{"sensor.recording": str(tmp_path / "silent.wav"), "sensor.waveform": False}))
+    with pytest.raises(
+        ScenarioError,
+        match=r'silent\.wav: target\.sound: is of sound, and no sensor listens; expected sensors of kind "cpa"',
+    ):
+        survey(scenario(**{"target.sound": str(tmp_path / "silent.wav"), "sensor.waveform": False}))
 
 
 def test_the_run_has_copies_of_its_sounds(tmp_path: FilePath) -> None:
@@ -374,7 +379,7 @@ def test_a_field_whose_sensors_do_not_listen_needs_no_such_zygote() -> None:
 def test_both_drivers_agree(waveform: bool, tmp_path: FilePath) -> None:
     """The processes that listen get the sound of the target with their place in the run."""
     soundfile.write(tmp_path / "pass.wav", pass_as_heard(12.0), RATE)
-    settings = {"sensor.waveform": waveform, "target.sound": str(tmp_path / "pass.wav")}
+    settings = {"target.sound": str(tmp_path / "pass.wav")} if waveform else {"sensor.waveform": False}
     settings |= {"clock.offset_ms": 30.0, "clock.drift_ppm": 40.0}
     heard = scenario(**settings, **{"link.model": "fixed", "link.loss": 0.1, "sensor.variances": True})
     virtual = tf.run(heard, seed=3)

@@ -24,11 +24,18 @@ _RECORDING: Final = "sensor.recording"
 _LISTENS: Final = 'sensors of kind "cpa" with waveform = true'
 
 
-def sounds_of(scenario: Scenario) -> tuple[bytes | None, ...]:
-    """What each target sounds like, in order; empty if all are vehicles. Raises ``ScenarioError`` as ``_single``."""
+def sounds_of(scenario: Scenario, sections: Mapping[str, SensorSection]) -> tuple[bytes | None, ...]:
+    """What each target sounds like, in order, to sensors of these sections; empty if all are vehicles.
+
+    Raises ``ScenarioError`` for a file that cannot be used, or that nobody listens to.
+    """
     files = [(key, target.sound) for key, target in scenario.keyed_targets]
-    if not any(file for _, file in files):
+    named = [(key, file) for key, file in files if file]
+    if not named:
         return ()
+    if not any(section.sensing.hearing for section in sections.values()):
+        key, file = named[0]
+        raise ScenarioError("is of sound, and no sensor listens", file=file, key=f"{key}.sound", expected=_LISTENS)
     return tuple(None if file is None else _single(FilePath(file), f"{key}.sound") for key, file in files)
 
 

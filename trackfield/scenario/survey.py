@@ -198,7 +198,7 @@ def survey(scenario: Scenario) -> Site:
         centre=_centre(scenario, place, positions),
         route=tuple((origin_ns + round(t * _NS), x, y) for t, x, y in scenario.fusion.path or ()),
         played=plays,
-        sounds=sounds_of(scenario),
+        sounds=sounds_of(scenario, sections),
         heard=heard,
     )
 
