@@ -143,8 +143,10 @@ class Ear:
     def handle(self, state: Memory, event: Event) -> Step:
         """See ``trackfield.role.Role``."""
         after, effects = self._react(state, event)
-        after, more = self._serve(after, event.now)
-        after = replace(after, phase=self._phase(after, event.now))
+        live = {task: self._wants(after, event.now, task) for task in (PASSES, FIXES)}
+        after, more = self._serve(after, event.now, live)
+        watched = live[PASSES] or (self.broadcasts and live[FIXES])
+        after = replace(after, phase=Phase.WATCHING if watched else Phase.IDLE)
         check_transition(TRANSITIONS, state.phase, event, after.phase)
         effects = (*more, *effects)  # a reading is asked for last
         if after.kept.references != state.kept.references and not isinstance(event, Started):
@@ -152,10 +154,6 @@ class Ear:
         if after.phase is not state.phase:
             effects = (State(after.phase.value), *effects)
         return after, effects
-
-    def _phase(self, memory: Memory, now: int) -> Phase:
-        watched = self._wants(memory, now, PASSES) or (self.broadcasts and self._wants(memory, now, FIXES))
-        return Phase.WATCHING if watched else Phase.IDLE
 
     def _wants(self, memory: Memory, now: int, task: int) -> tuple[Known, ...]:
         """The interests in this class of data that live here."""
@@ -287,9 +285,8 @@ class Ear:
         fresh = (one for one in memory.recent if said.made_ns - one.made_ns <= KEPT_NS)
         return replace(memory, recent=(*fresh, said))
 
-    def _serve(self, memory: Memory, now: int) -> Step:
-        """Send the last reports and fixes to sinks whose interests are new here."""
-        live = {task: self._wants(memory, now, task) for task in (PASSES, FIXES)}
+    def _serve(self, memory: Memory, now: int, live: Mapping[int, tuple[Known, ...]]) -> Step:
+        """Send the last reports and fixes to sinks whose interests, by class of data, are new here."""
         served = frozenset(one.key for known in live.values() for one in known)
         if served == memory.served:
             return memory, ()

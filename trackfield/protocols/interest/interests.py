@@ -94,24 +94,28 @@ class Gradient:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An interest as its last refresh said it, and the neighbours it came from, in the order in which they came."""
+    """An interest as its last refresh said it, and the neighbours it came from, in the order in which they came.
+
+    A gradient holds for ``life_ns`` without a refresh, the last of them until ``until_ns``. By the last refresh this
+    process is ``hops`` from the sink. They are worked out once: each message that comes asks for them.
+    """
 
     interest: Interest
     gradients: Mapping[str, Gradient]
+    life_ns: int = field(init=False)
+    until_ns: int = field(init=False)
+    hops: int = field(init=False)
 
-    @property
-    def life_ns(self) -> int:
-        """For how long a gradient holds without a refresh."""
-        return int((MISSED + GRACE) / REFRESHES * self.interest.lasts_s * NS)
+    def __post_init__(self) -> None:
+        life_ns, known = int((MISSED + GRACE) / REFRESHES * self.interest.lasts_s * NS), self.gradients.values()
+        object.__setattr__(self, "life_ns", life_ns)
+        object.__setattr__(self, "until_ns", max(one.heard_ns for one in known) + life_ns)
+        last = (one.hops for one in known if one.refresh == self.interest.refresh)
+        object.__setattr__(self, "hops", 1 + min(last))
 
     def live(self, now: int) -> bool:
         """Whether any gradient holds."""
-        return any(now < one.heard_ns + self.life_ns for one in self.gradients.values())
-
-    @property
-    def hops(self) -> int:
-        """How far this process is from the sink, by the last refresh."""
-        return 1 + min(one.hops for one in self.gradients.values() if one.refresh == self.interest.refresh)
+        return now < self.until_ns
 
     def ways(self, now: int, silent: Container[str], via: str = "") -> tuple[str, ...]:
         """The neighbours to which data may go that came ``via`` one of them (empty: own data), the best first.

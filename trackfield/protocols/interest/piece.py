@@ -117,14 +117,11 @@ class Diffusion:
 
     def live(self, state: Spread, now: int, task: int) -> tuple[Known, ...]:
         """The interests in data of this class from here, own ones first."""
-        own = (one.wanted for one in state.timed.own.values())
+        own = (one.wanted for one in state.timed.own.values() if one.wanted.task == task)
         found = [(wanted.interest(self.id, 0), 0) for wanted in own]
-        found += [(one.interest, one.hops) for one in state.interests.known.values() if one.live(now)]
-        return tuple(
-            Known(one.sink.decode(), one.number, task, hops)
-            for one, hops in found
-            if one.task == task and covers(one, self.place)
-        )
+        others = (one for one in state.interests.known.values() if one.interest.task == task and one.live(now))
+        found += [(one.interest, one.hops) for one in others]
+        return tuple(Known(one.sink.decode(), one.number, task, hops) for one, hops in found if covers(one, self.place))
 
     def tell(self, state: Spread, now: int, message: Any, known: Known) -> Step:
         """Send a message to the sink of an interest; if it is too early for one more, it waits, the latest of all."""
