@@ -73,6 +73,13 @@ def test_a_frame_that_is_longer_than_a_window_was_heard_asleep_for_a_part() -> N
     assert meter.activities["field"] == Activity(receive_ns=30, listen_ns=0, sleep_ns=70)
 
 
+@pytest.mark.parametrize("third", [True, False])
+def test_one_that_is_switched_several_times_in_a_frame_did_not_sleep_for_less_than_no_time(third: bool) -> None:
+    """It listened for 10 of the 30 ns, slept for 10, and was switched again: 30 were received, none is left."""
+    meter = Meter.new().at(10).switched("field", False).at(20).switched("field", third).at(30)
+    assert meter.received("field", 30).activities["field"] == Activity(receive_ns=30)
+
+
 def test_a_receiver_receives_one_frame_at_a_time() -> None:
     meter = Meter.new().at(100).received("field", 30).at(110).received("field", 30)
     assert meter.activities["field"] == Activity(receive_ns=40, listen_ns=70)

@@ -90,7 +90,8 @@ class Side(NamedTuple):
     def received(self, until_ns: int, receive_ns: int, acks_ns: int = 0) -> Side:
         """The same after it received for so long, and sent acknowledgements, until then.
 
-        Of what it did at the same time, one thing is counted.
+        Of what it did at the same time, one thing is counted. How its receiver was open before the last switch but one
+        is forgotten: what is taken from listening is no more than it listened, and so with sleep.
         """
         begin_ns = max(until_ns - receive_ns - acks_ns, self.done_ns)
         end_ns = min(until_ns, self.sends[0][0]) if self.sends else until_ns
@@ -98,8 +99,10 @@ class Side(NamedTuple):
             return self
         change_ns = min(max(self.since_ns, begin_ns), end_ns)
         listened = open_ns(self.before, begin_ns, change_ns) + open_ns(self.opening, change_ns, end_ns)
-        ahead = sum(open_ns(self.opening, max(begin, until_ns), end) for begin, end in self.sends)
-        listened = min(listened, max(self.activity.listen_ns + ahead, 0))
+        open_ahead = sum(open_ns(self.opening, max(begin, until_ns), end) for begin, end in self.sends)
+        ahead = sum(end - max(begin, until_ns) for begin, end in self.sends)
+        listened = max(listened, end_ns - begin_ns - max(self.activity.sleep_ns + ahead - open_ahead, 0))
+        listened = min(listened, max(self.activity.listen_ns + open_ahead, 0))
         acks_ns = min(acks_ns, end_ns - begin_ns)
         side = self._counted(-listened, begin_ns - end_ns, acks_ns, end_ns - begin_ns - acks_ns)
         return side._replace(done_ns=end_ns)
