@@ -6,7 +6,7 @@ import pytest
 from tests.passes import PENTAGON, SOUND, angles_as_printed, heard, located_by_two, trials
 from trackfield.filters.passes.bounds import line_errors
 from trackfield.filters.passes.cpa import Far, angles, joint, mach_number
-from trackfield.filters.passes.ecpa import Differences, ecpa
+from trackfield.filters.passes.ecpa import Differences, ecpa, located_by_pair
 from trackfield.filters.passes.geometry import across, line_of, state
 from trackfield.filters.passes.slope import direction
 from trackfield.filters.passes.solve import solve, solve_cpa
@@ -256,6 +256,19 @@ def test_times_alone_place_no_path_of_the_likelihood(name):
     assert answer.reason.shape == (50,)
     if name == "ml":
         assert (answer.reason != 0).mean() > 0.8
+    if name == "ecpa":
+        assert (answer.reason == 5).all()
+
+
+@pytest.mark.parametrize(("known", "places"), [({0, 1}, False), ({0, 3}, True), ({1, 3}, False)])
+def test_a_path_is_placed_by_strengths_on_either_side_of_it(known, places):
+    """Sensor 0, the lone one, and 1 are west of a path north, the others east of it; equally loud, it is between."""
+    at = np.array([[-30.0, 0.0], [-10.0, 5.0], [10.0, 9.0], [20.0, 0.0], [30.0, -14.0]])
+    strengths = np.where(np.isin(np.arange(5), list(known)), 0.2, np.nan)
+    event = event_of(Passes(at, np.arange(5.0), strengths, np.full(5, 0.01), np.full(5, 0.1)))
+    sides, lone = np.array([-1.0, -1.0, 1.0, 1.0, 1.0]), np.intp(0)
+    offset = located_by_pair(event, np.array([0.0, 1.0]), sides, np.asarray(lone))
+    assert offset == pytest.approx((at[0] + at[3])[0] / 2.0 - event.centroid[0]) if places else np.isnan(offset)
 
 
 @pytest.mark.parametrize("name", ["cpa", "ecpa", "ml", "plane"])

@@ -183,17 +183,19 @@ def turned(difference: Array, phi: Array, speed: Array) -> Array:
 def located_by_pair(event: Event, e: Array, sides: Array, lone: Numbers) -> Array:
     """The offset (...,) by eq. 35: from the lone sensor n0 and the nearest across the path, by their strengths' ratio.
 
-    It is kept within the hull, as section 6.1 says.
+    It is kept within the hull, as section 6.1 says. NaN where the lone sensor or all across the path have no strength.
     """
     at0 = place(event.at, lone)
     away = np.linalg.norm(event.at - at0[..., None, :], axis=-1)
-    opposite = sides != _of(sides, lone)[..., None]
-    nk = np.where(event.loud & opposite, away, np.inf).argmin(axis=-1)
+    across_path = (
+        event.loud & (sides != _of(sides, lone)[..., None]) & np.take_along_axis(event.loud, lone[..., None], axis=-1)
+    )
+    nk = np.where(across_path, away, np.inf).argmin(axis=-1)
     s0, sk = np.exp(_of(event.logs, lone)), np.exp(_of(event.logs, nk))
-    share = sk / (sk + np.where(_of(opposite, nk), s0, -s0))
+    share = sk / (sk + s0)
     point = at0 + share[..., None] * (place(event.at, nk) - at0)
     low, high = extent(event, e)
-    return np.asarray(np.clip((point * right(e)).sum(axis=-1), low, high))
+    return np.where(across_path.any(axis=-1), np.clip((point * right(e)).sum(axis=-1), low, high), np.nan)
 
 
 def _choose(event: Event, sides: Array, to_right: Array, selects: bool) -> _Chosen:
