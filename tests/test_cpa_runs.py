@@ -117,6 +117,14 @@ def test_passes_that_are_found_in_sound_are_fixed_to_decimetres() -> None:
     assert speed_m_s < 0.3
 
 
+def test_heads_have_fixes_from_sound_when_it_was_predicted() -> None:
+    """The packaged field, all four passes: two would be a step earlier if sensors knew after a second of sound."""
+    plan = planned(Scenario.load("yang-ecpa", {"fusion.trackers": ["ml"]}))
+    _, rows = simulated(plan)
+    told = [row.told_ns for row in rows if row.point.source == "n000" and row.point.event_ns is not None]
+    assert [round(ns / NS, 2) for ns in told] == [round(one.head_ns / NS, 2) for one in expected(plan).fixes]
+
+
 # --- what is sent -----------------------------------------------------------------------------------------------------
 
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _NS: Final = 1_000_000_000
 KNOWN_NS: Final = _NS
 """So long after a target was loudest its sensor knows that it was (trackfield/acoustics/listener.py)."""
+LATER_NS: Final = _NS // 10
+"""In sound it knows so much later still, as a rule; twice that at most."""
 LEAD_S: Final = 5.0
 """So much of the sound before a target comes within range is heard, too."""
 NEAREST_M: Final = 1.0

@@ -24,11 +24,10 @@ from trackfield.wire.codec import encode
 from trackfield.wire.interests import MOST_HOPS
 from trackfield.wire.passes import CpaReport, CpaReportSds
 from trackfield.wire.registry import kind_of_class
+from trackfield.world.events import ENOUGH
 
 SINK: Final = "sink"
 """The role of the base."""
-FEWEST: Final = 4
-"""Reports that a fix takes."""
 FIXED_HOPS: Final = 4
 """Through a cluster, and to the head of the next one."""
 LOUDEST_HOPS: Final = 2
@@ -79,15 +78,15 @@ class Cpa:
 
     def _groups(self, ids: Sequence[str]) -> tuple[Group, ...]:
         """The fixed clusters, each of ``size`` sensors in their order; of the loudest there are none."""
-        if len(ids) < FEWEST:
-            expected = f"at least {FEWEST}, as many as a fix takes reports"
+        if len(ids) < ENOUGH:
+            expected = f"at least {ENOUGH}, as many as a fix takes reports"
             raise ScenarioError(f"the field has {len(ids)} sensors", key="field", expected=expected)
         if self.heads != "fixed":
             return ()
         groups = tuple(tuple(ids[i : i + self.size]) for i in range(0, len(ids), self.size))
-        if len(groups[-1]) < FEWEST:
+        if len(groups[-1]) < ENOUGH:
             what = f"is {self.size}, and of {len(ids)} sensors the last {len(groups[-1])} are a cluster of their own"
-            expected = f"a size of which every cluster has at least {FEWEST} sensors, or heads = 'loudest'"
+            expected = f"a size of which every cluster has at least {ENOUGH} sensors, or heads = 'loudest'"
             raise ScenarioError(what, key="architecture.size", expected=expected)
         return groups
 

@@ -17,7 +17,7 @@ from launcher.plan.forecast.crowd import Crowd, crowd
 from launcher.plan.forecast.duty import Duty, duties_of
 from launcher.plan.forecast.heads.polled import Polled
 from launcher.plan.forecast.heard import Array, Heard, Indices
-from launcher.plan.forecast.hearing.passed import NEEDS, Passed
+from launcher.plan.forecast.hearing.passed import Passed
 from launcher.plan.forecast.masters.load import Load
 from launcher.plan.forecast.masters.relayed import relayed
 from launcher.plan.forecast.masters.scheduled import Scheduled
@@ -30,6 +30,7 @@ from trackfield.role import NS
 from trackfield.sensing.kinds import make_sensor
 from trackfield.wire.messages import Threshold
 from trackfield.wire.registry import kind_of
+from trackfield.world.events import ENOUGH
 from trackfield.world.path import Path
 
 MOST_FRAMES: Final = 1000
@@ -167,7 +168,7 @@ def _passes(field: Passed) -> Foresight:
     counts = Counter(id for _, id in sent)
     chances = [field.arrival(event, id) for event, id in sent]
     return Foresight(
-        needs=NEEDS,
+        needs=ENOUGH,
         steps=(plan.run.end_ns - 1 - plan.origin_ns) // plan.step_ns,
         every=field.every,
         adaptive=False,

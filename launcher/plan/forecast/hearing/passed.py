@@ -24,16 +24,15 @@ from trackfield.link.fate import FIELD, Link, Transmission
 from trackfield.link.radios import Radio
 from trackfield.link.signals import Signals
 from trackfield.role import NS
-from trackfield.sensing.cpa import KNOWN_NS
+from trackfield.sensing.cpa import KNOWN_NS, LATER_NS
 from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.bank import Bank
 from trackfield.wire.codec import encode
 from trackfield.wire.interests import Data, DataAck, Interest
 from trackfield.wire.passes import MOST_RAW
 from trackfield.wire.registry import kind_of
+from trackfield.world.events import ENOUGH
 
-NEEDS: Final = 4
-"""Reports that a fix takes."""
 TRIALS: Final = 100
 """Messages that are sent on trial, at most."""
 TO_ALL: Final = ("announce", "interest")
@@ -142,18 +141,25 @@ class Passed:
     @cached_property
     def fixes(self) -> Sequence[Fixed]:
         """The events from whose reports there will be a fix."""
-        return [self._fixed(event) for event in self.events if len(self.hops(event)) >= NEEDS]
+        return [self._fixed(event) for event in self.events if len(self.hops(event)) >= ENOUGH]
+
+    @cached_property
+    def _later_ns(self) -> int:
+        """How much later than modelled sensors know of passes: in sound."""
+        kinds = (make_sensor(**given) for given in self.plan.tracking["sensing"].values())
+        return LATER_NS if any(kind.hearing for kind in kinds) else 0
 
     def _fixed(self, event: Event) -> Fixed:
         """The head takes the last report at the deadline of its step, and solves when the event is over."""
         plan, schedule = self.plan, self.schedule
         group = next((group for group in schedule.clusters if event.head in group), ())
         step_ns, deadline_ns = plan.step_ns, round(plan.deadline_s * NS)
+        last_ns = event.last_ns + self._later_ns
         if schedule.loudest:
-            head_ns = event.last_ns + schedule.close_ns + schedule.gather_ns
+            head_ns = last_ns + schedule.close_ns + schedule.gather_ns
         else:
             waits = 0 if len(self.hops(event)) == len(group) else ceil(schedule.close_ns / step_ns)
-            steps = ceil((event.last_ns - plan.origin_ns) / step_ns) + waits
+            steps = ceil((last_ns - plan.origin_ns) / step_ns) + waits
             head_ns = plan.origin_ns + steps * step_ns + deadline_ns
         hops = self.reached.hops(event.head).get(schedule.base)
         return Fixed(event, head_ns, None if hops is None else head_ns + round(hops * self.hop_s * NS))

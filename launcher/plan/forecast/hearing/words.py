@@ -10,9 +10,10 @@ import numpy as np
 
 from launcher.plan.forecast.hearing.diffusing import Diffusing
 from launcher.plan.forecast.hearing.events import Event
-from launcher.plan.forecast.hearing.passed import NEEDS, Fixed, Passed
+from launcher.plan.forecast.hearing.passed import Fixed, Passed
 from launcher.plan.forecast.played import listening
 from trackfield.role import NS
+from trackfield.world.events import ENOUGH
 
 NAMED: Final = 3
 """So many events or processes are named."""
@@ -27,7 +28,7 @@ def who_hears(field: Passed) -> Iterator[str]:
     mean = float(np.mean([len(field.hops(event)) for event in events])) if events else 0.0
     yield (
         f"passes: {_count(len(events), 'event')} {clusters}, with {mean:.1f} reports each that reach their heads; "
-        f"enough for a fix ({NEEDS}) in {len(fixes)}"
+        f"enough for a fix ({ENOUGH}) in {len(fixes)}"
     )
     if fixes:
         yield f"fixes: {_later(fixes)}"
@@ -78,12 +79,12 @@ def unheard(field: Passed) -> Iterator[str]:
 
 def _few(field: Passed) -> Iterator[str]:
     """Events without enough reports."""
-    few = [event for event in field.events if len(field.hops(event)) < NEEDS]
+    few = [event for event in field.events if len(field.hops(event)) < ENOUGH]
     if not few or listening(field.plan):
         return
     named = "; ".join(_why(field, event) for event in few[:NAMED])
     more = f"; and {len(few) - NAMED} more" if len(few) > NAMED else ""
-    yield f"{len(few)} of {_count(len(field.events), 'event')} have too few reports for a fix ({NEEDS}): {named}{more}"
+    yield f"{len(few)} of {_count(len(field.events), 'event')} have too few reports for a fix ({ENOUGH}): {named}{more}"
 
 
 def _why(field: Passed, event: Event) -> str:
