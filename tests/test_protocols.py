@@ -62,11 +62,13 @@ def test_an_election_has_rivals_and_ends_in_one_mind() -> None:
 
 def test_a_relay_brings_nearly_all_to_the_sink_and_tells_repetitions_apart() -> None:
     ledger = virtual("relay")
-    made = {item.number for src, _, _, item in words(ledger, "item") if src == "source"}
-    came = {item.number for _, dst, outcome, item in words(ledger, "item") if dst == "sink" and outcome == "delivered"}
+    made = {item.number for src, _, _, item in words(ledger, "parcel") if src == "source"}
+    came = {
+        item.number for _, dst, outcome, item in words(ledger, "parcel") if dst == "sink" and outcome == "delivered"
+    }
     assert len(made) > 100
     assert len(made - came) <= 3
-    repeated = [outcome for *_, outcome, item in words(ledger, "item") if outcome == "ignored"]
+    repeated = [outcome for *_, outcome, item in words(ledger, "parcel") if outcome == "ignored"]
     assert len(repeated) > 50
 
 

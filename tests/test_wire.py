@@ -317,6 +317,8 @@ def test_each_kind_has_a_limit_of_its_own() -> None:
     assert {kind: limits.pop(kind) - 256 for kind in bytes_of_diffusion} == bytes_of_diffusion
     bytes_of_passes = {"fix": 1024 + 8 * 8}
     assert {kind: limits.pop(kind) - 256 for kind in bytes_of_passes} == bytes_of_passes
+    bytes_beyond = {"carried": 2 * 32 + 1400, "item": 32 + 1200, "visca": 16, "order": 8, "order-reply": 8}
+    assert {kind: limits.pop(kind) - 256 for kind in bytes_beyond} == bytes_beyond
     assert set(limits.values()) == {256}
     assert reason_of(_packed([1, 1, 3, 100, bytes(300)])) == "size"
     assert reason_of(_packed([1, 1, 3, 100, bytes(200)])) == "type"
@@ -379,6 +381,7 @@ def test_a_kind_of_ones_own() -> None:
     own += ["aggregate", "hand-over", "hand-over-ack", "share", "roster", "led-track", "doubt", "alive"]
     own += ["claim", "join-claim", "poll", "result", "estimate", "dissolve", "local-estimate"]
     own += ["cpa-report", "cpa-report-sds", "interest", "data", "reinforce", "data-ack", "fix", "arrived"]
+    own += ["carried", "item", "item-ack", "subscribe", "capture", "captured", "visca", "order", "order-reply"]
     assert [known.name for known in registry.product_kinds()] == own
 
 

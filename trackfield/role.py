@@ -34,11 +34,12 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A frame that survived the radio, decoded; ``sender`` is the id of the process that sent it."""
+    """A frame that survived its link, decoded; ``sender`` is the id of the process that sent it, over this medium."""
 
     now: int
     message: Any
     sender: str
+    medium: Medium = "field"
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +247,17 @@ class Late:
 
 
 @dataclass(frozen=True, slots=True)
+class Tell:
+    """What the role has to tell of a ``topic``, as plain values: telemetry for the recorder, in true time.
+
+    The topics and their values are listed in docs/architecture.md.
+    """
+
+    topic: str
+    values: tuple[int | float | str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Store:
     """Store these bytes so that they outlive the process: its next life is given the last ones (``Started.stored``)."""
 
@@ -273,6 +285,7 @@ Effect = (
     | Publish
     | State
     | Note
+    | Tell
     | Ignored
     | Late
     | Store

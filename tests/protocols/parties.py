@@ -21,7 +21,7 @@ PARTIES: Final[Mapping[str, Callable[..., Party]]] = {
 """Each makes a party of a ``seed``, and of a ``speed``, ``size``, ``seconds`` and ``loss`` if they are given."""
 KINDS: Final[Mapping[str, frozenset[str]]] = {
     "election": frozenset({"bid"}),
-    "relay": frozenset({"item", "taken"}),
+    "relay": frozenset({"parcel", "taken"}),
     "ring": frozenset({"token"}),
     "hosted": frozenset({"ask", "answer"}),
     "dozing": frozenset({"call", "reply-to-call", "news"}),

@@ -23,7 +23,7 @@ LOSS: Final = 0.2
 Number = Annotated[int, Scaled(0, 65535)]
 
 
-@kind(244, "item")
+@kind(244, "parcel")
 @dataclass(frozen=True, slots=True)
 class Item:
     """The ``number``-th item of the source."""
@@ -54,7 +54,7 @@ class Shelf:
 class Station:
     """One of the line: the source has no station ``before`` it, the sink none ``after``."""
 
-    kinds = frozenset({"item", "taken"})
+    kinds = frozenset({"parcel", "taken"})
 
     def __init__(self, *, name: str, number: int, before: str, after: str) -> None:
         self.name, self.number, self.before, self.after = name, number, before, after

@@ -202,7 +202,7 @@ class Device:
             while self._waiting:
                 self._lose(self._waiting.popleft())
             self.there = there
-        if said != self._said:
+        if said != self._said and not self._port.terminal:  # people come and go
             self._said = said
             log.warning("port %s: %s %s", self._name, self._port.device, said)
 

@@ -28,19 +28,21 @@ class Port:
     ``device`` is the path of a real one, such as a serial line, of ``baud`` bits a second; ``pty:LINK`` makes a
     pseudo-terminal, and LINK names its other end while the process is there. What is written to it leaves ``hold_ns``
     (wall time) after its instant: until then it can still be taken back.
+
+    One that is a ``terminal`` is where people type: a run as processes at speed 1 makes a pseudo-terminal for it, whose
+    other end is in the run folder.
     """
 
     reads: tuple[tuple[int, bytes], ...] = ()
     device: str = ""
     hold_ns: int = HOLD_NS
     baud: int = BAUD
+    terminal: bool = False
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Self:
         """From a mapping of its fields."""
-        return cls(
-            tuple((at_ns, data) for at_ns, data in plain["reads"]), plain["device"], plain["hold_ns"], plain["baud"]
-        )
+        return cls(**{**plain, "reads": tuple((at_ns, data) for at_ns, data in plain["reads"])})
 
 
 def inputs(ports: Mapping[str, Port]) -> Iterator[PortInput]:

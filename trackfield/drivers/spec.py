@@ -75,7 +75,8 @@ class ProcessSpec:
     which it does nothing, ``jumps`` (at ns, by ns) belong to its clock, and ``faults`` to its sensor, as in
     ``world/faulty.py``. ``ports`` are those of its devices, by name; a process with several roles has them as
     ``role/port``. A process in a collection tree has the arguments of its ``Collected`` in ``tree`` (empty: it is in
-    none).
+    none), one that hands on what others send those of its ``Carried`` in ``carries``, one that takes orders those of
+    its ``Managed`` in ``managed``.
     """
 
     id: str
@@ -103,6 +104,8 @@ class ProcessSpec:
     legs: Path = ()
     ports: Mapping[str, Port] = field(default_factory=dict)
     tree: Plain = field(default_factory=dict)
+    carries: Plain = field(default_factory=dict)
+    managed: Plain = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -215,8 +218,17 @@ def make_role(factory: str, config: Mapping[str, Any], id: str) -> Role[Any]:
 
 
 def role_of(spec: ProcessSpec) -> Role[Any]:
-    """The role of a process, in its tree if it is in one. Raises ``ValueError`` as ``make_role`` does."""
+    """The role of a process, with what surrounds it there. Raises ``ValueError`` as ``make_role`` does."""
     role = make_role(spec.factory, spec.config, spec.id)
+    if spec.managed:
+        from trackfield.protocols.managed import Managed
+
+        near = {*spec.peers, *spec.carries.get("next", ())}
+        role = Managed(role, id=spec.id, media=spec.media, near=near, **spec.managed)
+    if spec.carries:
+        from trackfield.protocols.carried import Carried
+
+        role = Carried(role, id=spec.id, **spec.carries)
     return Collected(role, id=spec.id, **spec.tree) if spec.tree else role
 
 

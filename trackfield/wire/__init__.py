@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from trackfield.wire import clusters, interests, keys, passes, peers
+from trackfield.wire import clusters, interests, keys, outside, passes, peers
 from trackfield.wire.codec import MAX_BYTES, VERSION, decode, encode, kind_name
 from trackfield.wire.envelope import Envelope
 from trackfield.wire.error import WireError
@@ -32,6 +32,7 @@ __all__ = [
     "keys",
     "kind",
     "kind_name",
+    "outside",
     "passes",
     "peers",
 ]

@@ -7,9 +7,9 @@ from typing import Any, Final
 import msgpack
 
 from trackfield.wire.error import WireError
-from trackfield.wire.registry import MAX_BYTES, check_size, kind_by_number, kind_of
+from trackfield.wire.registry import MAX_BYTES, Bytes, check_size, kind_by_number, kind_of, kinds
 
-__all__ = ["MAX_BYTES", "VERSION", "WireError", "decode", "decoded", "encode", "kind_name"]
+__all__ = ["MAX_BYTES", "VERSION", "WireError", "bare_kinds", "decode", "decoded", "encode", "kind_name"]
 
 VERSION: Final = 1
 
@@ -61,3 +61,9 @@ def decoded(data: bytes) -> Any:
 def kind_name(message: object) -> str:
     """The name of a message's kind, as in its key; raises ``WireError`` (``kind``)."""
     return kind_of(message).name
+
+
+def bare_kinds() -> dict[str, int]:
+    """By how many bytes the payload of a bare kind (``Kind``) is longer than what travels on a serial line."""
+    bare = ((one, field) for one in kinds() if one.bare for field in one.fields if isinstance(field, Bytes))
+    return {one.name: len(encode(one.longest())) - field.blob.most for one, field in bare}

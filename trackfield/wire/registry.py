@@ -149,12 +149,17 @@ def field_of(name: str, hint: object) -> Field:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A registered message kind; ``fields`` in the order in which they travel."""
+    """A registered message kind; ``fields`` in the order in which they travel.
+
+    One that is ``bare`` has one field, of bytes. On a serial line these bytes travel alone, without any frame: it is
+    the protocol of a device that knows none.
+    """
 
     number: int
     name: str
     cls: type
     fields: tuple[Field, ...]
+    bare: bool = False
 
     @property
     def most_bytes(self) -> int:
@@ -198,11 +203,11 @@ _by_class: dict[type, Kind] = {}
 _most_bytes: dict[str, int] = {}
 
 
-def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
+def kind(number: int, name: str, *, bare: bool = False) -> Callable[[type[T]], type[T]]:
     """Register a frozen dataclass as the message kind ``number`` (1..255, your own from 128) named ``name``.
 
-    Raises ``ValueError`` for a number or name that is taken or invalid, ``TypeError`` for a class whose
-    fields cannot be encoded.
+    ``bare`` as in ``Kind``. Raises ``ValueError`` for a number or name that is taken or invalid, ``TypeError`` for a
+    class whose fields cannot be encoded, or which cannot be bare.
     """
     if not 1 <= number <= 255:
         raise ValueError(f"kind number {number} is not in 1..255")
@@ -219,7 +224,9 @@ def kind(number: int, name: str) -> Callable[[type[T]], type[T]]:
             raise TypeError(f"{name}: only the last field may be a tuple")
         if len(fields) > MAX_FIELDS:
             raise TypeError(f"{name}: {len(fields)} fields, at most {MAX_FIELDS} fit a message")
-        made = Kind(number, name, cls, fields)
+        made = Kind(number, name, cls, fields, bare)
+        if bare and not (len(fields) == 1 and isinstance(fields[0], Bytes)):
+            raise TypeError(f"{name}: a bare kind has one field, of bytes")
         if made.most_bytes > MAX_BYTES:
             raise TypeError(f"{name}: up to {made.most_bytes} bytes, at most {MAX_BYTES} fit a message")
         _by_number[number] = _by_name[name] = _by_class[cls] = made

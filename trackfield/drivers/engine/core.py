@@ -19,7 +19,6 @@ from trackfield.drivers.engine.meter import NOTHING, Activities, Meter
 from trackfield.drivers.engine.undo import Former, History
 from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
-from trackfield.protocols.collected import Wrapped
 from trackfield.role import IllegalEvent, Role
 
 
@@ -181,7 +180,9 @@ class Core(Living):
         life = self.life
         end = max(min(until_ns, self.conditions.kill_ns), life.meter.since_ns)
         meter = life.meter if life.over or not life.started else life.meter.at(end)
-        state = life.state.role if isinstance(life.state, Wrapped) else life.state
+        state = life.state
+        while not isinstance(state, Hosted) and (inside := getattr(state, "role", None)) is not None:
+            state = inside  # of what surrounds it: ``Collected``, ``Carried``, ``Managed``
         return {
             **life.tally,
             "incarnation": self.incarnation,

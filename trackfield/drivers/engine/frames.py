@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, Self
 
 from trackfield.link.fate import Fate, Link, Transmission
-from trackfield.role import NEIGHBOURHOOD, Corrected, Listen, Note, Publish, Radio, State, Store, Write
+from trackfield.role import NEIGHBOURHOOD, Corrected, Listen, Note, Publish, Radio, State, Store, Tell, Write
 from trackfield.wire.keys import Medium
 
 RANK_FAULT: Final = 0
@@ -177,7 +177,9 @@ class Overflowed:
     frame: Frame
 
 
-Telling = State | Radio | Listen | Publish | Note | Corrected | Store | Write | Died | Charge | Queued | Overflowed
+Telling = (
+    State | Radio | Listen | Publish | Note | Tell | Corrected | Store | Write | Died | Charge | Queued | Overflowed
+)
 """The telemetry of a process: of its role, and of its driver."""
 
 

@@ -48,6 +48,7 @@ from trackfield.role import (
     Started,
     State,
     Store,
+    Tell,
     Timer,
     Write,
     formed,
@@ -149,7 +150,7 @@ class Living:
         except WireError as error:
             self._refuse(key, error.reason)
             return
-        self._feed(Received(self.life.clock.local(t), message, frame.src), key)
+        self._feed(Received(self.life.clock.local(t), message, frame.src, frame.medium), key)
 
     def _feed(self, event: Event, key: EventKey) -> None:
         state, effects = self.role.handle(self.life.state, event)
@@ -179,12 +180,12 @@ class Living:
                 self._refuse(key, LATE if isinstance(effect, Late) else effect.reason)
             case Write():
                 self._outputs.append(Told(key, effect))
-            case Publish() | Store() | State() | Note() | Corrected():
+            case Publish() | Store() | State() | Note() | Tell() | Corrected():
                 self._tell(effect, key)
             case _:
                 raise TypeError(f"{quoted(effect)} is no effect")
 
-    def _tell(self, effect: Publish | Store | State | Note | Corrected, key: EventKey) -> None:
+    def _tell(self, effect: Publish | Store | State | Note | Tell | Corrected, key: EventKey) -> None:
         if isinstance(effect, Store):
             self.life = self.life._replace(stored=effect.data)
         elif isinstance(effect, Publish):

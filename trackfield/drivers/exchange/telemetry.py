@@ -7,12 +7,12 @@ from typing import Any, Final
 import msgpack
 
 from trackfield.drivers.engine.frames import Charge, Died, Overflowed, Queued, Refused, Told, Undone
-from trackfield.role import Corrected, Listen, Note, Publish, Radio, State, Write
+from trackfield.role import Corrected, Listen, Note, Publish, Radio, State, Tell, Write
 
 Telemetry = Told | Refused | Undone
 
 _PLAIN: Final = {
-    kind.__name__.lower(): kind for kind in (State, Radio, Listen, Note, Corrected, Write, Died, Charge, Queued)
+    kind.__name__.lower(): kind for kind in (State, Radio, Listen, Note, Tell, Corrected, Write, Died, Charge, Queued)
 }
 
 
