@@ -45,6 +45,7 @@ from trackfield.role import (
     Transitions,
     check_transition,
 )
+from trackfield.wire.keys import Medium
 from trackfield.wire.messages import MOST_US, SyncReply, SyncRequest
 
 SPREAD_NS: Final = NS
@@ -135,8 +136,8 @@ Step = tuple[Timekeeping, tuple[Effect, ...]]
 class Rounds:
     """How a process asks: rounds of ``exchanges`` with ``reference``, a slot of ``timeout_ns`` for each.
 
-    A round begins ``resync_ns`` after the last. Process ``id`` of a run with ``seed`` has its own share of the spread
-    at the start and after failures.
+    A round begins ``resync_ns`` after the last, and goes over ``medium``. Process ``id`` of a run with ``seed`` has its
+    own share of the spread at the start and after failures.
     """
 
     reference: str
@@ -145,6 +146,7 @@ class Rounds:
     timeout_ns: int
     seed: int
     id: str
+    medium: Medium = "field"
 
     @property
     def lead_ns(self) -> int:
@@ -221,8 +223,8 @@ class TimeSync:
                 return _ask(self.rounds, time, now) if left else _conclude(self.rounds, time, now)
             case Received(now, SyncReply() as reply, sender) if self.rounds:
                 return _learn(self.rounds, time, now, reply, sender)
-            case Received(now, SyncRequest() as request, sender) if not self.following:
-                return time, (self._tell(time, now, request, sender),)
+            case Received(message=SyncRequest()) if not self.following:
+                return time, (self._tell(time, event),)
             case Received():
                 return time, (Ignored("unexpected"),)
         raise IllegalEvent(f"timesync cannot handle {event}")
@@ -239,14 +241,15 @@ class TimeSync:
         due = now + int(SPREAD_NS * uniform(self.rounds.seed, self.rounds.id, "sync", "start"))
         return replace(time, due_ns=due), (SetTimer("sync", due),)
 
-    def _tell(self, time: Timekeeping, now: int, request: SyncRequest, sender: str) -> Send | Ignored:
-        """The answer to a request, at once: it leaves when the request came."""
+    def _tell(self, time: Timekeeping, asked: Received) -> Send | Ignored:
+        """The answer to a request, at once and on its medium: it leaves when the request came."""
         if self.rounds and not time.known:
             return Ignored("not synchronised")
-        at_us = time.corrected(now) // _US
+        at_us = time.corrected(asked.now) // _US
         if abs(at_us) > MOST_US:  # its reference may have told it any time
             return Ignored("out of range")
-        return Send(SyncReply(request.exchange, request.sent_us, at_us, at_us), sender)
+        request = asked.message
+        return Send(SyncReply(request.exchange, request.sent_us, at_us, at_us), asked.sender, asked.medium)
 
 
 def _follow(time: Timekeeping, event: ClockSet | Timer) -> Step:
@@ -261,7 +264,7 @@ def _ask(rounds: Rounds, time: Timekeeping, now: int) -> Step:
     asked = time.asked + 1
     request = SyncRequest(asked % _NUMBERS, now // _US)
     after = replace(time, phase=Phase.ASKING, asked=asked, sent_ns=now)
-    return after, (Send(request, rounds.reference), SetTimer("sync", now + rounds.timeout_ns))
+    return after, (Send(request, rounds.reference, rounds.medium), SetTimer("sync", now + rounds.timeout_ns))
 
 
 def _learn(rounds: Rounds, time: Timekeeping, now: int, reply: SyncReply, sender: str) -> Step:
