@@ -30,6 +30,7 @@ from trackfield.role import (
     Note,
     Publish,
     Received,
+    Send,
     SetTimer,
     Started,
     State,
@@ -40,6 +41,8 @@ from trackfield.role import (
     check_transition,
 )
 from trackfield.tracking.bank import Bank
+from trackfield.wire.codec import encode
+from trackfield.wire.interests import Arrived, Interest
 from trackfield.wire.messages import SyncRequest
 from trackfield.wire.passes import FIXES, FixReport
 
@@ -72,6 +75,7 @@ class Memory:
 
     ``ended`` are the events that it was told of since then, for each tracker that solves. ``known`` are the last ones
     of all: head, step, and the head's number. ``kept`` are the events of the tracks that are not published whole yet.
+    ``wishes`` are the numbers of the interests that the gateway asked for, by its numbers.
     """
 
     phase: Phase = Phase.NEW
@@ -82,6 +86,7 @@ class Memory:
     ended: tuple[tuple[str, Ended], ...] = ()
     known: tuple[tuple[str, int, int], ...] = ()
     kept: Kept = ()
+    wishes: Mapping[int, int] = field(default_factory=dict)
     done: int = 0
 
 
@@ -105,6 +110,8 @@ class Sink:
     With ``spline`` it also publishes whole tracks through the reports of several events (``splines``): when the track
     has ended, or with the step ``last_step``, the last of the run (0: it does not know it). No message is sent for
     that. A next life knows of the events that it was told of itself only.
+
+    With ``gateway`` another role of its process is given all that comes for it, and may want more (``gateway/``).
     """
 
     def __init__(
@@ -119,12 +126,14 @@ class Sink:
         interest: Mapping[str, Any],
         spline: bool = False,
         last_step: int = 0,
+        gateway: bool = False,
         **bank: Any,
     ) -> None:
         self.id, self.place, self.deadline_ns = id, (x_m, y_m), deadline_ns
         self.bank, self.sync, self.interest = Bank(**bank), TimeSync(), Interested(**interest)
         self.announcing = Admitting(id=id, x_m=x_m, y_m=y_m, sensors=(), seed=self.bank.seed, **association)
         self.splines, self.last_step = Splines(self.bank) if spline else None, last_step
+        self.gateway = gateway
         self.diffusion = Diffusion(id=id, x_m=x_m, y_m=y_m, **diffusion)
         self.kinds = self.diffusion.kinds | self.sync.kinds
 
@@ -148,6 +157,10 @@ class Sink:
             case Received(message=SyncRequest()):
                 time, effects = self.sync.handle(memory.time, event)
                 return replace(memory, time=time), effects
+            case Received(now, Interest() as wish, self.id) if self.gateway:
+                return self._wish(memory, now, wish)
+            case Received(medium=medium) if medium != "field":
+                return memory, (Ignored("unexpected"),)
             case Received():
                 return self._diffuse(memory, event)
             case Timer():
@@ -186,11 +199,34 @@ class Sink:
 
     def _ask(self, memory: Memory, now: int) -> Step:
         """Want the fixes of the whole field; the interest of each life has a number of its own."""
-        number = max(self.bank.step_at(now), 0) % NUMBERS
+        number = self._number(memory, now)
         radius_m = max((dist(self.place, place) for place in self.bank.positions.values()), default=0.0) + 1.0
         wanted = Wanted(number, FIXES, *self.place, radius_m, 0.0, *self.interest)
         spread, effects, _ = self.diffusion.ask(memory.spread, now, wanted)
         return replace(memory, spread=spread), effects
+
+    def _number(self, memory: Memory, now: int) -> int:
+        """That of a new interest: the step, or the next that no other has."""
+        number = max(self.bank.step_at(now), 0) % NUMBERS
+        while number in memory.spread.timed.own:
+            number = (number + 1) % NUMBERS
+        return number
+
+    def _wish(self, memory: Memory, now: int, wish: Interest) -> Step:
+        """The gateway of the process wants data, or no more of it (0 s).
+
+        All fixes of the field come anyway; for another class there is an interest of its own, until it is withdrawn.
+        """
+        wishes, effects = dict(memory.wishes), tuple[Effect, ...]()
+        if (before := wishes.pop(wish.number, None)) is not None:
+            spread, effects, _ = self.diffusion.withdraw(memory.spread, before)
+            memory = replace(memory, spread=spread)
+        if wish.lasts_s and wish.task != FIXES:
+            number = wishes[wish.number] = self._number(memory, now)
+            wanted = Wanted(number, wish.task, wish.x_m, wish.y_m, wish.radius_m, wish.interval_s, *self.interest)
+            spread, more, _ = self.diffusion.ask(memory.spread, now, wanted)
+            memory, effects = replace(memory, spread=spread), (*effects, *more)
+        return replace(memory, wishes=wishes), effects
 
     def _diffuse(self, memory: Memory, event: Received | Timer) -> Step:
         spread, effects, arrived = self.diffusion.handle(memory.spread, event)
@@ -205,7 +241,7 @@ class Sink:
     def _learn(self, memory: Memory, now: int, message: Any, head: str) -> Step:
         """A head tells of an event; a fix holds unless there is a later one."""
         if not isinstance(message, FixReport) or head not in self.bank.positions:
-            return memory, (Ignored("unexpected"),)
+            return memory, (Ignored("unexpected"), *self._handed(message, head))
         if message.step > self.bank.step_at(now) + 1:
             return memory, (Ignored("from the future"),)
         try:
@@ -219,10 +255,14 @@ class Sink:
         kept = self.splines.learn(memory.kept, fix) if self.splines else ()
         after = replace(memory, ended=ended[-MOST:], known=(*memory.known, key)[-MOST:], kept=kept)
         if not fix.beliefs or (before is not None and fix.step < before.step):
-            return after, ()
+            return after, self._handed(message, head)
         told = (message.number, message.step, head, message.belief, message.raw)
         stored: bytes = msgpack.packb((*told, after.known))
-        return replace(after, fix=fix), (Store(stored),)
+        return replace(after, fix=fix), (Store(stored), *self._handed(message, head))
+
+    def _handed(self, message: Any, head: str) -> tuple[Effect, ...]:
+        """What the gateway of its process is given, which decides whether that leaves the field."""
+        return (Send(Arrived(head.encode(), encode(message)), self.id),) if self.gateway else ()
 
     def _restored(self, memory: Memory, stored: bytes) -> Step:
         if not stored:

@@ -1,0 +1,1 @@
+"""What joins the sensor network to others: the gateway, forwarding nodes, and system control."""
