@@ -14,18 +14,21 @@ def check_endpoint(endpoint: str, option: str) -> None:
 
 
 def check_driver(
-    *, virtual: bool, external: bool, live: bool, connect: str, speed: float | None, bridged: bool = False
+    *, virtual: bool, external: bool, live: bool, connect: str, speed: float | None, bridged: str = ""
 ) -> None:
-    """Raise ``ScenarioError`` with all options that contradict others, or have no effect beside them."""
+    """Raise ``ScenarioError`` with all options that contradict others, or have no effect beside them.
+
+    ``bridged`` is the option that puts a real device in the place of a process, or empty.
+    """
     viewed = "it without --virtual, or the timeline afterwards: trackfield view RUN"
     alone = "it without --virtual"
     rules = (
         (external and virtual, "--external", "there are no processes in virtual time", alone),
         (live and virtual, "--live", "a run in virtual time is over at once", viewed),
         (speed is not None and virtual, "--speed", "virtual time goes as fast as the machine can", alone),
-        (bridged and virtual, "--bridge", "there is no device in virtual time", alone),
-        (bridged and external, "--bridge", "the processes start elsewhere", "it without --external"),
-        (bridged and speed not in (None, 1), "--bridge", "a device goes by the wall clock", "it with --speed 1"),
+        (bool(bridged) and virtual, bridged, "there is no device in virtual time", alone),
+        (bool(bridged) and external, bridged, "the processes start elsewhere", "it without --external"),
+        (bool(bridged) and speed not in (None, 1), bridged, "a device goes by the wall clock", "it with --speed 1"),
         (bool(connect) and virtual, "--connect", "a run in virtual time uses no router", alone),
         (
             external and not connect,

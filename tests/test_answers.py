@@ -39,7 +39,7 @@ class Relayed:
         ids = [id for id, *_ in field.sensors]
         sends: dict[str, dict[str, list[str]]] = {id: {} for id in chain(self.line, *self.line.values())}
         for src, dsts in self.line.items():
-            sends[src]["item"] = list(dsts)
+            sends[src]["parcel"] = list(dsts)
             for dst in dsts if self.taken else ():
                 sends[dst].setdefault("taken", []).append(src)
         config: dict[str, Any] = {"number": 0, "before": "", "after": ""}
@@ -96,7 +96,7 @@ def test_the_warning_says_what_would_help(trackfield: Call) -> None:
     said = trackfield("validate", "zhai-spcpf", *words, "--speed", "3")
     assert said.code == 0
     assert (
-        "warning: processes answer each other (item, taken) within 6 ms, 2 ms of wall time at --speed 3, and a busy "
+        "warning: processes answer each other (parcel, taken) within 6 ms, 2 ms of wall time at --speed 3, and a busy "
         "machine takes up to 8 ms to bring a frame: over processes the run may lag more and more (timing.lag_ms); use "
         "--speed 0.75 or less, or a link with a longer delay; --virtual needs neither\n"
     ) in said.err
@@ -107,7 +107,7 @@ def test_a_delay_that_is_drawn_counts_by_its_median() -> None:
     link: dict[str, Any] = {"link.model": "gilbert_elliott", "link.delay_ms": 1.0, "link.jitter_ms": 20.0}
     found = answers(plan_of(lambda: Relayed(CHAIN), link))
     assert found is not None
-    assert found.kinds == ("item", "taken")
+    assert found.kinds == ("parcel", "taken")
     assert 0.010 < found.delay_s < 0.020  # 1 ms and 20 ms * ln 2, of up to 400 frames: 15 ms, sd 1 ms
 
 
@@ -125,9 +125,9 @@ SILENT: dict[str, Any] = {
     "a node with a centre": Paired,
 }
 CIRCLES: dict[str, tuple[Any, tuple[str, ...]]] = {
-    "acknowledged": (lambda: Relayed({"a": ["b"]}), ("item", "taken")),
-    "a ring": (lambda: Relayed({"a": ["b"], "b": ["c"], "c": ["a"]}, taken=False), ("item",)),
-    "a ring with a tail": (lambda: Relayed({"a": ["b"], "b": ["a", "c"], "c": ["d"]}, taken=False), ("item",)),
+    "acknowledged": (lambda: Relayed({"a": ["b"]}), ("parcel", "taken")),
+    "a ring": (lambda: Relayed({"a": ["b"], "b": ["c"], "c": ["a"]}, taken=False), ("parcel",)),
+    "a ring with a tail": (lambda: Relayed({"a": ["b"], "b": ["a", "c"], "c": ["d"]}, taken=False), ("parcel",)),
 }
 
 
@@ -165,7 +165,7 @@ def test_nodes_that_may_lead_answer_each_other_within_milliseconds(name: str) ->
 
 def test_nodes_that_hear_answer_each_other_within_milliseconds() -> None:
     """Data is acknowledged and handed on at once."""
-    found = answers(planned(tf.Scenario.load("yang-ecpa", {"target.steps": 60}), 100.0))
+    found = answers(planned(tf.Scenario.load("yang-ecpa", {"target.steps": 60, "camera.kind": "none"}), 100.0))
     assert found is not None
     assert {"data", "data-ack", "reinforce"} <= set(found.kinds)
     assert found.delay_s == pytest.approx(0.0016, abs=0.0005)

@@ -26,6 +26,7 @@ def plan_of(seed: int = 1, **options: Any) -> Plan:
         "clock.offset_ms": 0.0,
         "clock.drift_ppm": 0.0,
         "architecture.kind": "centralised",
+        "camera.kind": "none",
         "link.model": "ideal",
         "link.range_m": 2000.0,
         "sensor.waveform": False,

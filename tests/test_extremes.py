@@ -115,7 +115,9 @@ def scenario(section: str, kind: str, values: dict[str, Any]) -> dict[str, Any]:
         base["fusion"] = {"trackers": ["ekf", "ukf"]}
     if section in ("backbone", "serial"):  # which needs processes that have it
         base["architecture"] = {"kind": "crying", "medium": section}
-    if (section, kind) == ("architecture", "cpa"):  # which needs such sensors
+    if (section, kind) == ("camera", "evi-d30"):  # which needs a gateway
+        base["architecture"] = {"kind": "cpa"}
+    if (section, kind) in (("architecture", "cpa"), ("camera", "evi-d30")):  # which need such sensors
         base |= {"sensor": {"kind": "cpa"}, "fusion": {"trackers": ["ml"]}}
     return base | {section: [whole] if about.many else whole}
 

@@ -164,6 +164,12 @@ WRONG: dict[str, tuple[Any, str]] = {
     "control": ({"tty": tf.Port(device="a\0b")}, "herald.ports.tty.device: is 'a\\x00b'; expected the path"),
     "hold": ({"tty": tf.Port(hold_ns=-1)}, "herald.ports.tty.hold_ns: is -1; expected whole nanoseconds of wall time"),
     "baud": ({"tty": tf.Port(baud=0)}, "herald.ports.tty.baud: is 0; expected bits per second, a whole number from 50"),
+    "terminal": ({"tty": tf.Port(terminal=1)}, "herald.ports.tty.terminal: is 1; expected True or False, and"),  # type: ignore[arg-type]
+    "terminal and device": ({"tty": tf.Port(terminal=True, device="/dev/x")}, "herald.ports.tty.terminal: is"),
+    "terminals": (
+        {name: tf.Port(terminal=True) for name in ("a", "b")},
+        "herald.ports: has several terminals; expected one of a process at most: it is named after the process",
+    ),
     "too much": ({"tty": tf.Port(((0, bytes(2**24)), (1, b"x")))}, "herald.ports: 16777217 bytes come in there; exp"),
 }  # fmt: skip
 

@@ -138,7 +138,18 @@ def test_a_scenario_never_changes() -> None:
 
 def test_editors_get_a_schema() -> None:
     properties = schema()["properties"]
-    sections = {"field", "sensor", "sensors", "target", "targets", "architecture", "fusion", "clock", "energy"}
+    sections = {
+        "field",
+        "sensor",
+        "sensors",
+        "target",
+        "targets",
+        "architecture",
+        "camera",
+        "fusion",
+        "clock",
+        "energy",
+    }
     links = {"link", "backbone", "serial"}
     assert properties.keys() == {"name", "seed", "restart", "radio", "run", "score", "faults"} | sections | links
     assert set(properties["link"]["discriminator"]["mapping"]) == set(MODELS)
@@ -364,7 +375,7 @@ delay_ms = 0.1
         f"{file}:15: link.delay_ms: is 0.1; expected a number from 1 to 3600000",
         f"{file}:17: lnik: unknown; did you mean link?; "
         "expected one of name, seed, restart, radio, field, sensor, sensors, target, targets, link, backbone, serial, "
-        "architecture, fusion, clock, energy, run, score, faults",
+        "architecture, camera, fusion, clock, energy, run, score, faults",
         f"{file}:6: target.stpes: unknown; did you mean steps?; expected one of path, id, step_s, steps, sound",
         f'{file}:9: sensor.threshold: is "a"; expected a number from 0 to 1, or "adaptive"',
     ]

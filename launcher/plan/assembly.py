@@ -115,6 +115,8 @@ class _Assembly:
             ports=process.ports,
             media=tuple(process.media),
             tree=self._tree(process),
+            carries=dict(process.carries),
+            managed=dict(process.managed),
         )
 
     def _tree(self, process: Process) -> dict[str, Any]:
@@ -141,7 +143,7 @@ class _Assembly:
         bank = {**self._tracking, **self._banks[process.id]} if process.fuses else {}
         over_tree = process.base in (process.id, process.asks) and "sync-request" not in process.direct
         hops = SYNC_HOPS if process.base and over_tree else 1
-        sync = sync_of(self._scenario, process.id, process.asks, hops) if process.asks else None
+        sync = sync_of(self._scenario, process.id, process.asks, hops, process.asks_over) if process.asks else None
         if not process.roles:
             return {**bank, **process.config, **if_used(sync=sync)}
         syncs = {"keeps": sync, "follows": following_of(sync), "": None}

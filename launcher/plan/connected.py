@@ -90,9 +90,10 @@ def _pairs(built: Built, near: _Near) -> dict[Way, dict[Pair, None]]:
     for process in filter(lambda one: one.senses, senders):
         _enter(pairs, process, near, bases)
     for process in asking:
-        over_tree = "sync-request" not in process.direct and _over_tree(bases, process.id, process.asks, FIELD)
-        pairs["sync-request", FIELD, False, over_tree][process.id, process.asks] = None
-        pairs["sync-reply", FIELD, False, over_tree][process.asks, process.id] = None
+        medium = process.asks_over
+        over_tree = "sync-request" not in process.direct and _over_tree(bases, process.id, process.asks, medium)
+        pairs["sync-request", medium, False, over_tree][process.id, process.asks] = None
+        pairs["sync-reply", medium, False, over_tree][process.asks, process.id] = None
     for process in filter(lambda one: not one.senses, senders):
         _enter(pairs, process, near, bases)
     return pairs

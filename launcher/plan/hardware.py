@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
 from typing import Any, Final
 
+from launcher.plan.links import section_of
 from trackfield.draw import normal
 from trackfield.errors import ScenarioError
 from trackfield.link.energy import DEVICES, NODE_UW, SENDING_UW, sending_at
@@ -20,6 +21,7 @@ from trackfield.scenario.links import Csma154, Ethernet, Fixed, GilbertElliott, 
 from trackfield.scenario.radios import OwnRadio
 from trackfield.scenario.sensors import SensorSection
 from trackfield.sensing.complete import Kind
+from trackfield.wire.keys import Medium
 
 FJ_PER_UJ: Final = 10**9
 FJ_PER_MJ: Final = 10**12
@@ -84,11 +86,13 @@ def _blind(link: LinkSection) -> bool:
     return isinstance(link, LognormalPrr) and RADIOS[link.radio](link.sf or 9).access.blind_ns is None
 
 
-def sync_of(scenario: Scenario, id: str, reference: str, hops: int = 1) -> dict[str, Any] | None:
+def sync_of(
+    scenario: Scenario, id: str, reference: str, hops: int = 1, medium: Medium = FIELD
+) -> dict[str, Any] | None:
     """How process ``id`` sets its clock by asking ``reference``, the ``sync`` of its role; None if it never does.
 
     These are the fields of ``Rounds`` (``trackfield/protocols/timesync.py``). The reference is any process that tells
-    the time: the one whose clock is right, or one that asks another in turn, over so many ``hops`` at most.
+    the time: the one whose clock is right, or one that asks another in turn, over so many ``hops`` of this ``medium``.
     """
     clock = scenario.clock
     if not (clock.sync and clock.off):
@@ -97,9 +101,10 @@ def sync_of(scenario: Scenario, id: str, reference: str, hops: int = 1) -> dict[
         "reference": reference,
         "exchanges": clock.exchanges,
         "resync_ns": round(clock.resync_s * NS),
-        "timeout_ns": PATIENCE_NS + 2 * hops * slowest_ns(scenario),
+        "timeout_ns": PATIENCE_NS + 2 * hops * slowest_on(section_of(scenario, medium)),
         "seed": scenario.seed,
         "id": id,
+        **({} if medium == FIELD else {"medium": medium}),
     }
 
 
@@ -154,14 +159,19 @@ def slowest_ns(scenario: Scenario, repeats: int | None = None) -> int:
 
     It is sent so many times (None: as often as the link says).
     """
-    match scenario.link:
-        case Fixed() | Ethernet() as link:
+    return slowest_on(scenario.link, repeats)
+
+
+def slowest_on(link: LinkSection, repeats: int | None = None) -> int:
+    """The same on any link."""
+    match link:
+        case Fixed() | Ethernet():
             return round(link.delay_ms * 1e6)
-        case GilbertElliott() as link:
+        case GilbertElliott():
             return round((link.delay_ms + JITTERS * link.jitter_ms) * 1e6)
-        case Trace() as link if not has_ratios(link.file):
+        case Trace() if not has_ratios(link.file):
             return 0
-        case LognormalPrr() | Csma154() | Trace() as link:
+        case LognormalPrr() | Csma154() | Trace():
             radio = RADIOS[link.radio](link.sf or 9) if isinstance(link, LognormalPrr) else RADIOS["802154-0dbm"](0)
             one = radio.airtime_ns(radio.overhead_bytes + SYNC_BYTES) + radio.patience_ns
             return one * max(repeats or (radio.ack if link.ack is None else link.ack), 1)

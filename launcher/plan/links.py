@@ -15,6 +15,8 @@ from trackfield.scenario import Scenario
 from trackfield.scenario.links import Ethernet, GilbertElliott, LinkSection, Serial, Trace
 from trackfield.scenario.links.link import RadioSection
 from trackfield.scenario.nearest import suggestion
+from trackfield.scenario.sections.camera import EviD30
+from trackfield.wire.codec import bare_kinds
 from trackfield.wire.registry import kinds
 from trackfield.words import quoted
 
@@ -22,18 +24,29 @@ SECTIONS: Final = {FIELD: "link", "backbone": "backbone", "serial": "serial"}
 """The section of each medium."""
 _UNSET: Final[Mapping[str, LinkSection]] = {"backbone": Ethernet(), "serial": Serial()}
 """The links of media whose section is left out."""
+BAUD: Final = 9600
+"""Of the serial line of an EVI-D30."""
 MOST_CHANGES: Final = 50_000_000
 """Changes of all links, for minutes of a machine's time."""
 
 
 def sections_of(scenario: Scenario, media: Iterable[str] = SECTIONS) -> dict[str, LinkSection]:
     """The link of the field, and those of these media."""
-    return {medium: getattr(scenario, SECTIONS[medium]) or _UNSET[medium] for medium in dict.fromkeys((FIELD, *media))}
+    return {medium: section_of(scenario, medium) for medium in dict.fromkeys((FIELD, *media))}
+
+
+def section_of(scenario: Scenario, medium: str) -> LinkSection:
+    """The link of a medium. The line to a camera is as fast as the camera, unless the scenario says otherwise."""
+    given: LinkSection | None = getattr(scenario, SECTIONS[medium])
+    if given is None and medium == "serial" and isinstance(scenario.camera, EviD30):
+        return Serial(baud=BAUD)
+    return given or _UNSET[medium]
 
 
 def plain(section: LinkSection) -> dict[str, Any]:
     """The arguments of a link; the queue belongs to each process, not to the channel."""
-    return section.model_dump(mode="json", exclude_none=True, exclude={"queue"})
+    link = section.model_dump(mode="json", exclude_none=True, exclude={"queue"})
+    return {**link, "bare": bare_kinds()} if isinstance(section, Serial) else link
 
 
 def repeated_by_tree(section: LinkSection) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
+from launcher.outside import CONTROL
 from launcher.plan.architectures import Process
+from launcher.plan.payloads import payloads
 from trackfield.errors import ScenarioError
 from trackfield.filters.measurement import STATE
 from trackfield.protocols.collection.piece import KINDS
@@ -14,6 +16,8 @@ from trackfield.sensing.kinds import make_sensor
 from trackfield.tracking.forwarding import sent_dimension
 from trackfield.wire.codec import encode
 from trackfield.wire.messages import Hop, HopAck, Route, SyncReply, SyncRequest, Threshold, Track
+from trackfield.wire.outside import Carried, Item
+from trackfield.wire.passes import FIXES
 from trackfield.wire.registry import kind_of_class, kinds
 from trackfield.words import quoted
 
@@ -33,17 +37,24 @@ def longest(kind: str, tracking: Mapping[str, Any], end_ns: int) -> Any:
     if reports:
         return max(reports, key=lambda message: len(encode(message)))
     match kind:
-        case "sync-request":
-            return SyncRequest(65535, now_us)
-        case "sync-reply":
-            return SyncReply(65535, now_us, now_us, now_us)
+        case "sync-request" | "sync-reply":
+            return SyncRequest(65535, now_us) if kind == "sync-request" else SyncReply(65535, now_us, now_us, now_us)
         case "threshold":
             return Threshold(65535, 70.0)
         case "track":  # of a Gaussian, and the sensors of an ordinary step
             n = sent_dimension(STATE + sum(len(one.unknowns) for one in sensing))
             return Track(now_us, 1000, 255, 1, n, bytes(4 * (n + n * (n + 1) // 2)), bytes(2 * SENSORS))
-    largest = max((encode(one.longest()) for one in sensing), key=len)
-    return _of_tree(kind, largest) if kind in KINDS else {one.name: one for one in kinds()}[kind].longest()
+    if kind in KINDS:
+        return _of_tree(kind, max((encode(one.longest()) for one in sensing), key=len))
+    known = {one.name: one for one in kinds()}
+    fixes = kind in ("item", "carried") and any(one.passes is not None for one in sensing)
+    return _with_fix(kind, tracking) if fixes else known[kind].longest()
+
+
+def _with_fix(kind: str, tracking: Mapping[str, Any]) -> Item | Carried:
+    """A message from a gateway to camera control with a fix, or one on its way with that."""
+    item = Item(65535, 65535, FIXES, _ID, payloads(tracking)[1])
+    return item if kind == "item" else Carried(_ID, CONTROL.encode(), 65535, 255, encode(item))
 
 
 def _of_tree(kind: str, report: bytes) -> Route | Hop | HopAck:

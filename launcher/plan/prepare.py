@@ -12,6 +12,7 @@ from typing import Any, Final
 from launcher.plan.architectures.ports import check_devices
 from launcher.plan.extensions import suited
 from launcher.plan.flaws import found_by, worked_out
+from launcher.plan.forecast.backbone import check_backbone
 from launcher.plan.forecast.foresight import foresee
 from launcher.plan.forecast.graph import check_reach
 from launcher.plan.forecast.hearing.reached import check_clusters
@@ -185,6 +186,7 @@ def planned(scenario: Scenario, speed: float = 1.0) -> Plan:
         check_reach(plan, plan.bases)
     if isinstance(plan.schedule, Passing):
         check_clusters(plan, plan.schedule)
+    check_backbone(plan)
     if len(plan.info.places) > MAX_LINKS:
         return plan
     return replace(plan, info=replace(plan.info, receptions=tuple(_links(plan))))

@@ -20,6 +20,7 @@ from trackfield.scenario.paths import PathSection, Recorded, Target
 from trackfield.scenario.quantities import Seed
 from trackfield.scenario.radios import EXPECTED, Radios
 from trackfield.scenario.section import ID_WORDS, Section, wrong
+from trackfield.scenario.sections.camera import Camera, NoCamera
 from trackfield.scenario.sections.clocks import Clocks
 from trackfield.scenario.sections.energy import Energy
 from trackfield.scenario.sections.fusion import Fusion
@@ -60,6 +61,7 @@ class Contents(Section):
     backbone: Link | None = None
     serial: Serial | None = None
     architecture: Architecture = Centralised()
+    camera: Camera = NoCamera()
     fusion: Fusion = Fusion()
     clock: Clocks = Clocks()
     energy: Energy = Energy()

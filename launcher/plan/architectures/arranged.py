@@ -52,7 +52,12 @@ class Process:
     of the kinds in ``direct`` do not: they are for neighbours.
 
     ``ports`` are those of its devices by name, of a process with several roles as ``role/port``. ``media`` are what it
-    is connected to: the radio of the ``field``, a ``backbone``, a ``serial`` line.
+    is connected to: the radio of the ``field``, a ``backbone``, a ``serial`` line. It asks for the time over the medium
+    ``asks_over``.
+
+    One that ``carries`` is one of several that hand on each other's messages on the backbone: these are the arguments
+    of its ``trackfield.protocols.carried.Carried``. One that is ``managed`` takes orders to start and stop: the
+    arguments of its ``trackfield.protocols.managed.Managed``.
     """
 
     id: str
@@ -76,6 +81,9 @@ class Process:
     base: str = ""
     direct: Collection[str] = ()
     draws: str = ""
+    asks_over: Medium = "field"
+    carries: Mapping[str, Any] = field(default_factory=dict)
+    managed: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Final, Protocol, runtime_checkable
 
-from launcher.plan.architectures.arranged import Arranged, Process
+from launcher.outside import GATEWAY
+from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.architectures.centralised import Centralised
 from launcher.plan.architectures.checks import checked
 from launcher.plan.architectures.clusters import Clusters
@@ -21,6 +22,7 @@ from trackfield.link.places import Path
 from trackfield.options import made
 from trackfield.plugins import Maker, Plugins
 from trackfield.scenario import Scenario, Site, survey
+from trackfield.scenario.sections.camera import EviD30
 
 
 class Architecture(Protocol):
@@ -113,12 +115,17 @@ class Built:
     @property
     def smoothers(self) -> tuple[str, ...]:
         """The processes that smooth whole tracks."""
-        return tuple(p.id for p in self.processes if p.config.get("rts") or p.config.get("spline"))
+        return tuple(p.id for p in self.processes if _smooths(p) or any(map(_smooths, p.roles.values())))
 
     @property
     def first(self) -> str:
         """The first process that fuses reports; if none does, the first whose tracks are scored."""
         return (*self.fusing, *self.views[0].sources)[0]
+
+
+def _smooths(role: Process | Hosted) -> bool:
+    """Whether a role smooths whole tracks."""
+    return bool(role.config.get("rts") or role.config.get("spline"))
 
 
 def surveyed(scenario: Scenario) -> Site:
@@ -152,6 +159,9 @@ def built(site: Site) -> Built:
     arranged = checked(section.kind, given, site)
     views = tuple(View(name, tuple(sources)) for name, sources in arranged.views.items())
     whole = Built(site, tuple(arranged.processes), views, arranged.schedule)
+    if isinstance(site.scenario.camera, EviD30) and not any(p.role == GATEWAY for p in whole.processes):
+        what = f"is {site.scenario.camera.kind!r}, and architecture {section.kind} has no gateway to it"
+        raise ScenarioError(what, key="camera.kind", expected="'none', or architecture 'cpa'")
     if site.scenario.fusion.smooth_rts and not whole.smoothers:
         what = f"is true, and architecture {section.kind} has no base that is told of tracks and smooths them"
         raise ScenarioError(what, key="fusion.smooth_rts", expected="false, or fusion.smooth_lag for a fusion centre")

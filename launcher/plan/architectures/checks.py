@@ -102,10 +102,10 @@ class _Check:
         roles = self._roles(process)
         tags = self._names(f"{id}.tags", process.tags, "tag", TAGS)
         self._battery(process, tags)
-        asks = process.asks
-        if asks != "" and (not isinstance(asks, str) or asks not in self._processes or asks == id):
-            raise self._unknown(f"{id}.asks", "other process", asks, self._processes)
+        self._asks(process)
         self._base(process)
+        for name in ("carries", "managed"):
+            self._arguments(f"{id}.{name}", getattr(process, name))
         sends, hears = self._sends(process), self._kinds(f"{id}.hears", process.hears)
         direct = self._kinds(f"{id}.direct", process.direct)
         if process.base:
@@ -127,6 +127,18 @@ class _Check:
             self._shared(checked)
         return checked
 
+    def _asks(self, process: Process) -> None:
+        """It asks another process for the time, over a medium that both have."""
+        id, asks, medium = process.id, process.asks, process.asks_over
+        if asks == "":
+            return
+        if not isinstance(asks, str) or asks not in self._processes or asks == id:
+            raise self._unknown(f"{id}.asks", "other process", asks, self._processes)
+        for end in (id, asks):
+            if medium not in self._processes[end].media:
+                what = f"is {quoted(medium)}, which {end} does not have"
+                raise self._error(f"{id}.asks_over", what, "a medium that both ends have (media)")
+
     def _base(self, process: Process) -> None:
         """A tree leads to a process that is in it, and goes by radio."""
         base, where = process.base, f"{process.id}.base"
@@ -142,8 +154,11 @@ class _Check:
             raise self._error(where, "is given without the radio of the field", "media with 'field'")
 
     def _config(self, where: str, config: Any) -> None:
-        if not (isinstance(config, Mapping) and all(isinstance(name, str) for name in config)):
-            raise self._error(f"{where}.config", f"is {quoted(config)}", "a dict of its role's arguments by name")
+        self._arguments(f"{where}.config", config, "its role's arguments")
+
+    def _arguments(self, where: str, given: Any, what: str = "arguments") -> None:
+        if not (isinstance(given, Mapping) and all(isinstance(name, str) for name in given)):
+            raise self._error(where, f"is {quoted(given)}", f"a dict of {what} by name")
 
     def _roles(self, process: Process) -> dict[str, Hosted]:
         """The roles of a process with several."""

@@ -15,6 +15,7 @@ from typing import Any, Final
 from launcher.plan.architectures.arranged import Arranged, Hosted, Process
 from launcher.plan.architectures.field import Field
 from launcher.plan.architectures.interests import Pace, paced, set_up
+from launcher.plan.architectures.outside import outside_of
 from launcher.plan.tracking import if_used, spline_of
 from launcher.records import BATTERY, EAR, TRACKS, Passing
 from trackfield.errors import ScenarioError
@@ -72,9 +73,11 @@ class Cpa:
         ids = [id for id, *_ in field.sensors]
         if self.base in ids:
             raise ScenarioError(f"a sensor has the id of the base, {self.base!r}", key="field", expected="another id")
-        told = _Told(self, field, self._groups(ids))
+        told, outside = _Told(self, field, self._groups(ids)), outside_of(field, self.base)
         views = {"in-network": ids, "base": [self.base]}
-        return Arranged([told.sink(), *map(told.ear, range(len(ids)))], views, told.passing)
+        base = told.sink() if outside is None else outside.gateway(told.sink(), SINK)
+        beyond = [] if outside is None else outside.processes
+        return Arranged([base, *map(told.ear, range(len(ids))), *beyond], views, told.passing)
 
     def _groups(self, ids: Sequence[str]) -> tuple[Group, ...]:
         """The fixed clusters, each of ``size`` sensors in their order; of the loudest there are none."""

@@ -35,6 +35,8 @@ def checked_ports(process: Process, fail: Fail) -> dict[str, Port]:
     for name in ports:
         _check_name(where, name, process, fail)
     checked = {name: _port(f"{where}.{name}", port, fail) for name, port in ports.items()}
+    if sum(port.terminal for port in checked.values()) > 1:
+        raise fail(where, "has several terminals", "one of a process at most: it is named after the process")
     if (size := sum(len(data) for port in checked.values() for _, data in port.reads)) > MOST_BYTES:
         raise fail(where, f"{size} bytes come in there", f"at most {MOST_BYTES} bytes in all")
     return checked
@@ -70,6 +72,8 @@ def _port(where: str, port: Port, fail: Fail) -> Port:
         raise fail(
             f"{where}.baud", f"is {quoted(port.baud)}", f"bits per second, a whole number from {SLOWEST} to {FASTEST}"
         )
+    if not isinstance(port.terminal, bool) or (port.terminal and device):
+        raise fail(f"{where}.terminal", f"is {quoted(port.terminal)}", "True or False, and no device beside it")
     several = isinstance(reads, Iterable) and not isinstance(reads, str | bytes | Mapping)
     listed: list[Any] = list(reads) if several else [reads]
     for read in listed:

@@ -6,7 +6,8 @@ only go on, from sensors to those who track and further, this ends with the last
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Final, NamedTuple
 
@@ -29,19 +30,32 @@ Pairs = frozenset[tuple[str, str]]
 
 
 class Answers(NamedTuple):
-    """The ``kinds`` of messages that go round among processes, and how long (s, emulated) such a message takes."""
+    """The ``kinds`` of messages that go round among processes on a medium, and how long (s, emulated) one takes."""
 
     kinds: tuple[str, ...]
     delay_s: float
 
 
 def answers(plan: Plan) -> Answers | None:
-    """Those of a plan; None if nobody answers an answer, or nothing of it arrives."""
+    """Those of a plan, on the medium where they take the shortest time, as each medium has delays of its own.
+
+    None if nobody answers an answer, or nothing of it arrives.
+    """
     flows = [flow for flow in plan.flows if not flow.reports and kind_of(flow.message).name not in STEADY]
     circles = _circles(frozenset(pair for flow in flows for pair in flow.pairs))
-    round_ = [flow for flow in flows if not circles.isdisjoint(flow.pairs)]
-    delays = [delay for flow in round_ for delay in _delays(plan, flow, circles)]
-    return Answers(tuple(kind_of(flow.message).name for flow in round_), median(delays) / NS) if delays else None
+    by_medium = defaultdict[str, list[Flow]](list)
+    for flow in flows:
+        if not circles.isdisjoint(flow.pairs):
+            by_medium[flow.medium].append(flow)
+    found = [one for round_ in by_medium.values() if (one := _among(plan, round_, circles))]
+    return min(found, key=lambda one: one.delay_s, default=None)
+
+
+def _among(plan: Plan, flows: Sequence[Flow], circles: Pairs) -> Answers | None:
+    """Those on one medium."""
+    delays = [delay for flow in flows for delay in _delays(plan, flow, circles)]
+    kinds = dict.fromkeys(kind_of(flow.message).name for flow in flows)
+    return Answers(tuple(kinds), median(delays) / NS) if delays else None
 
 
 def _circles(pairs: Pairs) -> Pairs:

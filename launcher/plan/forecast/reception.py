@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -26,7 +26,7 @@ def receptions(plan: Plan, when: Mapping[str, Sequence[int]] | None = None) -> d
     instants (ns) that count for the links of each of its processes, and other links are left out; None: all links, over
     the run.
     """
-    return {kind_of(flow.message).name: shares_of(plan, flow, when) for flow in plan.flows if not flow.near}
+    return _by_kind(plan, (flow for flow in plan.flows if not flow.near), when)
 
 
 def hops(plan: Plan) -> dict[str, Shares]:
@@ -37,7 +37,15 @@ def hops(plan: Plan) -> dict[str, Shares]:
         for flow in plan.flows
         if not flow.near
     )
-    return {kind_of(flow.message).name: shares_of(plan, flow, None) for flow in between if flow.pairs}
+    return _by_kind(plan, (flow for flow in between if flow.pairs), None)
+
+
+def _by_kind(plan: Plan, flows: Iterable[Flow], when: Mapping[str, Sequence[int]] | None) -> dict[str, Shares]:
+    """What these deliver, by kind of message: some kinds go over several media."""
+    found: dict[str, Shares] = {}
+    for flow in flows:
+        found.setdefault(kind_of(flow.message).name, {}).update(shares_of(plan, flow, when))
+    return found
 
 
 def varies(plan: Plan) -> bool:

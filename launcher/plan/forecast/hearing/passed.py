@@ -11,25 +11,20 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from head.hearing.memory import Pass
-from head.hearing.told import fix_report
 from launcher.plan.forecast.heads.clocks import SYNCS, Clock, Clocks, asking, cast_of
 from launcher.plan.forecast.hearing.events import Event, events_of
 from launcher.plan.forecast.hearing.reached import Reached
+from launcher.plan.payloads import payloads
 from launcher.records import Flow, Passing, Plan
 from trackfield.drivers.spec import link_of
-from trackfield.filters.measurement import STATE
-from trackfield.filters.types import Gaussian
 from trackfield.link.fate import FIELD, Link, Transmission
 from trackfield.link.radios import Radio
 from trackfield.link.signals import Signals
 from trackfield.role import NS
 from trackfield.sensing.cpa import KNOWN_NS, LATER_NS
 from trackfield.sensing.kinds import make_sensor
-from trackfield.tracking.bank import Bank
 from trackfield.wire.codec import encode
 from trackfield.wire.interests import Data, DataAck, Interest
-from trackfield.wire.passes import MOST_RAW
 from trackfield.wire.registry import kind_of
 from trackfield.world.events import ENOUGH
 
@@ -75,7 +70,7 @@ class Passed:
     def of(cls, plan: Plan, schedule: Passing) -> Passed:
         """What is expected of a plan."""
         link = link_of(plan.run, plan.processes, cut=False)
-        report, fix = _payloads(plan)
+        report, fix = payloads(plan.tracking)
         sizes = {kind_of(flow.message).name: len(encode(flow.message)) for flow in plan.flows} | {
             "interest": len(encode(Interest(_ID, 1000, 1000, 1, 50.0, 50.0, 20.0, 0.0, schedule.interest_s, 2, 4))),
             "data": len(encode(Data(_ID, 1000, _ID, 1000, 2, 0, report))),
@@ -165,20 +160,10 @@ class Passed:
         return Fixed(event, head_ns, None if hops is None else head_ns + round(hops * self.hop_s * NS))
 
 
-def _payloads(plan: Plan) -> tuple[bytes, bytes]:
-    """A report, and a fix of all that trackers know with as many raw reports as it holds."""
-    kinds = [make_sensor(**given) for given in plan.tracking["sensing"].values()]
-    longest = max((kind.longest() for kind in kinds), key=lambda message: len(encode(message)))
-    bank = Bank(**plan.tracking)
-    known = dict.fromkeys(bank.trackers, Gaussian(np.zeros(STATE), np.eye(STATE)))
-    beliefs = bank.beliefs(bank.resume(known, 0, 0).tracks)
-    passes = [(number, Pass(_ID.decode(), longest, 0)) for number in range(MOST_RAW)]
-    return encode(longest), encode(fix_report(1, 1000, NS, beliefs, (), passes))
-
-
 def _narrowed(plan: Plan, clocks: Mapping[str, Clock]) -> Iterator[Flow]:
     """Of the links by which clocks may be set those that will be used; all others as they are."""
     for flow in plan.flows:
-        used = asking(flow, clocks) if kind_of(flow.message).name in SYNCS else flow
+        sets = flow.medium == FIELD and kind_of(flow.message).name in SYNCS
+        used = asking(flow, clocks) if sets else flow
         if used is not None:
             yield used

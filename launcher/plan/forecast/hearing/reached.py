@@ -11,11 +11,12 @@ from launcher.plan.forecast.graph import CARRIES, links_of
 from launcher.plan.forecast.ways import groups
 from launcher.records import Passing, Plan
 from trackfield.errors import ScenarioError
+from trackfield.link.fate import FIELD
 
 
 @dataclass(frozen=True)
 class Reached:
-    """The links of the graph, both ways, by who is at their one end."""
+    """The links of the graph of those with a radio of the field, both ways, by who is at their one end."""
 
     near: Mapping[str, tuple[str, ...]]
 
@@ -27,7 +28,7 @@ class Reached:
         for src, dst in sorted(links):
             if (dst, src) in links:
                 near[src].append(dst)
-        return cls({place.id: tuple(near[place.id]) for place in plan.info.places})
+        return cls({process.id: tuple(near[process.id]) for process in plan.processes if FIELD in process.media})
 
     def hops(self, root: str) -> Mapping[str, int]:
         """How many hops each process is away from this one, of those that are connected."""

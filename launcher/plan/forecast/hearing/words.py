@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from launcher.plan.forecast.hearing.camera import Watched
 from launcher.plan.forecast.hearing.diffusing import Diffusing
 from launcher.plan.forecast.hearing.events import Event
 from launcher.plan.forecast.hearing.passed import Fixed, Passed
@@ -33,6 +34,8 @@ def who_hears(field: Passed) -> Iterator[str]:
     if fixes:
         yield f"fixes: {_later(fixes)}"
     yield _messages(field)
+    if (watched := Watched.of(field)) is not None:
+        yield from watched.words()
 
 
 def _groups(field: Passed) -> Sequence[tuple[str, ...]]:
@@ -75,6 +78,8 @@ def unheard(field: Passed) -> Iterator[str]:
     yield from _apart(field)
     yield from _base(field)
     yield from _slow(field)
+    if (watched := Watched.of(field)) is not None:
+        yield from watched.doubtful()
 
 
 def _few(field: Passed) -> Iterator[str]:
