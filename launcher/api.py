@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 import pyarrow as pa
 
 from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
-from launcher.plan.bridges import OPTION, bridged, in_folder, looked_for, parse
+from launcher.plan.bridges import OPTION, bridged, in_folder, looked_for, parse, with_terminals
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
 from launcher.processes.limits import check_machine
@@ -166,7 +166,8 @@ def run(
     again += [part for id, device in devices.items() for part in (OPTION, f"{id}={device}")]
     if driver == "virtual":
         return _finished(run_virtual(plan, folder, [*again, "--virtual"]))
-    return _finished(run_processes(in_folder(plan, folder), folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
+    plan = with_terminals(in_folder(plan, folder), folder)
+    return _finished(run_processes(plan, folder, Quiet(), [*again, "--speed", f"{speed:g}"]))
 
 
 def study(

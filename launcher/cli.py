@@ -16,6 +16,7 @@ from launcher.commands import (
     calibrate,
     choices,
     compare,
+    control,
     listen,
     listing,
     new,
@@ -48,6 +49,7 @@ command("list")(listing.list_kinds)
 command("view")(view.view)
 command("report")(view.report)
 command("compare")(compare.compare)
+command("control")(control.control)
 command("replay")(replay.replay)
 command("recover")(recover.recover)
 command("study")(study.study)

@@ -28,6 +28,8 @@ SCENARIO: Final = "scenario.toml"
 TRACKS_TABLE: Final = "tracks.parquet"
 MESSAGES_TABLE: Final = "messages.parquet"
 """The tables of a run; a study has the first of them, too."""
+CAMERA: Final = "camera.json"
+"""In the folder of a run with a camera, what its processes told of it."""
 
 
 def check_writable(file: Path, key: str) -> None:

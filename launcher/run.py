@@ -26,6 +26,7 @@ from launcher.record.journal import METRICS, TIMELINE_FAILED, Journal, write_jso
 from launcher.record.kept.recovery import recovered
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE_END, Metrics, ended_because
+from launcher.record.outside.filmed import VIDEO_FAILED
 from launcher.record.words import interference
 from launcher.records import RECORDER, SENSES, Plan
 from launcher.signals import Interrupted, handling
@@ -242,7 +243,7 @@ def close_folder(
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     complaints += metrics["recorder"]["complaints"]
     patiently(lambda: write_json(metrics, folder / METRICS), str(folder / METRICS))
-    if not any(one.startswith(TIMELINE_FAILED) for one in complaints):
+    if not any(one.startswith((TIMELINE_FAILED, VIDEO_FAILED)) for one in complaints):
         (folder / LOG).unlink(missing_ok=True)  # it has nothing that is not elsewhere
     unreported = _report(folder, ended, write)
     return Outcome(folder, metrics, tuple(complaints), ended[0] if ended else None, unreported)

@@ -23,7 +23,7 @@ from launcher.plan.forecast.reception import Shares
 from launcher.plan.forecast.warnings import summary
 from launcher.plan.prepare import remarks
 from launcher.record.figures.verdict import LOST, TRACKED, WITH_GAPS, told
-from launcher.record.words import alarms, joules, led, passed, span
+from launcher.record.words import alarms, filmed, joules, led, passed, span
 from launcher.records import ARRIVED, SENSES, Plan
 
 if TYPE_CHECKING:
@@ -176,6 +176,8 @@ def devices(plan: Plan, folder: Path) -> None:
     """Say where the real devices of a run are."""
     for id, device in plan.bridges.items():
         tell(f"in the place of {id}: {link_of(folder, id) if device == NEW else device}")
+    if any(port.terminal and port.device for process in plan.processes for port in process.ports.values()):
+        tell(f"orders: trackfield control {folder} status")
 
 
 def warn(warnings: Iterable[str]) -> None:
@@ -299,6 +301,7 @@ def _surroundings(metrics: dict[str, Any]) -> Iterator[str]:
         yield f"refused, as no frames of this field: {', '.join(f'{n} ({why})' for why, n in refused.items())}"
     yield from led(metrics)
     yield from passed(metrics)
+    yield from filmed(metrics)
     if energy["total"] is not None:
         by = ", ".join(f"{cause} {joules(used)}" for cause, used in energy["by"].items() if used)
         spent = joules(energy["total"]) + (f" ({by})" if by else "")

@@ -278,7 +278,7 @@ def test_figures_in_doubt_are_called_so(plan: Plan, said: Said) -> None:
     metrics["timing"]["host_late"] = 3
     show.conclude(outcome(metrics))
     assert "3 events came too late on this machine" in said()
-    assert "a lower --speed, or --virtual, is exact" in said()
+    assert "a machine with less to do, a lower --speed or --virtual is exact" in said()
 
 
 def test_a_run_that_was_not_settled_and_devices_that_may_have_reacted_are_told(plan: Plan, said: Said) -> None:

@@ -70,6 +70,22 @@ def runs() -> Iterator[str]:
     yield from map(str, folders)
 
 
+def going_on() -> Iterator[str]:
+    """The runs below runs/ that go on, the newest first."""
+    from launcher.record.latest import LATEST, going_on
+
+    folders = going_on()
+    yield from [LATEST] * bool(folders)
+    yield from map(str, folders)
+
+
+def orders() -> Iterator[str]:
+    """What system control may be told."""
+    from trackfield.wire.outside import VERBS
+
+    yield from VERBS
+
+
 def completed(choices: Callable[[], Iterator[str]]) -> Callable[[str], list[str]]:
     """The completion of an incomplete word; without any, a shell offers files."""
 
@@ -89,6 +105,7 @@ class _Named(dict[str, str]):
         "detectors": detectors,
         "papers": papers,
         "kinds": kinds,
+        "orders": orders,
     }
 
     def __missing__(self, name: str) -> str:

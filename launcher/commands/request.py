@@ -80,16 +80,24 @@ class Request(Changed):
             "ID=pty, a pseudo-terminal that the run makes; may be repeated.",
         ),
     ] = None
+    serial: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="DEVICE",
+            help="Put a real camera, like /dev/ttyUSB0, in the place of the field's own, or, with pty, "
+            "a pseudo-terminal that the run makes: --bridge camera=DEVICE.",
+        ),
+    ] = None
     quiet: Annotated[bool, typer.Option("--quiet", help="Print errors only.")] = False
 
     def prepared(self) -> tuple[Scenario, Plan]:
         """The scenario and its plan. Raises ``ScenarioError`` with all that is wrong with this request."""
         from launcher.options import check_driver, check_endpoint
-        from launcher.plan.bridges import bridged, looked_for, parse
+        from launcher.plan.bridges import OPTION, SERIAL, bridged, check_camera, looked_for, with_camera
         from launcher.plan.prepare import prepare
         from launcher.record.folder import check_folder
 
-        bridges = self.bridge or ()
+        bridges, cameras = self.bridge or (), self.serial or ()
         scenario, plan = prepare(
             self.scenario,
             1.0 if self.speed is None else self.speed,
@@ -101,16 +109,17 @@ class Request(Changed):
                     live=self.live,
                     connect=self.connect,
                     speed=self.speed,
-                    bridged=bool(bridges),
+                    bridged=SERIAL if cameras else OPTION if bridges else "",
                 ),
-                partial(parse, bridges),
+                partial(with_camera, bridges, cameras),
                 *([partial(check_endpoint, self.connect, "--connect")] if self.connect else []),
                 *([partial(check_folder, self.out)] if self.out else []),
             ],
             seed=self.seed,
             **self.options,
         )
-        return scenario, looked_for(bridged(plan, parse(bridges)))
+        check_camera(plan, cameras)
+        return scenario, looked_for(bridged(plan, with_camera(bridges, cameras)))
 
     def check_machine(self, plan: Plan) -> None:
         """Raise ``RunFailed`` if this machine cannot do such a run, ``ScenarioError`` for classes that no other process

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @command(Request)
 def run(request: Request) -> None:
     """Run a scenario and leave a run folder with its timeline, tables, metrics and report."""
-    from launcher.plan.bridges import in_folder
+    from launcher.plan.bridges import in_folder, with_terminals
     from launcher.record.folder import keep, prepare_folder, whole_or_none
     from launcher.show import announce, conclude, devices, warn
 
@@ -31,6 +31,8 @@ def run(request: Request) -> None:
         request.check_machine(plan)
         folder = prepare_folder(request.out, scenario.name, scenario.seed)
         plan = in_folder(plan, folder)
+        if not request.virtual:
+            plan = with_terminals(plan, folder)
         with whole_or_none(folder):
             keep(scenario, folder)
             if not request.quiet:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from launcher.commands.request import Request, command
@@ -31,7 +32,8 @@ def validate(request: Request) -> None:
     seen, lacking = foresee(plan), _lacking(request, plan)
     if request.as_json:
         found = {"valid": True, "warnings": list(plan.warnings), "summary": list(summary(plan, seen))}
-        print(json.dumps(found | {"machine": lacking}, indent=2))
+        roles = Counter(place.role for place in plan.info.places)
+        print(json.dumps(found | {"machine": lacking, "processes": roles}, indent=2))
     if not request.quiet:
         announce(plan)
         assess(plan, seen)
