@@ -24,6 +24,13 @@ from trackfield.wire.messages import Doa
 
 DOCUMENT = FilePath(__file__).parents[1] / "docs" / "metrics.md"
 
+
+def expanded(keys: str) -> Iterator[str]:
+    for key in keys.split():
+        before, _, choices = key.partition("{")
+        yield from (before + choice for choice in choices.rstrip("}").split(","))
+
+
 KEYS = """
 scenario seed driver ended_s complete end_reason wall_s cpu_s
 trackers.<name>.rmse.{x,y,position,velocity}
@@ -41,6 +48,12 @@ passes.trackers.<name>.{fixes,false_fixes,fixes_per_pass,refused.<reason>,report
 passes.trackers.<name>.location_m.{mean,max} passes.trackers.<name>.speed_m_s.{mean,max}
 passes.trackers.<name>.heading_deg.{mean,max} passes.trackers.<name>.delay_s.{mean,max}
 passes.trackers.<name>.base_delay_s.{mean,max}
+camera.{fixes,shots,replaced} camera.outcomes.<outcome> camera.in_frame.{at_aim,aims,frames,frames_n,shots}
+camera.delay_s.{mean,p95,max} camera.slew_s.{mean,p95,max} camera.first_seen_s.{mean,p95,max}
+camera.place_m.{mean,p95,max} camera.pan_deg.{mean,p95,max} camera.tilt_deg.{mean,p95,max}
+camera.lost.{times,s} camera.gateway.{passed,refused,dropped,unwanted,queue_max}
+camera.orders.{ok,refused,unknown,silent} camera.refused_orders
+camera.targets.<id>.{n,at_aim,aims,frames,frames_n,shots}
 age_of_information_s.{mean,p95,base_mean,base_p95}
 processes.{started,ready_s,died,stopped,pss_mb_per_node,unwritten}
 frames.{sent,expected,delivered,late,duplicate,ignored}
@@ -74,9 +87,11 @@ SOMETIMES = {
     *(f"latency_ms.hops.<hops>.{what}" for what in ("n", "p50", "p95")),
     "clusters.members.<master>",
     "passes.trackers.<name>.refused.<reason>",
+    *(key for key in expanded(KEYS) if key.startswith("camera.")),
 }
 """Of processes with several roles only (``test_hosted_processes.py``), with a tree (``test_multihop.py``), with slaves
-(``test_clusters_figures.py``), or with sensors that report passes (``test_metrics_passes.py``).
+(``test_clusters_figures.py``), with sensors that report passes (``test_metrics_passes.py``), or with a camera
+(``test_metrics_camera.py``): without one that key is null.
 """
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "nees_position", "nees_position_band"),
@@ -85,12 +100,6 @@ SCORE = (
     "detection_s",
 )
 """What is told of each view."""
-
-
-def expanded(keys: str) -> Iterator[str]:
-    for key in keys.split():
-        before, _, choices = key.partition("{")
-        yield from (before + choice for choice in choices.rstrip("}").split(","))
 
 
 NAMES = {
@@ -127,7 +136,7 @@ def test_every_key_is_there_and_no_other() -> None:
     ledger, tracks = simulated(plan)
     ledger.refuse("data/field/to/fusion/nobody/doa", "sender")
     metrics = run_metrics(plan, ledger, tracks)
-    assert set(paths(metrics)) == set(expanded(KEYS)) - SOMETIMES
+    assert set(paths(metrics)) == set(expanded(KEYS)) - SOMETIMES | {"camera"}
     assert metrics["trackers"].keys() == {"imm-ukf", "spcpf"}
     assert metrics["frames"]["by_kind"].keys() == {"doa"}
     for tracker in metrics["trackers"].values():
@@ -142,7 +151,7 @@ def test_every_key_is_there_in_a_run_in_which_nothing_happened() -> None:
     named = set(expanded("trackers.<name>.targets.<id>.{rmse,steps} trackers.<name>.sources.<id>"))
     named |= set(expanded("energy_j.by_role.<role>"))
     by_kind = set(expanded("frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}"))
-    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind - SOMETIMES
+    assert set(paths(metrics)) == set(expanded(KEYS)) - named - by_kind - SOMETIMES | {"camera"}
     assert metrics["latency_ms"]["link"] == {"p50": None, "p95": None, "p99": None, "max": None}
     assert metrics["host_latency_ms"] == {"p50": None, "p99": None}
     nothing = {

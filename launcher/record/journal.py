@@ -14,8 +14,9 @@ from math import hypot
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final
 
-from launcher.files import MESSAGES_TABLE, TRACKS_TABLE, patiently, reason, write_whole
+from launcher.files import CAMERA, MESSAGES_TABLE, TRACKS_TABLE, patiently, reason, write_whole
 from launcher.heard import RANKS, Sound
+from launcher.outside import Outside
 from launcher.record.diary import Event
 from launcher.record.figures.bounds import headline_bound, run_bounds
 from launcher.record.heard.events import events_of_run
@@ -23,6 +24,9 @@ from launcher.record.heard.sounds import loudest_and_weakest, sounds
 from launcher.record.heard.wav import wav
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics, run_metrics
+from launcher.record.outside.filmed import VIDEO_FAILED, film_run
+from launcher.record.outside.kept import write_camera
+from launcher.record.outside.told import outside_of
 from launcher.record.tables import Bounds, TrackRow, nearest, track_rows, write_messages, write_tracks
 from launcher.records import TRACKS, MessageRow, Plan
 from trackfield.drivers.engine.frames import Charge, Died, Queued
@@ -157,6 +161,7 @@ class Journal(Telling):
         self._bound: dict[int, float] = {}
         self._tracks: Sequence[TrackRow] = ()
         self._deaths: Sequence[Unplanned] = ()
+        self._outside: Outside | None = None
 
     def tables(self, deaths: Sequence[Unplanned], *, messages: int) -> Metrics:
         """Write the tables; returns the metrics that are known here. ``messages`` is how many were received.
@@ -171,10 +176,11 @@ class Journal(Telling):
         bounds = run_bounds(self.plan, tracks)
         bound = headline_bound(self.plan, tracks, bounds)
         self._bound = {t_ns: bound[t_ns] for t_ns in sorted({row.t_ns for row in tracks} & bound.keys())}
-        patiently(lambda: self._write_tables(tracks, bounds), f"the tables of {self.folder}")
-        self._tracks = tracks
+        outside, strange = outside_of(self.plan, self.ledger.diaries.values())
+        patiently(lambda: self._write_tables(tracks, bounds, outside), f"the tables of {self.folder}")
+        self._tracks, self._outside = tracks, outside
         metrics = run_metrics(self.plan, self.ledger, tracks, bounds)
-        complaints = [*(f"{why} ({count} times)" for why, count in strays.items()), *self.ledger.complaints()]
+        complaints = [*(f"{why} ({count} times)" for why, count in strays.items()), *strange, *self.ledger.complaints()]
         metrics["recorder"] |= {"messages": messages, "complaints": complaints}
         return metrics
 
@@ -185,25 +191,47 @@ class Journal(Telling):
             os.truncate(self._file, 0)  # it is still open
             self._file.unlink()
 
-    def _write_tables(self, tracks: Sequence[TrackRow], bounds: Bounds) -> None:
+    def _write_tables(self, tracks: Sequence[TrackRow], bounds: Bounds, outside: Outside | None) -> None:
         write_messages(self.ledger.rows, self.folder / MESSAGES_TABLE)
         write_tracks(tracks, bounds, self.folder / TRACKS_TABLE, self.plan.origin_ns)
+        if outside is not None:
+            write_camera(outside, self.folder / CAMERA)
 
     def draw(self) -> str:
-        """Write the rest of the timeline; returns why it failed, or nothing. To be called after ``tables``."""
+        """Write the rest of the timeline, and the video of a camera; returns why one of them failed, or nothing.
+
+        To be called after ``tables``.
+        """
         self._write(*self._rest)
         self.bury(self._deaths)
         for t_ns, sd_m in self._bound.items():
             self.show(lambda timeline: timeline.bound(t_ns, sd_m))  # noqa: B023  called at once
         self.show(self._heard)
+        unfilmed = "" if self._outside is None else self._film(self._outside)
         self.show(lambda timeline: timeline.close())
         if self.error is None:
-            return ""
+            return unfilmed
         if isinstance(self.error, RunFailed):
             self.make_room()
             return f"{TIMELINE_FAILED}{self.error}"
-        why = reason(self.error) if isinstance(self.error, OSError) else f"{type(self.error).__name__}: {self.error}"
-        return f"{TIMELINE_FAILED}{why}"
+        return f"{TIMELINE_FAILED}{_why(self.error)}"
+
+    def _film(self, outside: Outside) -> str:
+        """Show what the camera did and saw, and write the video; returns why that failed, or nothing."""
+        self.show(lambda timeline: timeline.outside(outside))
+        try:
+            left = film_run(
+                self.plan,
+                outside,
+                self.folder,
+                lambda frame: self.show(lambda timeline: timeline.frame(frame)),
+            )
+        except Exception as error:  # noqa: BLE001  whatever it is, all else of the run is worth more
+            return f"{VIDEO_FAILED}{_why(error)}"
+        if left:
+            said = f"{left} of {len(outside.exposures)} frames are not drawn, but those between them"
+            self.show(lambda timeline: timeline.note(self.plan.origin_ns, "video", said, "WARN"))
+        return ""
 
     def _heard(self, timeline: Timeline) -> None:
         """The events in which sensors heard targets, and what some of them heard."""
@@ -216,6 +244,10 @@ class Journal(Telling):
                 heard[ranks[sound.sensor]].append((sound, wav(sound.samples, sound.rate)))
         for rank, several in heard.items():
             timeline.sounds(rank, several)
+
+
+def _why(error: Exception) -> str:
+    return reason(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
 
 
 def states(events: Iterable[Event]) -> dict[str, str]:

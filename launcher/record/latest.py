@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from launcher.files import MANIFEST
+from launcher.files import MANIFEST, locked
 from trackfield.errors import ScenarioError
 
 RUNS: Final = Path("runs")
@@ -36,16 +36,35 @@ def run_folder(name: str | Path) -> Path:
     return runs[back]
 
 
+def going_on(below: Path = RUNS) -> list[Path]:
+    """The folders of runs over processes that go on, the one that was started last first."""
+    return [folder for _, folder in sorted(_started(below, over=False), reverse=True) if goes_on(folder)]
+
+
+def goes_on(folder: Path) -> bool:
+    """Whether a launcher is at work on the run in this folder."""
+    try:
+        with locked(folder):
+            return False
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+
+
 def finished(below: Path = RUNS) -> list[Path]:
     """The folders of finished runs, the one that was started last first."""
     return [folder for _, folder in sorted(_started(below), reverse=True)]
 
 
-def _started(below: Path) -> Iterator[tuple[tuple[str, int], Path]]:
-    """When each finished run was started: by its manifest, to the second, and within one by the age of that file."""
+def _started(below: Path, *, over: bool = True) -> Iterator[tuple[tuple[str, int], Path]]:
+    """When each finished run was started: by its manifest, to the second, and within one by the age of that file.
+
+    Unless ``over``, those that are not finished.
+    """
     for manifest in below.glob(f"*/{MANIFEST}"):
         try:
-            if not (manifest.is_file() and manifest.with_name("metrics.json").is_file()):
+            if not manifest.is_file() or manifest.with_name("metrics.json").is_file() != over:
                 continue
             started = json.loads(manifest.read_bytes())["started"]
             datetime.fromisoformat(started)

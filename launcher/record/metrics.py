@@ -12,6 +12,7 @@ import numpy as np
 from launcher.record.figures.at_base import base_age, base_rows
 from launcher.record.figures.awake import awake_share
 from launcher.record.figures.bounds import bound_metrics, headline_bound, run_bounds
+from launcher.record.figures.camera.metrics import camera_metrics
 from launcher.record.figures.channel import air_of_run, channel_metrics
 from launcher.record.figures.clusters import clusters_metrics
 from launcher.record.figures.energy import batteries_of, devices_of, energy_metrics, lifetime_metrics
@@ -23,6 +24,7 @@ from launcher.record.figures.periods import spans_of
 from launcher.record.figures.scores import detection_s, first_in_range, offsets, scored
 from launcher.record.figures.spending import ledger_metrics, period_of
 from launcher.record.ledger import Ledger
+from launcher.record.outside.told import outside_of
 from launcher.record.tables import Bounds, TrackRow
 from launcher.record.views import headline, seen
 from launcher.records import MessageRow, Plan, View
@@ -48,6 +50,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
 
     ``bounds`` is what ``run_bounds`` finds for these tracks, if that is known.
     """
+    outside, _ = outside_of(plan, ledger.diaries.values())
     batteries, end_ns = batteries_of(plan, ledger), ledger.run.end_ns
     heard = overheard_ns(ledger, devices_of(batteries), period_of(spans_of(plan, end_ns)))
     at_base = base_rows(plan, tracks)
@@ -65,6 +68,7 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "leaders": leaders_metrics(plan, ledger.rows, tracks, ledger.diaries.values()),
         "clusters": clusters_metrics(plan, ledger),
         "passes": passes_metrics(plan, tracks),
+        "camera": camera_metrics(outside, plan.paths, end_ns),
         "age_of_information_s": {**age_metrics(plan, tracks), **base_age(plan, at_base, end_ns)},
         "processes": _processes(len(plan.processes), _total(ledger, "unwritten")),
         "frames": _frames(plan, ledger),

@@ -7,13 +7,13 @@ from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from annotated_types import Ge, Le, MinLen
-from pydantic import BaseModel, ConfigDict, TypeAdapter
+from pydantic import BaseModel, ConfigDict, InstanceOf, TypeAdapter
 
 from trackfield.drivers.engine.frames import Charge, Died, EventKey, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.exchange.intake import read, unpacked
 from trackfield.drivers.exchange.telemetry import Telemetry
 from trackfield.drivers.spec import ProcessSpec
-from trackfield.role import Corrected, Listen, Note, Publish, Radio, State, TrackPoint, Write, formed
+from trackfield.role import Corrected, Listen, Note, Publish, Radio, State, Tell, TrackPoint, Write, formed
 from trackfield.wire.error import WireError
 from trackfield.wire.keys import Medium, check_id
 from trackfield.wire.registry import check_size
@@ -24,11 +24,15 @@ MAX_NS: Final = 2**62
 """Beyond any instant of a run."""
 
 Count = Annotated[int, Ge(0), Le(2**63 - 1)]
+Values = tuple[int | float | str, ...]
+"""Of a ``Tell``."""
 Small = Annotated[int, Ge(-(2**31)), Le(2**31 - 1)]
 """Fits a column of 32 bits."""
 Ns = Annotated[int, Ge(-MAX_NS), Le(MAX_NS)]
 Five = tuple[Ns, Ns, Ns, Ns, Ns]
 """Of an ``Activity``; time is negative while a frame is under way that was counted as a whole."""
+_TOLD: Final = tuple[Ns | InstanceOf[float] | str, ...]
+"""``Values``, of which an int that is too large is no float."""
 Buckets = dict[Annotated[int, Ge(-1000), Le(1000)], Count]
 """Of a ``Histogram``: a duration of exp(1000 / 20) ns is beyond any."""
 
@@ -94,14 +98,14 @@ def _values(kind: type) -> TypeAdapter[Any]:
     """Parses the fields of a flat dataclass, in their order."""
     assert is_dataclass(kind)
     hints = get_type_hints(kind)
-    bounded = {int: Ns, tuple[float, ...]: tuple[float, ...], Medium: Medium}
+    bounded = {int: Ns, tuple[float, ...]: tuple[float, ...], Medium: Medium, Values: _TOLD}
     types = [_COLUMNS.get(f.name) or bounded.get(hints[f.name], hints[f.name]) for f in fields(kind)]
     together: Any = tuple.__class_getitem__(tuple(types))
     return TypeAdapter(together)
 
 
 _PLAIN: Final = {
-    kind.__name__.lower(): kind for kind in (State, Radio, Listen, Note, Corrected, Write, Died, Charge, Queued)
+    kind.__name__.lower(): kind for kind in (State, Radio, Listen, Note, Tell, Corrected, Write, Died, Charge, Queued)
 }
 _FIELDS: Final = {kind: _values(kind) for kind in (*_PLAIN.values(), TrackPoint, Frame)}
 

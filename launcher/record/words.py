@@ -90,6 +90,27 @@ def passed(metrics: Mapping[str, Any]) -> list[str]:
     return found
 
 
+def filmed(metrics: Mapping[str, Any]) -> list[str]:
+    """What a camera beyond the gateway saw, a line each; none without a camera."""
+    camera = metrics["camera"]
+    if camera is None:
+        return []
+    seen, gateway, lost = camera["in_frame"], camera["gateway"], camera["lost"]
+    found = f"camera: {_many(camera['shots'], 'shot')} of {_many(camera['fixes'], 'fix', 'es')}"
+    if seen["at_aim"] is not None:
+        inside = round(seen["at_aim"] * seen["aims"])
+        found += f"; target in the picture at {inside} of {_many(seen['aims'], 'aim')}"
+    if seen["frames"] is not None:
+        found += f", in {seen['frames']:.0%} of {_many(seen['frames_n'], 'frame')}"
+    if camera["delay_s"]["mean"] is not None:
+        found += f"; {span(camera['delay_s']['mean'])} from the last pass to the camera, mean"
+    if lost["times"]:
+        found += f"; lost {_many(lost['times'], 'time')}, for {span(lost['s'])}"
+    said = ", ".join(f"{gateway[name]} {name}" for name in ("passed", "refused", "dropped", "unwanted"))
+    orders = ", ".join(f"{n} {answer}" for answer, n in camera["orders"].items() if n)
+    return [found, f"gateway: {said}, at most {gateway['queue_max']} waited{'; orders: ' if orders else ''}{orders}"]
+
+
 def _many(count: int, what: str, more: str = "s") -> str:
     return f"{count:,} {what}{more * (count != 1)}"
 
@@ -128,7 +149,7 @@ def alarms(metrics: dict[str, Any]) -> list[str]:
     if timing["host_late"]:
         found.append(
             f"timing: {timing['host_late']} events came too late on this machine to be handled in order "
-            "(timing.host_late): a lower --speed, or --virtual, is exact"
+            "(timing.host_late): a machine with less to do, a lower --speed or --virtual is exact"
         )
     if timing["unsettled"]:
         found.append(

@@ -22,6 +22,7 @@ from trackfield.wire.messages import (
     Threshold,
     Track,
 )
+from trackfield.wire.outside import Carried as Parcel
 
 
 class Said(NamedTuple):
@@ -50,6 +51,8 @@ def describe(payload: bytes, kind: Kind | None = None) -> Said:
             return Said(_about_tree(message))
         case Hop():
             return _on_its_way(message, kind)
+        case Parcel():
+            return _over_backbone(message)
     return _told(message, kind)
 
 
@@ -101,6 +104,18 @@ def _on_its_way(hop: Hop, kind: Kind | None) -> Said:
     said = Said("a message of a tree") if isinstance(inner, Route | Hop | HopAck) else _told(inner, kind)
     values, step = (said.values, said.step) if hop.hops == 0 and not to else ((), None)
     return Said(f"{kind_name(inner)}: {said.text} ({what})", values, step)
+
+
+def _over_backbone(parcel: Parcel) -> Said:
+    """What a message carries that goes over several hops of a backbone."""
+    to = text_of(parcel.destination)
+    what = f"message {parcel.number} of {text_of(parcel.origin)} to {to}, hop {parcel.hops + 1}"
+    try:
+        inner = decode(parcel.message)
+    except WireError as error:
+        return Said(f"malformed: {error.reason} ({what})")
+    said = Said("a message on its way") if isinstance(inner, Parcel) else _told(inner, None)
+    return Said(f"{kind_name(inner)}: {said.text} ({what})")
 
 
 def row_of(frame: Frame, hearer: str, outcome: str, due_ns: int | None, said: Said, local_ns: int | None) -> MessageRow:

@@ -14,11 +14,14 @@ from trackfield.protocols.collection.links import text_of
 from trackfield.wire.codec import decoded, kind_name
 from trackfield.wire.interests import Data
 from trackfield.wire.messages import Hop
+from trackfield.wire.outside import Carried as Parcel
 
 USED: Final = ("delivered", "late")
 """The outcomes of a message that came to its end for the first time."""
-CARRIERS: Final = ("hop", "data")
-"""The kinds of message that carry another one: over a tree to a base, and to the sink of an interest."""
+CARRIERS: Final = ("hop", "data", "carried")
+"""The kinds of message that carry another one: over a tree to a base, to the sink of an interest, over a backbone."""
+COUNTED: Final = ("hop", "carried")
+"""Those whose hops are counted: data goes to many sinks."""
 REPORTS: Final = ("doa", "measurement", "range", "rss", "energy", "cpa-report", "cpa-report-sds")
 """The kinds of message that carry what a sensor measured."""
 
@@ -35,12 +38,13 @@ class _Carried(NamedTuple):
 
 
 def hop_latencies(bases: Iterable[str], rows: Sequence[MessageRow]) -> dict[str, dict[str, Any]]:
-    """Of those that came to a base over a tree, by number of hops: how many (``n``), their ``p50`` and ``p95`` in ms.
+    """Of those that came to a base over a tree, or to their end over a backbone, by number of hops: how many (``n``),
+    their ``p50`` and ``p95`` in ms.
 
-    From the first transmission by the origin to the arrival at the base.
+    From the first transmission by the origin to the arrival there.
     """
     took: dict[int, list[int]] = defaultdict(list)
-    for hops, row in _journeys(bases, (row for row in rows if row.kind == "hop")):
+    for hops, row in _journeys(bases, (row for row in rows if row.kind in COUNTED)):
         if row.outcome in USED and row.due_ns is not None:
             took[hops].append(row.due_ns - row.sent_ns)
     return {str(hops): {"n": len(ns), **_quantiles(ns)} for hops, ns in sorted(took.items())}
@@ -52,7 +56,7 @@ def _quantiles(ns: Sequence[int]) -> dict[str, float]:
 
 
 def end_to_end(bases: Iterable[str], rows: Iterable[MessageRow]) -> list[MessageRow]:
-    """The messages that went to one of these bases or to a sink, as if each had gone there directly.
+    """The messages that went to one of these bases, to a sink, or over a backbone, as if each had gone there directly.
 
     Of one that never came, the outcome is what became of its last frame; if that was not lost, ``in_flight``.
     """
@@ -66,9 +70,9 @@ def reports_end_to_end(bases: Iterable[str], rows: Iterable[MessageRow]) -> list
 
 def _journeys(bases: Iterable[str], rows: Iterable[MessageRow]) -> Iterator[tuple[int, MessageRow]]:
     """(hops, the message from its origin to its end) of each message that was sent over several hops, or might be."""
-    found: dict[tuple[str, int, frozenset[str]], list[_Carried]] = {}
+    found: dict[tuple[str, str, int, frozenset[str]], list[_Carried]] = {}
     for one in _carried(frozenset(bases), rows):
-        found.setdefault((one.origin, one.number, one.ends), []).append(one)
+        found.setdefault((one.row.kind, one.origin, one.number, one.ends), []).append(one)
     for frames in found.values():
         first = frames[0]
         inner = decoded(first.message)
@@ -91,3 +95,6 @@ def _carried(bases: frozenset[str], rows: Iterable[MessageRow]) -> Iterator[_Car
             case Data() as data if data.message:
                 sink = frozenset({text_of(data.sink)})
                 yield _Carried(row, text_of(data.origin), data.serial, data.hops, data.message, sink)
+            case Parcel() as parcel:
+                end = frozenset({text_of(parcel.destination)})
+                yield _Carried(row, text_of(parcel.origin), parcel.number, parcel.hops, parcel.message, end)

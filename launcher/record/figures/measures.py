@@ -8,6 +8,7 @@ from typing import Any, Final, Literal, Self
 from pydantic import StrictBool, ValidationError
 
 from launcher.nested import flat
+from launcher.record.figures.camera.figures import CameraFigures, in_study
 from launcher.record.figures.costs import LedgerFigures
 from launcher.record.figures.frames import (
     Bytes,
@@ -299,6 +300,7 @@ class RunFigures(Figures):
     leaders: Leaders
     clusters: Clusters
     passes: PassFigures
+    camera: CameraFigures | None
     age_of_information_s: Age
     processes: Processes
     frames: Frames
@@ -333,6 +335,7 @@ class RunFigures(Figures):
         """A row for each tracker: its figures and those of the run that ``OF_RUN`` names, by their keys."""
         whole = flat(self.model_dump(exclude={"trackers"}))
         run = {key: whole[key] for key in OF_RUN}
+        run |= in_study(self.camera)
         for name, tracker in self.trackers.items():
             figures = tracker.model_dump(exclude=set(TrackerFigures.model_fields) - set(ScoreFigures.model_fields))
             fixes = self.passes.of(name)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from launcher.files import LOG, reason
-from launcher.record.journal import TIMELINE, Journal, Unplanned
+from launcher.record.journal import TIMELINE, TIMELINE_FAILED, Journal, Unplanned
 from launcher.record.kept.log import MARK, REFUSED, Entry, Reading
 from launcher.record.listener import ARRIVED, Intake
 from launcher.record.metrics import Metrics, cut_off
@@ -37,7 +37,7 @@ def recovered(plan: Plan, folder: Path, deaths: Sequence[Unplanned] | None = Non
         journal = Journal(plan, intake.ledger, folder, part)
         metrics = journal.tables(told or (), messages=entries)
         failure = journal.draw()
-        if not failure:
+        if not failure.startswith(TIMELINE_FAILED):
             part.replace(folder / TIMELINE)
     finally:
         part.unlink(missing_ok=True)

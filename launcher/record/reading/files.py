@@ -49,8 +49,9 @@ class Machine(BaseModel):
 class Manifest(BaseModel):
     """What manifest.json says of a run: its command, when it ``started``, versions, machine.
 
-    To make its tables again: the ``run``, its ``speed``, the digest of its ``scenario``, and its ``bridges``: real
-    devices by the processes in whose place they were; empty if it does not say.
+    ``endpoint`` is where others could join it, None in virtual time. To make its tables again: the ``run``, its
+    ``speed``, the digest of its ``scenario``, and its ``bridges``: real devices by the processes in whose place they
+    were; empty if it does not say.
     """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
@@ -60,6 +61,7 @@ class Manifest(BaseModel):
     versions: Mapping[str, str]
     machine: Machine
     run: str = ""
+    endpoint: str | None = None
     speed: Number | None = None
     scenario: str = ""
     bridges: Mapping[str, str] = {}
@@ -87,7 +89,7 @@ def check_run(folder: Path) -> None:
 
 def read_figures(folder: Path) -> RunFigures:
     """metrics.json."""
-    figures = _json(folder, METRICS)
+    figures = read_json(folder, METRICS)
     try:
         return RunFigures.of(figures, str(folder / METRICS))
     except ScenarioError as error:
@@ -98,7 +100,7 @@ def read_figures(folder: Path) -> RunFigures:
 def read_manifest(folder: Path) -> Manifest:
     """manifest.json."""
     try:
-        return Manifest.model_validate(_json(folder, MANIFEST))
+        return Manifest.model_validate(read_json(folder, MANIFEST))
     except ValidationError as error:
         key, what = first_problem(error)
         raise ScenarioError(what, file=str(folder / MANIFEST), key=key, expected="the manifest of a run") from None
@@ -181,7 +183,8 @@ def check_belongs(
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
-def _json(folder: Path, name: str) -> dict[str, Any]:
+def read_json(folder: Path, name: str) -> dict[str, Any]:
+    """A JSON file of a run, as a table. Raises ``ScenarioError`` unless it is one."""
     try:
         found = json.loads(_bytes(folder, name))
         json.dumps(found, ensure_ascii=False).encode()  # JSON can hold halves of characters, which cannot be written

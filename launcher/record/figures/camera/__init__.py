@@ -1,0 +1,1 @@
+"""Figures of a camera beyond a gateway: its shots beside the truth."""
