@@ -1,0 +1,1 @@
+"""What a camera sees, drawn: frames, a video of them, and a sheet with one frame of each shot."""
