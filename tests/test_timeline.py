@@ -19,7 +19,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from launcher.records import TRACKS, FieldInfo, MessageRow, Place, Truth
-from launcher.timeline import look, rows, views
+from launcher.timeline import look, outlook, rows
 from launcher.timeline.timeline import Timeline
 from tests import fake_run
 from tests.rrd import entities, read, verify
@@ -390,7 +390,7 @@ def test_times_count_from_the_first_step(tmp_path: Path) -> None:
     """A frame 3 s after the start of the run, in the middle of a setup of 5 s, is at -2 s; the axis begins with it."""
     absolute = rrb.TimeRangeBoundary.absolute
     whole = rrb.TimeAxis(view_range=rr.TimeRange(start=absolute(seconds=-5.0), end=absolute(seconds=9.0)))
-    assert views._whole_run(small_info(origin_ns=5 * NS, end_s=9.0)) == whole
+    assert outlook.whole_run(small_info(origin_ns=5 * NS, end_s=9.0)) == whole
     info = small_info(origin_ns=5 * NS, truths=(Truth("target", ((0.0, 1.0, 2.0), (1.0, 3.0, 4.0))),))
     timeline = Timeline(tmp_path / "run.rrd", dataclasses.replace(info, marks=((0.5, "n1", "kill"),)))
     timeline.message(report("n1", 3000, 10))

@@ -12,6 +12,7 @@ import rerun as rr
 
 from launcher.colours import tracker_colours
 from launcher.records import SENSES, TRACKS, FieldInfo, Place
+from launcher.timeline.beyond import WATCHED, beyond, within
 from launcher.timeline.scene import spacing
 
 TIME: Final = "emulated time"
@@ -43,6 +44,14 @@ STATE_COLOURS: Final[dict[str, Colour]] = {
     "contending": 0xB48CF2FF,
     "gathering": 0x3DBE6CFF,
     "electing": 0xB48CF2FF,
+    "sending": 0x3DBE6CFF,
+    "ready": 0x606C88FF,
+    "moving": 0x4FC0F0FF,
+    "aiming": 0xF2A93BFF,
+    "lost": 0xF2524BFF,
+    "off": 0x4A5061FF,
+    "running": 0x606C88FF,
+    "stopped": 0xE258A0FF,
     DEAD: 0x8E2420FF,
 }
 OTHER_STATE: Final[Colour] = 0xAA78DCFF
@@ -172,18 +181,21 @@ def lanes(info: FieldInfo) -> list[Place]:
 
     These are places without a sensor, then the sensors in the order of how long a target is nearest to them. Of many
     places without a sensor those that are one of many stand in the same order, then by how near it comes, and only the
-    first before the sensors.
+    first before the sensors. Camera control and camera come before them, too, what else is beyond a gateway after them.
     """
     sensors, alone, crowd = info.tagged(SENSES), *others(info)
     passed, rest = _passed(info, sensors)
     led, idle = _passed(info, crowd)
     led += sorted(idle, key=lambda place: _away(info, place))
-    return [*alone, *led[:CROWD_LANES], *passed, *led[CROWD_LANES:], *rest]
+    outside = beyond(info.places)
+    seen = [place for place in outside if place.role in WATCHED]
+    unseen = [place for place in outside if place.role not in WATCHED]
+    return [*alone, *seen, *led[:CROWD_LANES], *passed, *led[CROWD_LANES:], *unseen, *rest]
 
 
 def others(info: FieldInfo) -> tuple[list[Place], list[Place]]:
     """The places without a sensor; those of which there are too many to name each stand apart."""
-    found = [place for place in info.places if SENSES not in place.tags]
+    found = [place for place in within(info.places) if SENSES not in place.tags]
     if len(found) <= FEW:
         return found, []
     roles = Counter(place.role for place in found)
@@ -212,12 +224,16 @@ def graph_positions(info: FieldInfo) -> dict[str, tuple[float, float]]:
     """The position of each place in the network, sensors first: as in the field, but y down and scaled.
 
     The graph view draws a box of some 45 x 20 units around a name, so neighbours are a little further apart,
-    and places without a sensor are drawn half a row further south, so that they do not cover sensors.
+    and places without a sensor are drawn half a row further south, so that they do not cover sensors. What is beyond a
+    gateway stands in a row below.
     """
-    places = sorted(info.places, key=lambda place: SENSES not in place.tags)
+    places = sorted(within(info.places), key=lambda place: SENSES not in place.tags)
     at = np.array([(place.x, -place.y) for place in places]) / spacing(info) * _GRAPH_SPACING
     south = [0.0 if SENSES in place.tags else _GRAPH_SPACING[1] / 2 for place in places]
-    return {place.id: (x, y + down) for place, (x, y), down in zip(places, at.tolist(), south, strict=True)}
+    found = {place.id: (x, y + down) for place, (x, y), down in zip(places, at.tolist(), south, strict=True)}
+    west, below = min(x for x, _ in found.values()), max(y for _, y in found.values()) + 1.5 * _GRAPH_SPACING[1]
+    row = {place.id: (west + 2 * n * _GRAPH_SPACING[0], below) for n, place in enumerate(beyond(info.places))}
+    return found | row
 
 
 def field_points(info: FieldInfo) -> list[tuple[float, float]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from launcher.records import SENSES, FieldInfo
 from launcher.timeline import look, rows
-from launcher.timeline.layers import READINGS, clusters, heads, hearing
+from launcher.timeline.layers import READINGS, camera, clusters, heads, hearing
 from launcher.timeline.layers.closeup import Closeups
 from launcher.timeline.scene import Add, Shown, Sight, crosses, extent, spacing
 from trackfield.sensing.kinds import known_kind
@@ -44,6 +44,7 @@ class Picture:
         self.clusters = clusters.Clusters(info, self.shown, add)
         self.heads = heads.Heads(info, self.shown, add)
         self.hearing = hearing.Hearing(info, self.shown, add)
+        self.beyond = camera.Beyond(info, self.shown, add)
         self._spacing = spacing(info)
         self._cross = 0.16 * self._spacing
         self._still = self._places.keys() - {id for id, _ in info.paths}
@@ -64,6 +65,7 @@ class Picture:
             **{kind: partial(self.clusters.draw, kind) for kind in clusters.KINDS if self.clusters.here},
             **{kind: partial(self.heads.draw, kind) for kind in heads.KINDS if self.heads.here},
             **{kind: partial(self.hearing.draw, kind) for kind in hearing.KINDS if self.hearing.here},
+            **({"item": self.beyond.draw} if self.beyond.here else {}),
         }
         self._stale: set[str] = {"nodes"}
         self._next_ns = dict.fromkeys(self._layers, 0)

@@ -79,6 +79,26 @@ def sounds(values: list[bytes]) -> Columns:
     )
 
 
+def images(values: list[bytes]) -> Columns:
+    """JPEG files."""
+    return rr.EncodedImage.columns(
+        blob=[np.frombuffer(value, np.uint8) for value in values], media_type=["image/jpeg"] * len(values)
+    )
+
+
+def boxes(values: list[list[tuple[tuple[float, float, float, float], int, str]]]) -> Columns:
+    """Rectangles (left, top, right, bottom), colours and labels of each picture."""
+    every = [one for some in values for one in some]
+    edges = np.reshape([at for at, _, _ in every], (-1, 4))
+    columns = rr.Boxes2D.columns(
+        half_sizes=(edges[:, 2:] - edges[:, :2]) / 2,
+        centers=(edges[:, 2:] + edges[:, :2]) / 2,
+        colors=np.array([colour for _, colour, _ in every], np.uint32),
+        labels=[label for _, _, label in every],
+    )
+    return columns.partition(_lengths(values))
+
+
 def moves(values: list[tuple[float, float]]) -> Columns:
     """Where a frame is in the one around it, (x, y)."""
     return rr.Transform3D.columns(translation=[(x, y, 0.0) for x, y in values])

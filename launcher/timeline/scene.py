@@ -175,7 +175,7 @@ def extent(info: FieldInfo) -> float:
 
 def spacing(info: FieldInfo) -> float:
     """How far a place typically is from the next one, metres; about 0 if all are at one point."""
-    at = np.array([(place.x, place.y) for place in info.places])
+    at = np.array(list(dict.fromkeys((place.x, place.y) for place in info.places)))
     if len(at) == 1:
         return 1e-3
     some = at[:: len(at) // 100 + 1]

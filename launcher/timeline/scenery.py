@@ -9,7 +9,8 @@ import rerun as rr
 
 from launcher.records import BATTERY, SENSES, SLAVE, FieldInfo, Place
 from launcher.timeline import look
-from launcher.timeline.layers import READINGS, closeup, clusters, heads, hearing, passes, truth
+from launcher.timeline.beyond import beyond, marks
+from launcher.timeline.layers import READINGS, camera, closeup, clusters, heads, hearing, passes, truth
 from launcher.timeline.scene import crosses, halves
 
 Part = tuple[str, *tuple[rr.AsComponents, ...]]
@@ -35,7 +36,7 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     yield "/field/dead", look.line_style(look.LOST, 2.0, order=29)
     moving = [id for id, _ in info.paths]
     alone, crowd = ([place for place in some if place.id not in moving] for some in look.others(info))
-    yield "/field/centres", *_places(alone, 8, look.CENTRE, 25, names=True)
+    yield "/field/centres", *_marks(marks(alone + beyond(info.places)), 8, look.CENTRE, 25)
     if crowd:
         yield "/field/masters", *_places(crowd, max(dot, 3.5), look.MASTER, 25)
     if moving:
@@ -47,6 +48,7 @@ def _field(info: FieldInfo) -> Iterator[Part]:
     yield from heads.styles(info)
     yield from hearing.styles(info)
     yield from passes.styles(info)
+    yield from camera.styles(info)
     yield from truth.styles(info)
     yield from closeup.styles(info)
     yield from _legend(info)
@@ -105,7 +107,7 @@ def _links(info: FieldInfo) -> Iterator[Part]:
     )
     yield "/links/sensors", *_places(info.tagged(SENSES), look.dot(info) / 1.5, look.TRUTH, 20)
     alone, crowd = look.others(info)
-    yield "/links/centres", *_places(alone, 6, look.CENTRE, 25, names=True)
+    yield "/links/centres", *_marks(marks(alone), 6, look.CENTRE, 25)
     if crowd:
         yield "/links/masters", *_places(crowd, look.dot(info), look.CENTRE, 24)
     yield "/links/frames", look.line_style(look.TARGET, 2.5, order=15)
@@ -116,7 +118,20 @@ def _links(info: FieldInfo) -> Iterator[Part]:
     yield from look.legend("/links/legend", at, [f"{share:.0%}" for share in look.SHARES], colours, drop)
 
 
-def _places(places: list[Place], radius: float, colour: int, order: float, *, names: bool = False) -> list[rr.Points2D]:
+def _marks(marks: list[tuple[str, tuple[float, float]]], radius: float, colour: int, order: float) -> list[rr.Points2D]:
+    return [
+        rr.Points2D(
+            [at for _, at in marks],
+            radii=rr.Radius.ui_points(radius),
+            colors=colour,
+            draw_order=order,
+            labels=[name for name, _ in marks],
+            show_labels=True,
+        )
+    ]
+
+
+def _places(places: list[Place], radius: float, colour: int, order: float) -> list[rr.Points2D]:
     return [
         rr.Points2D(
             [(place.x, place.y) for place in places],
@@ -124,6 +139,6 @@ def _places(places: list[Place], radius: float, colour: int, order: float, *, na
             colors=colour,
             draw_order=order,
             labels=[place.id for place in places],
-            show_labels=names,
+            show_labels=False,
         )
     ]

@@ -19,7 +19,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
+from launcher.filming.frames import Frame
 from launcher.heard import Event, Sound
+from launcher.outside import Outside
 from launcher.records import SENSES, FieldInfo, MessageRow
 from launcher.timeline import look, rows, scenery, views
 from launcher.timeline.curves import Curves
@@ -181,6 +183,14 @@ class Timeline:
         for sound, file in sounds:
             self._add(look.path("sound", rank), rows.sounds, sound.first_ns, file)
 
+    def outside(self, outside: Outside) -> None:
+        """All that the processes of a camera told; to be called once the run is over."""
+        self._picture.beyond.outside(outside)
+
+    def frame(self, frame: Frame) -> None:
+        """A frame of a camera; as above."""
+        self._picture.beyond.frame(frame)
+
     def flush(self) -> None:
         """Sends what is due; to be called every quarter of a second."""
         self._flushes += 1
@@ -297,6 +307,7 @@ class Timeline:
         if row.src not in self._places or row.dst not in self._places:
             return
         self._picture.heads.message(row)
+        self._picture.beyond.message(row)
         begin_ns, over_ns = t_ns, row.sent_ns + self._info.step_ns
         if row.step is not None and row.outcome != "late":
             begin_ns = self._info.origin_ns + row.step * self._info.step_ns

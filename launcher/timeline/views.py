@@ -11,13 +11,15 @@ import rerun.blueprint.archetypes as rrba
 
 from launcher.heard import RANKS
 from launcher.records import FieldInfo
-from launcher.timeline import look
+from launcher.timeline import look, outlook
+from launcher.timeline.beyond import camera_of
 from launcher.timeline.curves import Axis
+from launcher.timeline.layers.camera import LOG as CAMERA_LOG
 from launcher.timeline.layers.closeup import WIDE
 from launcher.timeline.layers.heads import EVENTS, any_may_lead
 from launcher.timeline.layers.hearing import ears
 from launcher.timeline.layers.passes import LOG
-from trackfield.role import NS
+from launcher.timeline.outlook import whole_run
 
 AROUND_S: Final = 5.0
 """So much of what is heard is shown before and after the time."""
@@ -41,9 +43,9 @@ def layout(info: FieldInfo, axes: Axes | None = None, *, live: bool = False) -> 
                 _tabs(_field(info), _network(info)), _states(info, "Node states", _lanes(info)), row_shares=[3, 2]
             ),
             rrb.Vertical(
-                *([_tabs(*(_closeup(info, truth.target) for truth in info.truths))] if info.truths else []),
-                *([_links(info)] if info.receptions else []),
+                *_seen(info),
                 _tabs(
+                    *([_log("Camera log", CAMERA_LOG)] if camera_of(info) else []),
                     *([_log("Heads", EVENTS)] if any_may_lead(info) else []),
                     *([_log("Passes", LOG)] if info.hears else []),
                     _log("Messages", "/messages/**", "/notes/**", "/faults"),
@@ -54,9 +56,10 @@ def layout(info: FieldInfo, axes: Axes | None = None, *, live: bool = False) -> 
             ),
             rrb.Vertical(
                 *(_sounds(info) if info.listens else []),
-                plot("error", "Error [m]"),
+                *(_pointing(info) if camera_of(info) else []),
                 *_several(
                     info,
+                    [plot("error", "Error [m]")],
                     [plot("latency", "Latency [ms]"), plot("clock", "Clock error [ms]")],
                     [plot("lost", "Frames lost"), plot("queue", "Frames waiting")],
                     [plot("bytes", "Bytes/s")],
@@ -80,10 +83,27 @@ def labels(info: FieldInfo, plot: str) -> list[str]:
 
 
 def _several(info: FieldInfo, *groups: Sequence[rrb.View]) -> list[rrb.Container | rrb.View]:
-    """Plots below each other, those of a group as tabs; all of them as tabs where sound takes the place."""
-    if info.listens:
+    """Plots below each other, those of a group as tabs; all of them as tabs where others take the place."""
+    if camera_of(info):
         return [_tabs(*(view for group in groups for view in group))]
+    if info.listens:
+        return [groups[0][0], _tabs(*(view for group in groups[1:] for view in group))]
     return [_tabs(*group) if len(group) > 1 else group[0] for group in groups]
+
+
+def _seen(info: FieldInfo) -> list[rrb.Container | rrb.View]:
+    """What is seen of the targets: by the camera, from near by; and the radio links."""
+    closeups = [_closeup(info, truth.target) for truth in info.truths]
+    links = [_links(info)] if info.receptions else []
+    if camera_of(info):
+        return [_tabs(outlook.video(), *closeups, *links)]
+    return [*([_tabs(*closeups)] if closeups else []), *links]
+
+
+def _pointing(info: FieldInfo) -> list[rrb.Container | rrb.View]:
+    """How the camera turned, and how fixes came to it; all of them as tabs where sound takes the place."""
+    turning, ways = outlook.turning(info), outlook.ways(info)
+    return [_tabs(turning, *ways)] if info.listens else [turning, _tabs(*ways)]
 
 
 def _sounds(info: FieldInfo) -> list[rrb.Container | rrb.View]:
@@ -185,14 +205,16 @@ def _plot(info: FieldInfo, what: str, name: str, axis: Axis | None) -> rrb.TimeS
         origin=look.path("plots", what),
         name=name,
         plot_legend=rrb.PlotLegend(corner=left if axis and axis.left else right, visible=axis is None or axis.legend),
-        axis_x=_whole_run(info),
+        axis_x=whole_run(info),
         axis_y=rrb.ScalarAxis(range=(-0.03 * axis.top, axis.top)) if axis else None,
     )
 
 
 def _lanes(info: FieldInfo) -> int:
     """How many places have room for their lanes below the field; nodes that may lead have two each."""
-    return look.LANES // 2 if any_may_lead(info) or ears(info) else look.LANES
+    if not any_may_lead(info) and not ears(info):
+        return look.LANES
+    return look.LANES // 2 + (camera_of(info) is not None)  # those of the camera have one
 
 
 def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:
@@ -204,19 +226,10 @@ def _states(info: FieldInfo, name: str, count: int) -> rrb.StateTimelineView:
             *(look.path("state", place.id) + "/**" for place in look.lanes(info)[:count]),
         ],
         name=name,
-        time_view=_whole_run(info),
+        time_view=whole_run(info),
         defaults=[
             rr.StateConfiguration(values=list(look.STATE_COLOURS), colors=list(look.STATE_COLOURS.values())),
         ],
-    )
-
-
-def _whole_run(info: FieldInfo) -> rrb.TimeAxis:
-    return rrb.TimeAxis(
-        view_range=rr.TimeRange(
-            start=rrb.TimeRangeBoundary.absolute(seconds=-info.origin_ns / NS),
-            end=rrb.TimeRangeBoundary.absolute(seconds=info.end_s),
-        )
     )
 
 
