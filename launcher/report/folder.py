@@ -15,12 +15,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from launcher.files import MESSAGES_TABLE, TRACKS_TABLE
+from launcher.outside import Outside
 from launcher.plan.architectures import Built, built, surveyed
 from launcher.plan.faults import Faults, Mark
 from launcher.plan.plan import hears, planned_faults
 from launcher.record.figures.hops import CARRIERS, REPORTS, reports_end_to_end
 from launcher.record.journal import METRICS
 from launcher.record.reading import files as reading
+from launcher.record.reading.camera import check_camera, read_camera
 from launcher.record.reading.files import Manifest
 from launcher.records import ARRIVED, SENSES, MessageRow, Place, View, last_due
 from launcher.report import tracks
@@ -124,7 +126,7 @@ class Run:
 
     ``field`` is its scenario worked out, with its processes and views; ``faults`` are the planned ones. ``points`` are
     those of all sources, with the columns of tracks.parquet that a report needs; ``tracks`` are those of the headline
-    view, and ``course`` has the instants at which one is expected.
+    view, and ``course`` has the instants at which one is expected. ``outside`` is what the processes of a camera told.
     """
 
     folder: Path
@@ -137,6 +139,7 @@ class Run:
     course: Course
     tracks: tuple[Track, ...]
     frames: Frames
+    outside: Outside | None = None
 
     @property
     def site(self) -> Site:
@@ -277,7 +280,9 @@ def read_run(folder: Path) -> Run:
         course,
         _tracks(points, field, course),
         Frames(frames, site.origin_ns, frames.num_rows - on_air),
+        None if metrics["camera"] is None else read_camera(folder),
     )
+    check_camera(folder, run.outside, metrics["camera"] and metrics["camera"]["fixes"], site)
     jumps = (run.faults.of(place.id).jumps for place in run.places)
     reading.check_belongs(folder, run.places, site.end_ns, jumps, points, frames)
     if (metrics["scenario"], metrics["seed"]) != (scenario.name, scenario.seed):

@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.files import MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
+from launcher.files import CAMERA, MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
+from launcher.record.outside.filmed import VIDEO
 from launcher.record.words import alarms, span
 from launcher.report.cells import ids, number
 from launcher.report.figures import PLOTS, draw
 from launcher.report.folder import Run, read_run
 from launcher.report.leading import peers
 from launcher.report.outages import few_reports
-from launcher.report.parts import PARTS, clusters, passes
+from launcher.report.parts import PARTS, camera, clusters, passes
 from launcher.report.templates import inline, templates
 from trackfield.errors import ScenarioError
 
@@ -27,6 +28,7 @@ _SECTIONS: Final = {
     "clusters": "Clusters",
     "heads": "Heads",
     "passes": "Passes",
+    "camera": "Camera",
     "messages": "Messages",
     "channel": "The channel",
     "latency": "Latency",
@@ -40,6 +42,8 @@ _FILES: Final = {
     "metrics.json": "all figures of this page, and more",
     TRACKS_TABLE: "estimates of each tracker at each step, and the truth; for pandas, DuckDB and others",
     MESSAGES_TABLE: "every frame and what became of it",
+    CAMERA: "what camera, camera control, gateway, video and system control told",
+    VIDEO: "what the camera saw",
     "run.rrd": "the timeline, for trackfield view",
     MANIFEST: "command, versions, machine",
     PLOTS: "the figures of this page",
@@ -76,9 +80,13 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
         "clusters": clusters.shown(run),
         "heads": peers(run),
         "passes": passes.shown(run),
+        "camera": run.outside is not None,
         "channel": run.metrics["channel"]["use_mean"] is not None,
         "energy": bool(run.metrics["energy_j"]["total"]),
     }
+    files = {name: file.read_bytes() for name, file in pictures.items()}
+    if (sheet := camera.sheet(run)) is not None:
+        files["sheet"] = sheet
     return {
         "run": run,
         "alarms": [*alarms(run.metrics), *_shortfalls(run)],
@@ -86,7 +94,7 @@ def _contents(run: Run, pictures: Mapping[str, Path]) -> dict[str, Any]:
         "sections": [(id, name) for id, name in _SECTIONS.items() if shown.get(id, True)],
         "number": number,
         "span": span,
-        "pictures": {name: inline(file.read_bytes()) for name, file in pictures.items()},
+        "pictures": {name: inline(data) for name, data in files.items()},
         "commands": commands(run),
         "files": {name: what for name, what in _FILES.items() if _has(run.folder / name)},
     }

@@ -7,6 +7,7 @@ from typing import Any, Final, Protocol
 
 from launcher.report.folder import Run
 from launcher.report.parts import (
+    camera,
     channel,
     clusters,
     consistency,
@@ -45,6 +46,7 @@ PARTS: Final[Mapping[str, Part]] = {
     "clusters": clusters,
     "heads": heads,
     "passes": passes,
+    "camera": camera,
     "messages": messages,
     "channel": channel,
     "latency": latency,
