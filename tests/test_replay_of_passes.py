@@ -15,7 +15,7 @@ from launcher.run import run_virtual
 from launcher.study.replay import replay
 
 CENTRE = (
-    *("architecture.kind=centralised", "link.range_m=2000", "sensor.waveform=false"),
+    *("architecture.kind=centralised", "camera.kind=none", "link.range_m=2000", "sensor.waveform=false"),
     "fusion.trackers=['ml','ecpa','ukf']",
 )
 LATE = ("link.model=gilbert_elliott", "link.delay_ms=200", "link.jitter_ms=900", "fusion.max_age_s=2.5")

@@ -6,6 +6,7 @@ import json
 from typing import Any, Final
 
 from launcher.reproduce.papers.yang import words
+from launcher.reproduce.papers.yang.camera import tables as camera
 from launcher.reproduce.papers.yang.claims import JUDGES
 from launcher.reproduce.papers.yang.whole import tables
 from launcher.reproduce.tables import READING
@@ -13,8 +14,8 @@ from tests.yang_page import FIGURES, KEPT, PAGE, claims, parts, written
 
 SAID: Final = PAGE.read_text()
 RESULTS: Final[dict[str, Any]] = json.loads((KEPT / "results.json").read_text())
-OTHERS: Final = 3
-"""Claims about sound and whole runs."""
+OTHERS: Final = 8
+"""Claims about sound, whole runs and the camera."""
 
 
 def test_claims_and_verdicts_are_those_of_the_results() -> None:
@@ -24,7 +25,7 @@ def test_claims_and_verdicts_are_those_of_the_results() -> None:
 
 def test_tables_are_those_of_the_results() -> None:
     found = parts(RESULTS)
-    assert set(found) == {*words.TITLES.values(), *tables.TITLES.values()}
+    assert set(found) == {*words.TITLES.values(), *tables.TITLES.values(), *camera.TITLES.values()}
     for title, text in found.items():
         assert f"### {title}\n\n{text}\n" in SAID, title
 

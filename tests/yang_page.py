@@ -15,13 +15,14 @@ from typing import Any, Final
 
 from launcher.reproduce.intervals import Interval
 from launcher.reproduce.papers.yang import words
+from launcher.reproduce.papers.yang.camera import tables as camera
 from launcher.reproduce.papers.yang.whole import tables
 from launcher.reproduce.tables import READING, Claim, Row, claims_table
 
 DOCS: Final = Path(__file__).parents[1] / "docs"
 PAGE: Final = DOCS / "papers-yang.md"
 KEPT: Final = DOCS / "papers-yang"
-FIGURES: Final = ("fig04", "fig10", "fig12", "fig13", "fig14", "fig15", "fig16")
+FIGURES: Final = ("fig04", "fig10", "fig12", "fig13", "fig14", "fig15", "fig16", "camera")
 _INTERVALS: Final = frozenset(field.name for field in fields(Row) if "Interval" in str(field.type))
 _BEFORE: Final = f"## What it claims\n\n{READING}\n\n"
 _TABLES: Final = "## Tables\n\n"
@@ -45,7 +46,8 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
     """The text of every table by its heading."""
     times = {name: [took] for name, took in results["times"].items()}
     found = {title: words.text(name, rows(results, name), times) for name, title in words.TITLES.items()}
-    return found | {title: tables.text(name, rows(results, name)) for name, title in tables.TITLES.items()}
+    found |= {title: tables.text(name, rows(results, name)) for name, title in tables.TITLES.items()}
+    return found | {title: camera.text(name, rows(results, name)) for name, title in camera.TITLES.items()}
 
 
 def written(page: str, results: dict[str, Any]) -> str:

@@ -74,6 +74,12 @@ FIGURES: Final = {
         Figure("passes.location_m.mean", "error of fixes, place", "m"),
         Figure("passes.speed_m_s.mean", "error of fixes, speed", "m/s"),
         Figure("passes.delay_s.mean", "delay of fixes", "s"),
+        Figure("camera.in_frame.at_aim", "targets in the picture at the aim", "", "more"),
+        Figure("camera.in_frame.frames", "frames with the target", "", "more"),
+        Figure("camera.in_frame.shots", "shots with the target in any frame", "", "more"),
+        Figure("camera.delay_s.mean", "delay of fixes at the camera", "s"),
+        Figure("camera.place_m.mean", "error of where the camera aims", "m"),
+        Figure("camera.gateway.dropped", "items dropped by the gateway", ""),
     )
 }
 """By their keys."""

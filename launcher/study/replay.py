@@ -17,13 +17,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
+from launcher.files import CAMERA, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.plan.prepare import load, planned
 from launcher.record.figures.hops import CARRIERS, end_to_end
 from launcher.record.folder import check_scenario, keep, prepare_folder, whole_or_none, write_manifest
 from launcher.record.journal import Journal
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import Metrics
+from launcher.record.reading.camera import read_camera
 from launcher.record.reading.files import (
     check_belongs,
     check_run,
@@ -67,6 +68,8 @@ def replay(
     metrics: Metrics = read_figures(run).plain()
     settings = ["fusion.max_age_s=0"] if drop_late else []
     scenario = load(str(run / SCENARIO), settings=settings, trackers=trackers)
+    if metrics["camera"] is not None:
+        read_camera(run)
     messages = read_table(run, MESSAGES_TABLE)
     plan = planned(scenario)
     jumps = (p.jumps for p in plan.processes)
@@ -82,7 +85,8 @@ def replay(
         write_manifest(folder, replace(plan, bridges=read_manifest(run).bridges), command, None)
         used = [row for row in reports if not (drop_late and row.outcome == LATE)]
         anew = _fuse(plan, (fusions, handed), rows, used, metrics, folder)
-        shutil.copyfile(run / MESSAGES_TABLE, folder / MESSAGES_TABLE)
+        for kept in (MESSAGES_TABLE, *([CAMERA] if metrics["camera"] is not None else [])):
+            shutil.copyfile(run / kept, folder / kept)
     metrics |= {part: anew[part] for part in FUSED_ANEW}
     metrics |= {"driver": "replay", "wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - cpu_s}
     metrics["timing"]["speed"] = None

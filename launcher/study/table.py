@@ -28,12 +28,23 @@ COLUMNS: Final = {
     "energy_j.total": "energy",
     "lifetime_s.first_death": "battery empty",
     "frames.lost": "frames lost",
+    "camera.in_frame.at_aim": "in picture",
 }
 """Figures in the table, if any row has them."""
 _WITH_INTERVAL: Final = ("tracked", "RMSE")
 """Columns that have intervals in a terminal."""
 _FIRST_TO_GO: Final = (
-    *("median", "blackout", "with gaps", "latency, 95 %", "frames lost", "lost", "battery empty", "energy"),
+    *(
+        "median",
+        "blackout",
+        "with gaps",
+        "latency, 95 %",
+        "frames lost",
+        "lost",
+        "battery empty",
+        "energy",
+        "in picture",
+    ),
 )
 """Columns that are left out in a narrow terminal, in this order."""
 _ANY: Final = 10_000

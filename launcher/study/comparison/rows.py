@@ -77,6 +77,7 @@ def figures(compared: Compared) -> list[Group]:
     groups = [
         *(Group(name, tuple(_tracker(name, compared)), name) for name in compared.trackers),
         Group("bound", tuple(_bounds(compared.metrics))),
+        Group("camera", tuple(camera_rows(compared.metrics))),
         Group("frames", tuple(_frames(compared.metrics))),
         Group("network and energy", tuple(_costs(compared.metrics, sums))),
         Group("machine", tuple(_machine(compared.metrics))),
@@ -114,6 +115,27 @@ def _tracker(name: str, compared: Compared) -> Iterator[Row]:
 def _bounds(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:
     names = {"trajectory": "with the reports of the run [m]", "position": "with every report in reach [m]"}
     return _telling(*(_row(metrics, text, "bound", key) for key, text in names.items()))
+
+
+def camera_rows(metrics: Sequence[Mapping[str, Any]]) -> list[Row]:
+    """What cameras beyond gateways saw; none where no run has one."""
+    if all(one["camera"] is None for one in metrics):
+        return []
+    seen = ("camera", "in_frame")
+    return [
+        _row(metrics, "target in the picture at the aim", *seen, "at_aim", better="higher", text=percent),
+        _row(metrics, "frames with the target", *seen, "frames", better="higher", text=percent),
+        _row(metrics, "shots", "camera", "shots"),
+        *_telling(
+            _row(metrics, "shots with the target in any frame", *seen, "shots", better="higher", text=percent),
+            _row(metrics, "last pass to camera control, mean [s]", "camera", "delay_s", "mean", better="lower"),
+            _row(metrics, "turning, mean [s]", "camera", "slew_s", "mean"),
+            _row(metrics, "aim to target, mean [m]", "camera", "place_m", "mean", better="lower"),
+            _row(metrics, "off in pan at the aim, mean [°]", "camera", "pan_deg", "mean", better="lower"),
+            _row(metrics, "camera lost [times]", "camera", "lost", "times", better="lower"),
+            _row(metrics, "dropped by the gateway", "camera", "gateway", "dropped", better="lower"),
+        ),
+    ]
 
 
 def _frames(metrics: Sequence[Mapping[str, Any]]) -> Iterator[Row]:

@@ -38,6 +38,9 @@ COMPARED: Final = (
     "passes.location_m.mean",
     "passes.speed_m_s.mean",
     "passes.delay_s.mean",
+    "camera.in_frame.at_aim",
+    "camera.in_frame.frames",
+    "camera.delay_s.mean",
 )
 """The figures by which settings are compared, if any run has them."""
 DECISIVE: Final = (
@@ -48,7 +51,7 @@ DECISIVE: Final = (
     "ledger.lifetime_s.first_death",
 )
 """The figures of the Pareto front of all: what a field is for, and how long it lasts."""
-SHARES: Final = ("base.share_within", "channel.use_peak")
+SHARES: Final = ("base.share_within", "channel.use_peak", "camera.in_frame.at_aim", "camera.in_frame.frames")
 """Figures that are 1 at most."""
 PURPOSES: Final = {
     "sync": "setting clocks",

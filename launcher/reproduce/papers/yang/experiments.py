@@ -1,4 +1,4 @@
-"""What is run of Yang et al. without roles: trials of their field, random fields, sound."""
+"""What is run of Yang et al. without roles: trials of their field, random fields, sound, a camera."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 from typing import Final
 
 from launcher.reproduce.kernels.study import Experiment
+from launcher.reproduce.papers.yang.camera import aimed
 from launcher.reproduce.papers.yang.checks import TRIGGERED
 from launcher.reproduce.papers.yang.solved.failing import success
 from launcher.reproduce.papers.yang.solved.solving import compared
@@ -23,6 +24,7 @@ EXPERIMENTS: Final[Mapping[str, Experiment]] = {
     **{name: Experiment(partial(success, setup), BATCH) for name, setup in FAIL.items()},
     **{name: Experiment(partial(compared, setup), BATCH) for name, setup in SWEEPS.items()},
     TRIGGERED: Experiment(triggered, BATCH),
+    **aimed.EXPERIMENTS,
     SOUND_CASE: Experiment(partial(end_to_end, SNR_DB, USUAL), 5, MOST_SOUND),
 }
 """All of them, by name."""

@@ -46,6 +46,7 @@ FIGURES: Final = (
     ("fig14", "errors over the speed, with the bound and the published ends", "ECPA alone"),
     ("fig15", "errors over those of the nodes' places", "ECPA alone"),
     ("fig16", "errors over the area of the field", "ECPA alone"),
+    ("camera", "targets in the picture of the camera over the delay, with and without prediction", "nothing of it"),
 )
 """Name, what it shows, and what the paper has of it."""
 

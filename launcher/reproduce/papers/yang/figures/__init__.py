@@ -9,7 +9,7 @@ import matplotlib as mpl
 
 from launcher.report.style import STYLE
 from launcher.reproduce.kernels.study import Found
-from launcher.reproduce.papers.yang.figures import closed, heard, runs, sweeps
+from launcher.reproduce.papers.yang.figures import camera, closed, heard, runs, sweeps
 from launcher.reproduce.papers.yang.whole.roles import done
 
 LOOKS: Final[dict[Any, Any]] = {**STYLE, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8}
@@ -28,6 +28,7 @@ def draw(folder: Path, found: Found) -> None:
             ("fig14", sweeps.fig14(found)),
             ("fig15", sweeps.fig15(found)),
             ("fig16", sweeps.fig16(found)),
+            ("camera", camera.camera(found)),
         ):
             one.savefig(folder / f"{name}.png")
         if done(found):

@@ -80,10 +80,16 @@ class Trials(NamedTuple):
     passes: Passes
 
 
-def trials(setup: Setup, seeds: Sequence[int]) -> Trials:
-    """Targets that cross the field on random lines, and the reports of its nodes."""
+def trials(setup: Setup, seeds: Sequence[int], line: tuple[Array, float] | None = None) -> Trials:
+    """Targets that cross the field, and the reports of its nodes.
+
+    All take the same ``line``, through a point (2,) at a heading (rad, clockwise from north), or random ones.
+    """
     count, nodes = len(seeds), setup.nodes
-    truth = crossing(setup.places, setup.speed, generators(seeds, "line"))
+    if line is None:
+        truth = crossing(setup.places, setup.speed, generators(seeds, "line"))
+    else:
+        truth = np.tile(along(setup, *line), (count, 1))
     places = np.broadcast_to(setup.places, (count, nodes, 2))
     distances = passing.distances(truth, places)
     told_sd = setup.time_sd(distances)
@@ -102,6 +108,13 @@ def trials(setup: Setup, seeds: Sequence[int]) -> Trials:
         place_sd_m=setup.place_sd_m,
     )
     return Trials(truth, places, passes)
+
+
+def along(setup: Setup, through: Array, heading: float) -> Array:
+    """The state (4,) on a line where it is nearest to the nodes' centroid."""
+    e = np.array([np.sin(heading), np.cos(heading)])
+    at = through + ((setup.places.mean(axis=0) - through) @ e) * e
+    return np.concatenate([at, setup.speed * e])
 
 
 def crossing(places: Array, speed: float, rngs: Generators) -> Array:

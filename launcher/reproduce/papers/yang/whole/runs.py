@@ -52,7 +52,7 @@ def run(changes: Mapping[str, Any], seeds: Sequence[int]) -> Figures:
 
 
 def _run(changes: Mapping[str, Any], seed: int) -> dict[str, Array]:
-    settings = {"seed": seed, "fusion.trackers": list(TRACKERS), **changes}
+    settings = {"seed": seed, "camera.kind": "none", "fusion.trackers": list(TRACKERS), **changes}
     plan = make_plan(Scenario.load(SCENARIO, settings), run=f"{SCENARIO}-{seed}")
     ledger, rows = simulate(plan)
     places = np.array([(place.x, place.y) for place in plan.info.places if place.id.startswith("n")])
