@@ -119,7 +119,8 @@ class Parts:
             entry: Any = (time.monotonic_ns(), came(sample))
             self.listener._inbox.append(entry)
             for process in self.processes:
-                if process.spec.sink and sample.key.startswith(f"data/field/to/{process.spec.id}/"):
+                inboxes = tuple(f"data/{medium}/to/{process.spec.id}/" for medium in process.spec.media)
+                if process.spec.sink and sample.key.startswith(inboxes):
                     process._inbox.append(entry)
 
     def _delivered(self) -> list[Sample]:

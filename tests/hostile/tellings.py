@@ -10,12 +10,13 @@ import msgpack
 from tests.hostile.samples import ALARM, REFUSED, Draw, Means, Sample, bad
 from trackfield.drivers.engine.frames import Charge, Died, Frame, Overflowed, Queued, Refused, Told, Undone
 from trackfield.drivers.exchange.telemetry import pack
-from trackfield.role import NS, Corrected, Note, Publish, Radio, State, TrackPoint
+from trackfield.role import NS, Corrected, Note, Publish, Radio, State, Tell, TrackPoint
 from trackfield.wire import keys
 
 TELEMETRY = "telemetry"
 TYPES: Final = (
-    "state", "radio", "note", "corrected", "died", "charge", "queued", "publish", "overflowed", "refused", "undone",
+    "state", "radio", "note", "tell", "corrected", "died", "charge", "queued", "publish", "overflowed", "refused",
+    "undone",
 )  # fmt: skip
 COVARIANCE: Final = (9.0, 0, 0, 0, 0, 9.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0)
 
@@ -34,6 +35,7 @@ def plausible(draw: Draw) -> Told | Refused | Undone:
         State(draw.choice(["asleep", "tracking", "\x1b[31mred"])),
         Radio(draw.random() < 0.5),
         Note("\x1b[2J all is well"),
+        Tell(draw.choice(["motion", "aimed", "\x1b[31m"]), (draw.choice([0, 1e308, "x" * 500]),) * draw.randrange(9)),
         Corrected(draw.randrange(10**9)),
         Died("battery"),
         Charge(draw.random()),
@@ -77,6 +79,7 @@ def event_with_a_wrong_value(draw: Draw) -> Sample:
         "state": [5, None],
         "radio": ["on", 7],
         "note": [{"a": 1}],
+        "tell": ["aimed", draw.choice([5, None, "values", [None], [[1]], [{"a": 1}], [2**64 - 1]])],
         "corrected": ["soon"],
         "died": [[1]],
         "charge": ["full"],
