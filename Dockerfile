@@ -15,6 +15,8 @@ COPY trackfield /src/trackfield
 COPY node /src/node
 COPY fusion /src/fusion
 COPY head /src/head
+COPY gateway /src/gateway
+COPY camera /src/camera
 COPY launcher /src/launcher
 RUN pip install --quiet --no-index --no-deps --no-build-isolation /src
 WORKDIR /field

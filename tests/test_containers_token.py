@@ -15,6 +15,13 @@ echo "${TRACKFIELD_TOKEN-unset} $*" >>"$SAID"
 """
 
 
+DOCKER = """#!/bin/sh
+while [ "$1" != image ]; do shift; done
+shift
+if [ "$1" = trackfield ]; then echo '{"processes": {"node": 4, "camera-control": 1}}'; else exec "$@"; fi
+"""
+
+
 def calls(folder: Path, token: str | None) -> list[tuple[str, str]]:
     """The token and the arguments of each call of Compose, while a field runs."""
     shutil.copytree(ROOT / "containers", folder / "containers")
@@ -22,11 +29,18 @@ def calls(folder: Path, token: str | None) -> list[tuple[str, str]]:
     recorder = folder / "recorder"
     recorder.write_text(COMPOSE)
     recorder.chmod(0o755)
+    docker = folder / "docker"
+    docker.write_text(DOCKER)
+    docker.chmod(0o755)
     environment = {key: value for key, value in os.environ.items() if key != "TRACKFIELD_TOKEN"}
-    environment |= {"PATH": f"{folder}:{os.environ['PATH']}", "SAID": str(folder / "said")}
+    environment |= {"PATH": f"{folder}:{os.environ['PATH']}", "SAID": str(folder / "said"), "TRACKFIELD_IMAGE": "image"}
     environment |= {} if token is None else {"TRACKFIELD_TOKEN": token}
     done = subprocess.run(
-        [folder / "containers" / "field", "4", "spcpf"], env=environment, capture_output=True, text=True, check=False
+        [folder / "containers" / "field", "spcpf", "--nodes", "4"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     lines = (folder / "said").read_text().splitlines()
@@ -48,6 +62,12 @@ def test_a_field_has_a_secret_of_its_own(tmp_path: Path, token: str | None) -> N
 
 def test_a_given_secret_is_kept(tmp_path: Path) -> None:
     assert {secret for secret, _ in calls(tmp_path / "one", "ours-and-yours")} == {"ours-and-yours"}
+
+
+def test_a_field_has_a_container_for_each_process(tmp_path: Path) -> None:
+    [(_, up), (_, run), _] = calls(tmp_path / "one", None)
+    assert up == "up --detach --scale node=4 --scale camera-control=1 router node camera-control"
+    assert run.split()[-1] == "launcher"
 
 
 def test_each_service_takes_it_from_the_environment() -> None:
