@@ -8,8 +8,8 @@ GROUND := pyproject.toml constraints.txt
 # Containers (docs/containers.md); BASE may be any image with Python 3.11 or newer, venv and glibc. If unset, one is found.
 BASE ?=
 IMAGE ?= trackfield
-NODES ?= 25
-SCENARIO ?= zhai-spcpf --set field.spacing_m=75 --set sensor.threshold=0.6
+NODES ?=
+SCENARIO ?= zhai-spcpf --nodes 25 --set field.spacing_m=75 --set sensor.threshold=0.6
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint study bench base-image image field clean
@@ -56,6 +56,7 @@ bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that 
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.growth
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.passes
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.hearing
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.camera
 
 base-image:  ## the image that ours stands on: the official slim Python, or one from Debian packages
 	@containers/base
@@ -66,10 +67,10 @@ image: | $(BIN)/python  ## the image of router, nodes, fusion centre and launche
 	containers/wheels "$$base" $(BIN)/python && \
 	docker build --quiet --tag $(IMAGE) --build-arg BASE="$$base" .
 
-field:  ## track a vehicle with 25 containers, from the image to the run folder in runs/
+field:  ## track a vehicle with 25 containers, or run another SCENARIO, from the image to the run folder in runs/
 	@containers/compose >/dev/null
 	@$(MAKE) --no-print-directory image
-	TRACKFIELD_IMAGE=$(IMAGE) containers/field $(NODES) $(SCENARIO) --nodes $(NODES)
+	TRACKFIELD_IMAGE=$(IMAGE) containers/field $(SCENARIO) $(if $(NODES),--nodes $(NODES))
 
 clean:  ## remove the environment and all caches; run folders stay
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -21,6 +21,7 @@ from tests.simulated import simulated
 from trackfield.role import NS
 
 SETTINGS: Final = (
+    "camera.kind=none",
     "field={layout='pentagon', corner_m=10}",
     "target={path='file', file='bus.gpx', step_s=0.5}",
     "sensor.waveform=false",
