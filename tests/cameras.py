@@ -100,7 +100,7 @@ class Served:
     """The emulated camera at a terminal, in real time, until this is closed."""
 
     def __init__(self, file: int) -> None:
-        self.file, self.path, self.over, self.noise = file, "", Event(), 0
+        self.file, self.path, self.over, self.noise, self.sent = file, "", Event(), 0, 0
         self.got: list[bytes] = []
         self.camera = Driven(self._send)
         self._begun, self._began_ns = b"", time.monotonic_ns()
@@ -115,6 +115,7 @@ class Served:
     def _send(self, packet: bytes) -> None:
         with suppress(OSError):  # nobody is there
             os.write(self.file, packet)
+        self.sent += 1
 
     def _serve(self) -> None:
         while not self.over.is_set():
@@ -132,8 +133,8 @@ class Served:
         self._begun = heard.begun
         self.noise += heard.noise
         for packet in heard.packets:
-            self.got.append(packet)
             self.camera.packet(packet)
+            self.got.append(packet)
 
     def _now(self) -> int:
         return time.monotonic_ns() - self._began_ns

@@ -54,6 +54,18 @@ def _sketched(request: pytest.FixtureRequest) -> Iterator[Any]:
         yield savefig
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _outlived() -> Iterator[None]:
+    """A run that a failed test left behind ends with its module: it would disturb others."""
+    from tests.running import STARTED
+
+    yield
+    while STARTED:
+        run = STARTED.pop()
+        run.kill()
+        run.wait()
+
+
 @pytest.fixture(autouse=True)
 def _rendered(request: pytest.FixtureRequest, _sketched: Any) -> Iterator[None]:
     """In a test marked ``rendered``, what it draws itself is rendered, too."""

@@ -15,6 +15,10 @@ from typing import Any
 
 import psutil
 
+PATIENCE_S = 150.0
+"""After which a test gives up waiting: for what hangs, not for what is slow, as all is on a machine that is busy."""
+STARTED: list[subprocess.Popen[bytes]] = []
+"""The runs of this module of tests; none of them outlives it (``conftest``)."""
 LISTENER = Path(__file__).with_name("listener.py")
 METRICS = "metrics.json"
 SPEEDS = (5.0, 1.0, 0.3)
@@ -49,8 +53,9 @@ class Run:
         self._said = said or folder.with_suffix(".stderr")
         with self._said.open("w") as stderr:
             self.process = subprocess.Popen(command, stderr=stderr, env={**os.environ, "COLUMNS": "200"})
+        STARTED.append(self.process)
 
-    def finish(self, timeout: float = 150) -> tuple[int, str]:
+    def finish(self, timeout: float = PATIENCE_S) -> tuple[int, str]:
         """Wait for its end: exit code and what it said on stderr."""
         return self.process.wait(timeout), self.said()
 
@@ -78,7 +83,7 @@ class Run:
 
     def started(self) -> None:
         """Wait until emulated time goes on."""
-        until(lambda: "\nt = " in self.said(), timeout=60)
+        until(lambda: "\nt = " in self.said())
 
 
 def kept_up(metrics: Mapping[str, Any]) -> bool:
@@ -91,7 +96,7 @@ def on_time(folder: Path, *arguments: str, speeds: Sequence[float] = SPEEDS) -> 
     for speed in speeds:
         shutil.rmtree(folder, ignore_errors=True)
         run = Run(folder, *arguments, "--speed", str(speed))
-        ended = run.finish()
+        ended = run.finish(PATIENCE_S / min(speed, 1.0))
         if not (folder / METRICS).exists() or kept_up(run.metrics()):
             return ended
     return 1, f"the machine is too slow for speed {speeds[-1]:g}: {run.metrics()['timing']}"
@@ -105,7 +110,7 @@ def both_ways(home: Path, *arguments: str, reported: bool = False) -> Path:
     return home
 
 
-def until(condition: Callable[[], Any], timeout: float = 30) -> Any:
+def until(condition: Callable[[], Any], timeout: float = PATIENCE_S) -> Any:
     """The first true answer; errors on the way count as not yet."""
     deadline = time.monotonic() + timeout
     while True:
@@ -117,6 +122,16 @@ def until(condition: Callable[[], Any], timeout: float = 30) -> Any:
         if time.monotonic() > deadline:
             raise TimeoutError("not within its time")
         time.sleep(0.05)
+
+
+@contextmanager
+def killed_on_failure(process: subprocess.Popen[str]) -> Iterator[None]:
+    """What fails in this block takes the process with it: who waits for its end does not wait for all of its work."""
+    try:
+        yield
+    except BaseException:
+        process.kill()
+        raise
 
 
 @contextmanager

@@ -40,7 +40,7 @@ def test_a_finished_run(tmp_path: Path) -> None:
 
 @with_browser
 def test_a_run_that_goes_on(tmp_path: Path) -> None:
-    run = Run(tmp_path / "run", "spcpf", "--nodes", "25", "--live", "--set", "target.steps=200")
+    run = Run(tmp_path / "run", "spcpf", "--nodes", "25", "--live", "--speed", "0.5", "--set", "target.steps=200")
     try:
         run.started()
         (address,) = re.findall(r"live view: (http://\S+)", run.said())

@@ -19,7 +19,7 @@ from launcher.plan.prepare import planned
 from tests.bridged import Question
 from tests.cameras import Served, most_in_order
 from tests.command_line import Call, trackfield
-from tests.running import until
+from tests.running import PATIENCE_S, until
 from tests.test_bridge import SMALL
 from tests.test_bridged_runs import Plug
 from tests.watched import Watched, said
@@ -135,9 +135,9 @@ def test_a_camera_is_unplugged_and_comes_back(trackfield: Call, tmp_path: Path) 
 
     def serve(plug: Plug, least: int) -> None:
         cameras.append(camera := Served(plug.end))
-        until(lambda: camera.got, 60)
+        until(lambda: camera.got)
         os.write(plug.end, b"noise\xff" + b"\x90" * 5000 + b"\xff")
-        until(lambda: len(camera.got) >= least, 60)
+        until(lambda: len(camera.got) >= least)
         camera.close()
 
     def attend(plug: Plug) -> None:
@@ -151,16 +151,17 @@ def test_a_camera_is_unplugged_and_comes_back(trackfield: Call, tmp_path: Path) 
         thread = Thread(target=attend, args=(plug,))
         thread.start()
         ended = run(trackfield, "--serial", str(plug.path))
-        thread.join(60)
+        thread.join(PATIENCE_S)
     assert ended.code == 0, ended.err
     first, second = cameras
     sent = packets(out)
     numbered = [visca.command_packet(said(number)) for number in range(len(sent["desk"]))]
     assert sent["desk"] == numbered
-    assert first.got == numbered[: len(first.got)]
     assert first.noise == second.noise == 0
     unwritten = json.loads((out / "metrics.json").read_text())["processes"]["unwritten"]
     assert unwritten >= 1
+    begins = range(unwritten + 1)  # the first packet may come before the device is open
+    assert any(first.got == numbered[begin : begin + len(first.got)] for begin in begins)
     assert len(first.got) + len(second.got) + unwritten <= len(numbered)
     replies = [packet for camera in cameras for _, packet in camera.camera.said]
     assert len(sent["camera"]) >= 8

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import termios
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 import trackfield as tf
 from tests.cameras import Served, most_in_order
 from tests.command_line import Call, trackfield
-from tests.running import until
+from tests.running import PATIENCE_S, until
 from trackfield.wire import decode, visca
 from trackfield.wire.visca import Absolute, Ack, Completion
 
@@ -81,22 +82,23 @@ def test_a_camera_at_a_pseudo_terminal_goes_away_comes_back_and_is_turned_to_a_v
     log = out / "logs" / "camera.log"
 
     def serve(over: Callable[[], object]) -> None:
-        file = until(lambda: os.open(out / "camera.tty", os.O_RDWR | os.O_NOCTTY), 60)
+        file = until(lambda: os.open(out / "camera.tty", os.O_RDWR | os.O_NOCTTY))
+        termios.tcflush(file, termios.TCIFLUSH)  # what was for the one before
         with closing(Served(file)) as served:
             cameras.append(served)
-            until(over, 120)
+            until(over)
         os.close(file)
 
     def attend() -> None:
         where = visca.command_packet(visca.Ask("position"))
         serve(lambda: where in cameras[0].got)
-        until(lambda: log.read_text().count("waited for") >= 2, 60)
+        until(lambda: log.read_text().count("waited for") >= 2)
         serve(lambda: not (out / "camera.tty").is_symlink())
 
     thread = Thread(target=attend)
     thread.start()
     said = trackfield("run", "yang-ecpa", *CAMERA, *ONCE, "--serial", "pty", "--out", "out")
-    thread.join(30)
+    thread.join(PATIENCE_S)
     assert said.code == 0, said.err
     assert f"in the place of camera: {Path('out') / 'camera.tty'}\n" in said.err
     first, second = cameras

@@ -47,13 +47,13 @@ def test_each_role_has_its_program(router: str, start: Start, tmp_path: Path) ->
     field = tmp_path / "field.toml"
     field.write_text(FIELD)
     run = Run(tmp_path / "run", str(field), "--external", "--connect", router)
-    until(lambda: f"1 of {2 + MASTERS + SLAVES} ready" in run.said(), timeout=60)
+    until(lambda: f"1 of {2 + MASTERS + SLAVES} ready" in run.said())
     start("fusion", "base")
     for _ in range(MASTERS):
         start("head")
     for _ in range(SLAVES):
         start("node", "slave")
-    code, ended = run.finish(120)
+    code, ended = run.finish()
     assert code == 0, ended
     found = pq.read_table(run.folder / "tracks.parquet").to_pylist()
     assert any(row["source"] == "base" and row["x"] is not None for row in found)

@@ -126,7 +126,7 @@ def test_system_control_dies_and_is_asked_again(going: Run, trackfield: Call) ->
     system = going.family()["system"]
     os.kill(system.pid, signal.SIGKILL)
     system.wait(10)
-    said = until(lambda: (one := trackfield("control", "latest", "status", "video")).code == 0 and one, 60)
+    said = until(lambda: (one := trackfield("control", "latest", "status", "video")).code == 0 and one)
     assert table(said.out) == {"video": "stopped"}
     going.process.send_signal(signal.SIGINT)
     going.finish()

@@ -113,7 +113,7 @@ def test_a_program_reads_the_tracks_that_go_to_a_device(folder: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": paths}
     command = [sys.executable, "display.py", "pty"]
     with subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True) as field:
-        link = until(lambda: next(folder.glob("runs/*/display.tty"), None), 60)
+        link = until(lambda: next(folder.glob("runs/*/display.tty"), None))
         said = python(folder, "reader.py", str(link), PYTHONPATH=paths)
         assert said.returncode == 0, said.stderr
         assert ast.literal_eval(field.communicate()[0]) == {"fusion": 6}

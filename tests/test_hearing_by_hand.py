@@ -20,11 +20,11 @@ def test_each_of_them_is_a_program(router: str, start: Start, tmp_path: Path) ->
     run = Run(
         tmp_path / "run", str(field), "--set", "target.steps=32", "--speed", "2", "--external", "--connect", router
     )
-    until(lambda: "1 of 7 ready" in run.said(), timeout=60)
+    until(lambda: "1 of 7 ready" in run.said())
     start("fusion", "sink")
     for _ in range(5):
         start("head", "ear")
-    code, ended = run.finish(120)
+    code, ended = run.finish()
     assert code == 0, ended
     rows = pq.read_table(run.folder / "tracks.parquet").to_pylist()
     assert any(row["source"] == "base" and row["x"] is not None for row in rows)

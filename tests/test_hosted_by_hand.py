@@ -31,7 +31,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_its_roles_are_named_on_its_command_line(router: str, start: Start, tmp_path: Path, installed: None) -> None:
     run = Run(tmp_path / "run", *OPTIONS, "--set", "architecture.kind=paired", "--connect", router)
-    until(lambda: "1 of 6 ready" in run.said(), timeout=60)
+    until(lambda: "1 of 6 ready" in run.said())
     said = tmp_path / "wrong"
     with process(ALONE, *HEAD[:-1], "--connect", router, said=said) as wrong:
         assert wrong.wait(30) == 1
@@ -42,7 +42,7 @@ def test_its_roles_are_named_on_its_command_line(router: str, start: Start, tmp_
     start(ALONE, "herald", "tests.strangers:Herald")
     for _ in range(3):
         start("node")
-    code, ended = run.finish(90)
+    code, ended = run.finish()
     assert code == 0, ended
     roles = run.metrics()["frames"]["by_role"]
     messages = pq.read_table(run.folder / "messages.parquet").to_pylist()
@@ -56,10 +56,10 @@ def test_its_roles_are_named_on_its_command_line(router: str, start: Start, tmp_
 def test_without_its_head_a_run_waits(router: str, start: Start, tmp_path: Path, installed: None) -> None:
     """A process with the right roles, but of another name, is not its head."""
     run = Run(tmp_path / "run", *OPTIONS, "--set", "architecture.kind=paired", "--connect", router)
-    until(lambda: "1 of 6 ready" in run.said(), timeout=60)
+    until(lambda: "1 of 6 ready" in run.said())
     said = tmp_path / "wrong"
     with process(ALONE, "heat", *HEAD[1:], "--connect", router, said=said) as wrong:
         assert wrong.wait(30) == 1
     assert "no process of this run has the role 'heat'" in said.read_text()
     run.process.send_signal(signal.SIGINT)
-    run.finish(60)
+    run.finish()

@@ -56,7 +56,7 @@ def gathering(router: str, folder: Path) -> Iterator[tuple[Run, zenoh.Session]]:
     """A run that waits for its processes, and a stranger in it."""
     run = Run(folder, *FIELD, "--external", "--connect", router)
     try:
-        manifest = until(run.manifest, timeout=30)
+        manifest = until(run.manifest)
         with open_client(router, manifest["run"]) as stranger:
             until(lambda: "ready, missing" in run.said() or "starting" in run.said())
             yield run, stranger
@@ -73,7 +73,7 @@ def undisturbed(folder: Path) -> Path:
 
 def check(run: Run, twin: Path) -> str:
     """The run ended with all its tracks as they should be; what it said."""
-    code, said = run.finish(120)
+    code, said = run.finish()
     assert code == 0 or (code == 1 and INTERFERED in said), said
     assert "Traceback" not in said
     assert run.metrics()["processes"]["died"] == []
@@ -118,7 +118,7 @@ def test_a_living_process_keeps_its_id(router: str, start: Start, tmp_path: Path
     with gathering(router, tmp_path / "run") as (run, _):
         for name in NODES:
             start("node", "--id", name)
-        until(lambda: "missing fusion\n" in run.said(), timeout=60)
+        until(lambda: "missing fusion\n" in run.said())
         early = start("node", "--id", "n001", log="second")
         start("fusion", "--id", "fusion")
         run.started()

@@ -126,7 +126,7 @@ def test_the_processes_of_a_launcher_take_its_own_answer(manner: dict[str, bool]
         for speed in SPEEDS:
             shutil.rmtree(tmp_path / "run", ignore_errors=True)
             run = Run(tmp_path / "run", *field.arguments(1), "--speed", str(speed), "--connect", router)
-            code, said = run.finish(90)
+            code, said = run.finish()
             assert (run.folder / METRICS).exists(), said
             came = Attacked(1, run.folder, code, said, run.metrics())
             if came.kept_up:
@@ -140,7 +140,7 @@ def test_a_role_that_stands_alone_runs_no_code_for_an_impostor(router: str, tmp_
     with impostor(router, tmp_path / "canary") as peer, ExitStack() as stack:
         peer.pretend("r")
         processes = [alone(stack, tmp_path / role, role, router, "--run", "r") for role in ("node", "fusion") * 3]
-        until(lambda: peer.asked >= len(processes) or all(p.poll() is not None for p in processes), timeout=30)
+        until(lambda: peer.asked >= len(processes) or all(p.poll() is not None for p in processes))
         time.sleep(2)  # for what an answer might do
         assert peer.asked
     for role in ("node", "fusion"):

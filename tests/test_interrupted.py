@@ -18,7 +18,7 @@ from launcher.signals import handling
 from tests.command_line import Call, trackfield
 from tests.interrupting import interrupt_at
 from tests.reporting import read
-from tests.running import until
+from tests.running import PATIENCE_S, until
 
 __all__ = ["trackfield"]
 
@@ -114,7 +114,7 @@ def test_a_closed_terminal_ends_a_run_as_any_other_signal_does(number: int, tmp_
         until((tmp_path / "mine" / "manifest.json").exists)
         time.sleep(0.5)
         os.killpg(run.pid, number) if number == signal.SIGHUP else run.send_signal(number)
-        _, said = run.communicate(timeout=60)
+        _, said = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 128 + number, said
     assert "ended early; everything up to then is in the run folder" in said
     assert (tmp_path / "mine" / "report.html").exists()

@@ -29,8 +29,8 @@ SMALL = ("spcpf", "--nodes", "9", "--live")
 
 @pytest.fixture
 def run(tmp_path: Path) -> Iterator[Run]:
-    """A small run of a few seconds with a live view, under way."""
-    run = Run(tmp_path / "run", *SMALL, "--set", "target.steps=6")
+    """A small run with a live view, under way."""
+    run = Run(tmp_path / "run", *SMALL, "--set", "target.steps=20")
     try:
         run.started()
         yield run

@@ -44,7 +44,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def mid_run(folder: Path, *more: str, reported: bool = False) -> Run:
     """A run with some of it on disk."""
     run = Run(folder, *FIELD, "--speed", "4", *more, reported=reported)
-    until(lambda: recorded_s(run) > 14, timeout=90)
+    until(lambda: recorded_s(run) > 14)
     return run
 
 

@@ -39,6 +39,10 @@ class Run:
         self.registry = OpenRegistry(self.plan, Seal(token), self.alarms)
         self.launcher = self.session()
         self.registry.declare(self.launcher)
+        with self.session() as other:  # the router knows of it only a moment later
+            for key in (keys.CLAIM, keys.JOIN, keys.CONFIRM):
+                asking = other.declare_querier(key)
+                until(lambda asking=asking: asking.matching_status.matching)
 
     def session(self) -> zenoh.Session:
         return open_client(self._endpoint, self.plan.run.run)
@@ -206,10 +210,10 @@ def test_of_two_that_joined_at_once_the_first_that_is_there_has_the_place(run: R
 
 
 def test_a_second_token_for_a_living_process_is_an_alarm(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("launcher.processes.places.open_registry.TICKET_S", 0.2)
     with run.guest("n003") as kept, run.guest("n003") as first:
         kept.join()
         first.join().appear().confirm()
+        monkeypatch.setattr("launcher.processes.places.open_registry.TICKET_S", 0.2)
         time.sleep(0.2)
         kept.appear()
         until(lambda: run.alarm("tokens") == 1)

@@ -68,7 +68,7 @@ def test_neither_a_flood_of_claims_nor_forged_tokens_keep_the_processes_out(
     router: str, start: Start, tmp_path: Path
 ) -> None:
     run = Run(tmp_path / "run", *OPTIONS, "--connect", router)
-    until(lambda: "1 of 6 ready" in run.said(), timeout=60)
+    until(lambda: "1 of 6 ready" in run.said())
     name = run.manifest()["run"]
     with open_client(router, name) as session:
         held = [session.liveliness().declare_token(keys.live(one)) for one in NAMES]
@@ -78,7 +78,7 @@ def test_neither_a_flood_of_claims_nor_forged_tokens_keep_the_processes_out(
             for role in ("fusion", *4 * ["node"]):
                 start(role)
             run.started()
-        code, said = run.finish(60)
+        code, said = run.finish()
         assert len(held) == len(NAMES)
     assert code == 1
     assert "somebody interfered with the run: 5 liveliness tokens of no process of the run (interference)" in said
@@ -101,7 +101,7 @@ def test_a_second_process_with_a_living_id_is_refused(router: str, start: Start,
         f"node: cannot join the run through {router}: no process of this run with the role 'node' is named 'fusion'\n"
     )
     assert join("--connect", router, "--id", "fusion") == (1, says)
-    code, said = run.finish(60)
+    code, said = run.finish()
     assert (code, third.wait(10)) == (0, 0), said
     assert run.metrics()["processes"]["died"] == []
 
@@ -116,7 +116,7 @@ def test_a_place_whose_process_is_gone_can_be_taken_by_name(router: str, start: 
     run.started()
     third.kill()
     again = start("node", "--id", "n003")
-    code, said = run.finish(60)
+    code, said = run.finish()
     assert (code, again.wait(10)) == (1, 0)
     assert "gone: its token was lost (started again)" in said
     assert [death["id"] for death in run.metrics()["processes"]["died"]] == ["n003"]
@@ -194,7 +194,7 @@ def test_processes_share_a_token(router: str, start: Start, tmp_path: Path, monk
     for role in ("fusion", *4 * ["node"]):
         start(role)
     run = Run(tmp_path / "run", *OPTIONS, "--connect", router)
-    code, said = run.finish(60)
+    code, said = run.finish()
     assert code == 0, said
     assert set(run.metrics()["interference"].values()) == {0}
     assert tracked(run) == 12
@@ -228,7 +228,7 @@ def test_another_token_is_one_message(
 ) -> None:
     monkeypatch.setenv(TOKEN, of_run)
     run = Run(tmp_path / "run", *OPTIONS, "--connect", router)
-    until(lambda: "1 of 6 ready" in run.said(), timeout=60)
+    until(lambda: "1 of 6 ready" in run.said())
     monkeypatch.setenv(TOKEN, of_process)
     code, said = join("--connect", router)
     assert code == 1
@@ -241,7 +241,7 @@ def test_another_token_is_one_message(
         assert waits.poll() is None
         assert waiting.read_text() == said
     run.process.send_signal(signal.SIGINT)
-    run.finish(30)
+    run.finish()
 
 
 # --- a sensor of one's own ------------------------------------------------------------------------------------------
@@ -288,7 +288,7 @@ def test_a_sensor_of_ones_own_in_processes_that_start_by_hand(
     settings = ("--set", "sensor.kind=sonar", "--tracker", "ekf")
     options = [option for option in OPTIONS if option not in ("--set", "sensor.threshold=0.5", "target.steps=12")]
     run = Run(tmp_path / "run", *options, "--set", "target.steps=12", *settings, "--connect", router)
-    until(lambda: "1 of 6 ready" in run.said(), timeout=60)
+    until(lambda: "1 of 6 ready" in run.said())
     for own, says in (
         ((), "--own tells this process where a class of yours is"),
         (("--own", "sensor:sonar=nowhere:Sonar"), "cannot be loaded from nowhere:Sonar"),
@@ -302,7 +302,7 @@ def test_a_sensor_of_ones_own_in_processes_that_start_by_hand(
     start("fusion")
     for _ in range(4):
         start("node", "--own", "sensor:sonar=own_sonar:Sonar")
-    code, said = run.finish(60)
+    code, said = run.finish()
     assert code == 0, said
     assert {row["kind"] for row in pq.read_table(run.folder / "messages.parquet").to_pylist()} == {"measurement"}
     assert tracked(run) == 12

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.running import UNREPORTED, until
+from tests.running import PATIENCE_S, UNREPORTED, until
 
 TRACKFIELD = f"{sys.executable} -m launcher"
 QUICKER = f"{sys.executable} -c {shlex.quote(UNREPORTED)}"
@@ -51,7 +51,7 @@ def test_a_terminal_that_goes_away_does_not_end_a_run_that_ignores_it(driver: st
     os.close(theirs)
     until((tmp_path / "mine" / "manifest.json").exists)
     os.close(ours)
-    assert run.wait(60) == 0
+    assert run.wait(PATIENCE_S) == 0
     assert {file.name for file in (tmp_path / "mine").iterdir()} >= TABLES
 
 

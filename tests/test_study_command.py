@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from statistics import fmean
@@ -31,6 +30,7 @@ from launcher.study.pictures.pareto import front_of, pareto_picture
 from launcher.study.summary import Row, Summary
 from tests.command_line import Call, trackfield
 from tests.reporting import Reader
+from tests.running import PATIENCE_S, killed_on_failure, until
 
 __all__ = ["trackfield"]
 
@@ -376,14 +376,15 @@ def test_a_terminal_that_ends_a_study_keeps_what_is_done(number: int, tmp_path: 
         "--vary",
         "sensor.threshold=0.74,0.75",
     )
-    with subprocess.Popen(
-        command(*asked, "--seeds", "2000"), cwd=tmp_path, stderr=subprocess.PIPE, text=True, process_group=0
-    ) as running:
-        until = time.monotonic() + 120
-        while len(list(tmp_path.rglob("0*.parquet"))) < 3 and time.monotonic() < until:
-            time.sleep(0.05)
+    with (
+        subprocess.Popen(
+            command(*asked, "--seeds", "2000"), cwd=tmp_path, stderr=subprocess.PIPE, text=True, process_group=0
+        ) as running,
+        killed_on_failure(running),
+    ):
+        until(lambda: len(list(tmp_path.rglob("0*.parquet"))) >= 3)
         os.killpg(running.pid, number)
-        _, err = running.communicate(timeout=60)
+        _, err = running.communicate(timeout=PATIENCE_S)
     done = len(list(tmp_path.rglob("0*.parquet")))
     assert running.returncode == 128 + number
     (said,) = re.findall(
@@ -403,14 +404,12 @@ def test_a_terminal_that_ends_a_study_keeps_what_is_done(number: int, tmp_path: 
 def test_a_worker_that_is_killed_ends_a_study_with_one_message(tmp_path: Path) -> None:
     asked = command("study", "zhai-spcpf", "--set", "target.steps=40", "--seeds", "2000", "--jobs", "2")
     with subprocess.Popen(asked, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as running:
-        until = time.monotonic() + 120
-        while len(list(tmp_path.rglob("0*.parquet"))) < 3 and time.monotonic() < until:
-            time.sleep(0.05)
+        until(lambda: len(list(tmp_path.rglob("0*.parquet"))) >= 3)
         workers = [one for one in psutil.Process(running.pid).children() if "loky" in " ".join(one.cmdline())]
         trackers = [one for one in psutil.Process(running.pid).children() if "tracker" in " ".join(one.cmdline())]
         told = [one.environ().get("PYTHONWARNINGS", "") for one in trackers]
         max(workers, key=lambda one: one.cpu_times().user).kill()
-        _, err = running.communicate(timeout=60)
+        _, err = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 1
     assert told and all(one.endswith("ignore:resource_tracker") for one in told)
     assert err.splitlines()[-1].startswith("trackfield: a worker process was killed")

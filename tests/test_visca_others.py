@@ -8,7 +8,6 @@ Neither is a part of Trackfield, which does not import them.
 from __future__ import annotations
 
 import os
-import time
 import tty
 from collections.abc import Iterator
 from contextlib import closing
@@ -45,7 +44,7 @@ def rested(served: Served) -> None:
     """Wait until the camera has done what it was told."""
     told = len(served.got)
     until(lambda: len(served.got) == told and served.camera.timer < 0 and not served.camera.state.waiting)
-    time.sleep(0.05)  # and its last reply has come
+    until(lambda: served.sent == len(served.camera.said))
 
 
 def test_pyvisca_turns_our_camera_by_a_serial_line(served: Served) -> None:

@@ -17,9 +17,8 @@ from tests.hostile.samples import REFUSED, Bad
 from tests.hostile.verdicts import Attacked, complaints
 from tests.running import METRICS, Run, leftovers, until
 
-SPEEDS: Final = (field.SPEED, 2.0, 1.5)
+SPEEDS: Final = (field.SPEED, 2.0, 1.5, 0.5)
 """If the machine cannot keep up with one, the next; a frame without an envelope is one of the field at speed 1."""
-PATIENCE_S: Final = 90.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def _once(attack: Attack, folder: Path, speed: float, also: Callable[[Run, Peer]
     harmful = any(REFUSED not in bad.follows for bad in attack.mix)
     run = Run(folder, *field.arguments(attack.scenario_seed), "--speed", str(speed))
     try:
-        manifest = until(run.manifest, timeout=30)
+        manifest = until(run.manifest)
         with Peer(
             manifest["endpoint"],
             manifest["run"],
@@ -73,7 +72,7 @@ def _once(attack: Attack, folder: Path, speed: float, also: Callable[[Run, Peer]
         ) as peer:
             also(run, peer)
             family = list(run.family().values())
-            code, said = run.finish(PATIENCE_S)
+            code, said = run.finish()
     except Exception as error:  # noqa: BLE001  whatever it is, the run did not end as it should
         _end(run)
         return Result(Counter(), 0, [f"{type(error).__name__}: {error}; it said: {run.said()[-500:]}"])
