@@ -90,13 +90,13 @@ def test_one_while_the_report_is_drawn_leaves_the_run_without_it(
 
     def drawn(*_: object) -> None:
         os.kill(run, signal.SIGINT)
-        time.sleep(60)
+        time.sleep(300)
 
     monkeypatch.setattr("launcher.report.page.write_page", drawn)
     begun = time.monotonic()
     said = trackfield(*RUN, "--set", "target.steps=5")
     assert said.code == 130
-    assert time.monotonic() - begun < 50
+    assert time.monotonic() - begun < 200
     assert "no report: interrupted; trackfield report mine draws it" in said.err
     assert "interrupted after its end; the run is complete" in said.err
     assert {file.name for file in Path("mine").iterdir()} == {

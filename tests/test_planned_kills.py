@@ -124,13 +124,13 @@ def test_a_run_ended_early_leaves_out_the_deaths_and_births_to_come(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """t00 should be killed at 50 s and t01 live again from 60 s on; the run is ended after 3 s."""
-    spec, hub, nodes = small(99, 2.0)
+    spec, hub, nodes = small(499, 2.0)
     lives = lived(nodes[1], (0, 55 * NS), (60 * NS, None))
     plan = toy_plan(spec, [hub, replace(nodes[0], kill_ns=50 * NS), *lives, nodes[2]])
     witness, begun = Witness(monkeypatch, signal_at=3), time.monotonic()
     outcome = run(plan, tmp_path, witness)
     assert outcome.exit_code == 128 + signal.SIGINT, outcome.complaints
-    assert time.monotonic() - begun < 30
+    assert time.monotonic() - begun < 150  # of 250
     ends = {name: why for name, (why, _) in witness.ends.items() if name not in ("router", "recorder")}
     assert ends == dict.fromkeys(("hub", "t00", "t01", "t01~1", "t02"), "exit code 0")
     assert senders(tmp_path) == {("hub", 0), ("t00", 0), ("t01", 0), ("t02", 0)}

@@ -137,7 +137,7 @@ def interrupted(cwd: Path, folder: Path) -> int:
     assert f"interrupted: {1000 * len(CASES) - done} of {1000 * len(CASES)} runs are left" in err
     assert "Traceback" not in err
     assert not (folder / "results.json").exists()
-    return len(list(folder.rglob("0001.npz")))
+    return len(list(folder.rglob("00001.npz")))
 
 
 def assert_complete(folder: Path, results: Results[Score]) -> None:
