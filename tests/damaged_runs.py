@@ -31,7 +31,7 @@ from launcher import cli
 from tests.damages import spoil
 from trackfield.errors import ScenarioError
 
-LIMIT_S: Final = 200
+LIMIT_S: Final = 60
 """A command that takes longer hangs."""
 RUN_FILES: Final = ("metrics.json", "manifest.json", "scenario.toml", "messages.parquet", "tracks.parquet")
 SHORT: Final = ("--virtual", "--quiet", "--nodes", "9", "--set", "target.steps=5")

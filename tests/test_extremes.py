@@ -27,8 +27,8 @@ EXTREMES: tuple[Any, ...] = (
     *(sign * value for sign in (1, -1) for value in (1000, 65536, 1e6, 1e7, 1e9, 2**31, 2**53, 1e18, 1e154, 1e308)),
     *(2**63 - 1, -(2**63), 2**63, 2**64, 2**20_000, float("inf"), float("-inf"), float("nan"), True, "", "1", [], {}),
 )
-LONGEST_S, LARGEST = 300, 3 << 30
-"""Seconds of the processor, of which the largest field that is allowed takes some 50, and further bytes."""
+LONGEST_S, LARGEST = 100, 3 << 30
+"""Seconds of the processor, half of which the largest field that is allowed takes, and further bytes."""
 
 
 def unbounded(about: Any, path: str) -> Iterator[str]:
