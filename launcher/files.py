@@ -30,6 +30,10 @@ MESSAGES_TABLE: Final = "messages.parquet"
 """The tables of a run; a study has the first of them, too."""
 CAMERA: Final = "camera.json"
 """In the folder of a run with a camera, what its processes told of it."""
+PLACES: Final = "places.json"
+"""In the folder of a run with planned faults of containers, which host has which place, and when it began."""
+CONTAINERS: Final = "containers.log"
+"""In such a folder, what was done to containers, and when: ``containers/faults.py`` writes it."""
 
 
 def check_writable(file: Path, key: str) -> None:
