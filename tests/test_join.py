@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from zenoh.handlers import Callback
 from tests.running import until
 from trackfield.drivers.exchange.intake import Refusals
 from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.hostclock import host_id
 from trackfield.drivers.joining import ask as asking
 from trackfield.drivers.joining.ask import REFUSED, JoinError, TokenError, answer, question_of
 from trackfield.drivers.joining.join import join
@@ -29,8 +31,13 @@ RUN = RunSpec("run", 1, 10, {"model": "ideal"})
 NODE = ProcessSpec("n1", "node", "node.role:Node", x=3.0, y=4.0)
 TOLD = {"run": asdict(RUN), "process": NODE.plain(), "start_ns": None, "stored": None, "ticket": "abc"}
 SECRET = b"secret"
+JOIN = keys.asked_by(keys.JOIN, "n1")
 
 Answers = Callable[[zenoh.Query], None]
+
+
+def _give(key: str, told: dict[str, str], query: zenoh.Query) -> None:
+    answer(query, key, told, Seal())
 
 
 class Stage:
@@ -46,12 +53,13 @@ class Stage:
 
     @contextmanager
     def answering(self, answers: Answers, *, launcher: bool = False, name: str = "") -> Iterator[None]:
-        """Somebody answers who joins, as a ``launcher`` or not, and gives this ``name`` to who claims a place."""
+        """Somebody answers who joins, as a ``launcher`` or not, and gives this ``name`` and the time to who claims."""
         with self._session() as session:
-            held: list[Any] = [session.declare_queryable(keys.JOIN, Callback(answers, indirect=False))]
+            held: list[Any] = [session.declare_queryable(JOIN, Callback(answers, indirect=False))]
             if name:
-                gives = Callback(lambda query: answer(query, keys.CLAIM, {"name": name}, Seal()), indirect=False)
-                held.append(session.declare_queryable(keys.CLAIM, gives))
+                for key, told in ((keys.CLAIM, {"name": name}), (keys.CLOCK, {"host": host_id()})):
+                    gives = Callback(partial(_give, key, told), indirect=False)
+                    held.append(session.declare_queryable(key, gives))
             if launcher:
                 held.append(session.liveliness().declare_token(keys.launcher(session.info.zid())))
             ready = f"ready/{session.info.zid()}"
@@ -74,7 +82,7 @@ def stage(tmp_path: Path) -> Iterator[Stage]:
 
 def telling(told: Any, token: bytes = b"") -> Answers:
     seal = Seal(token)
-    return lambda query: answer(query, keys.JOIN, told, seal)
+    return lambda query: answer(query, JOIN, told, seal)
 
 
 OTHER = {**TOLD, "process": ProcessSpec("n1", "node", "node.role:Node", x=666.0).plain()}
@@ -89,9 +97,9 @@ def test_a_question_that_got_lost_is_asked_again(stage: Stage, monkeypatch: pyte
 
     def answers(query: zenoh.Query) -> None:
         asked.append(query)  # and kept: a query that is dropped unanswered would end at once
-        questions.append(question_of(query, keys.JOIN, seal))
+        questions.append(question_of(query, JOIN, seal))
         if len(asked) > 1:
-            answer(query, keys.JOIN, TOLD, seal)
+            answer(query, JOIN, TOLD, seal)
 
     with stage.answering(answers):
         assert stage.join(SECRET) == NODE
@@ -133,12 +141,12 @@ def test_an_answer_to_another_question_is_none(stage: Stage) -> None:
     recorded: list[zenoh.Sample] = []
     question = msgpack.packb(["n1", b"87654321"])
     with stage.answering(telling(TOLD, SECRET)):
-        for reply in stage.process.get(keys.JOIN, payload=question):
+        for reply in stage.process.get(JOIN, payload=question):
             assert reply.ok is not None
             recorded.append(reply.ok)
 
     def again(query: zenoh.Query) -> None:
-        query.reply(keys.JOIN, recorded[0].payload, attachment=recorded[0].attachment)
+        query.reply(JOIN, recorded[0].payload, attachment=recorded[0].attachment)
 
     with stage.answering(again), pytest.raises(TokenError):
         stage.join(SECRET)
@@ -162,6 +170,7 @@ def test_what_a_launcher_says_reaches_a_terminal_in_one_printable_line(stage: St
         {**TOLD, "ticket": ""},
         {**TOLD, "start_ns": "now"},
         {**TOLD, "stored": 1},
+        {**TOLD, "stored": b"", "spent": 1},
         {**TOLD, "process": 1},
         {**TOLD, "run": {"run": "x"}},
     ],

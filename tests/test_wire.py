@@ -157,7 +157,8 @@ def test_any_message_comes_back_within_half_a_resolution(message: Any) -> None:
         else:
             off = abs(came - sent)
             turn = field.scaled.high - field.scaled.low + field.scaled.resolution
-            assert min(off, turn - off if field.scaled.cyclic else off) <= field.scaled.resolution / 2 + 1e-9
+            near = field.scaled.resolution / 2 + math.ulp(sent) + 1e-9
+            assert min(off, turn - off if field.scaled.cyclic else off) <= near
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_the_module_prints_both(capsys: pytest.CaptureFixture[str], monkeypatch:
 
 
 def test_every_control_key_is_listed() -> None:
-    for key in (keys.JOIN, keys.START, keys.END, keys.STOP, keys.FINISH):
+    for key in (f"{keys.JOIN}/<id>", f"{keys.CONFIRM}/<id>", keys.START, keys.END, keys.STOP, keys.FINISH):
         assert f"`{key}`" in DOCS
 
 

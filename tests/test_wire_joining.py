@@ -58,13 +58,13 @@ def test_a_process_of_another_make_joins(endpoint: str, key: bytes) -> None:
     with run.launcher, run.session() as session:
         ask = asking(session, key)
         name = ask("control/claim", "node", "board 7", "n002")["name"]
-        joined = ask("control/join", name)
-        assert {"run", "process", "start_ns", "stored", "ticket"} == joined.keys()
+        joined = ask(f"control/join/{name}", name)
+        assert {"run", "process", "start_ns", "stored", "spent", "ticket"} == joined.keys()
         live = f"live/{name}/{joined['ticket']}"
         held = session.liveliness().declare_token(live + (mac(key, live, b"", b"").hex() if key else ""))
-        until(lambda: ask("control/confirm", name, joined["ticket"], "board 7") == {"live": True})
+        until(lambda: ask(f"control/confirm/{name}", name, joined["ticket"], "board 7") == {"live": True})
         assert run.registry.live == {"n002"}
-        assert "refused" in ask("control/join", name)
+        assert "refused" in ask(f"control/join/{name}", name)
         held.undeclare()
         until(lambda: not run.registry.live)
     assert not run.alarms.counts
@@ -88,5 +88,5 @@ def test_the_seal_that_is_printed() -> None:
 
 
 def test_the_question_that_is_printed() -> None:
-    printed = set(re.findall(r"`control/join[!?]([0-9a-f]+)`", DOCS))
+    printed = set(re.findall(r"`control/join/n003[!?]([0-9a-f]+)`", DOCS))
     assert [msgpack.unpackb(bytes.fromhex(one)) for one in printed] == [["n003", bytes(range(1, 9))]]

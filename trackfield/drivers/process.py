@@ -1,7 +1,7 @@
 """The process driver: one role as an operating-system process, fed by Zenoh and the clock.
 
 The loop empties the inbox that Zenoh's thread fills, handles the due events, and sleeps until the next one.
-Emulated time t is ``start + t / speed`` on the host's monotonic clock; a handler never sees that clock.
+Emulated time t is ``start + t / speed`` on the run's clock (``hostclock.py``); a handler never sees that clock.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from trackfield.drivers.exchange.intake import Refusals, begun, nanoseconds, ope
 from trackfield.drivers.exchange.outgoing import Outgoing
 from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.exchange.telemetry import pack
+from trackfield.drivers.hostclock import HostClock
 from trackfield.drivers.joining.heritage import PATIENCE_NS, Heritage
 from trackfield.drivers.joining.join import confirm, join, token
 from trackfield.drivers.spec import build_core, link_of
@@ -42,6 +43,8 @@ from trackfield.wire.error import WireError
 
 REPEAT_NS: Final = 1_000_000_000
 """How often changed counters, and the end of the run, are reported (wall time)."""
+SPENT_NS: Final = 5_000_000_000
+"""How often one on a battery says how much it has taken from it (wall time)."""
 LINGER_NS: Final = 300_000_000
 """A process that was killed as planned ends when it has heard nothing for so long (wall time)."""
 LINGER_LATE: Final = 4
@@ -60,11 +63,20 @@ class Process:
     """One process of the field: declares itself, waits for the start, runs to the end, and sends its final record.
 
     Its role is made by ``factory``. Orders, which come on the key expression ``orders``, and answers count if they have
-    the run's ``seal``.
+    the run's ``seal``. ``clock`` is the run's clock on this host; if not given, this is the launcher's host.
     """
 
-    def __init__(self, session: zenoh.Session, name: str, factory: str, seal: Seal, orders: str = keys.ORDERS) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        name: str,
+        factory: str,
+        seal: Seal,
+        orders: str = keys.ORDERS,
+        clock: HostClock | None = None,
+    ) -> None:
         self.session, self.name = session, name
+        self._now_ns = (clock or HostClock()).now_ns
         self._seal, self._refused, self._forged = seal, Refusals(), Refusals()
         self._inbox: Inbox = deque()
         self._wake, self._stop = Event(), Event()
@@ -83,14 +95,14 @@ class Process:
         self._devices = Devices(self.spec.ports, self._on_port)
         self._port_inputs = count(FROM_DEVICES)
         self._told, self._stored = 0, b""
-        self._counts_ns, self._reached_ns = NEVER, 0
+        self._counts_ns, self._spent_ns, self._reached_ns = NEVER, NEVER, 0
         self._wave = self._said_wave = 0
         self._slip, self._latency, self._lag = Histogram(), Histogram(), Histogram()
         self._caution = Caution()
-        self._heritage = Heritage(session, self.spec, joined.stored, self._wake.set, seal, self._refused)
+        self._heritage = Heritage(session, self.spec, joined.left, self._wake.set, seal, self._refused)
         for key in self._inboxes():
             self._held.append(
-                take_in(session, key, self._inbox, self._wake)
+                take_in(session, key, self._inbox, self._wake, self._now_ns)
                 if self.spec.sink
                 else session.declare_subscriber(key, Callback(self._on_data, indirect=False))
             )
@@ -118,11 +130,11 @@ class Process:
     # --- Zenoh's thread: append and wake, nothing else ------------------------------------------------------------
 
     def _on_data(self, sample: zenoh.Sample) -> None:
-        self._inbox.append((time.monotonic_ns(), sample))
+        self._inbox.append((self._now_ns(), sample))
         self._wake.set()
 
     def _on_port(self, port: str, data: bytes) -> None:
-        self._at_ports.append((time.monotonic_ns(), port, data))
+        self._at_ports.append((self._now_ns(), port, data))
         self._wake.set()
 
     def _on_order(self, sample: zenoh.Sample) -> None:
@@ -156,7 +168,7 @@ class Process:
         while not self._stop.is_set():
             self._wake.clear()
             self._drain()
-            now = time.monotonic_ns()
+            now = self._now_ns()
             if now >= self._killed_ns():
                 self._close()
                 os.kill(os.getpid(), signal.SIGKILL)  # a planned kill
@@ -198,6 +210,7 @@ class Process:
         if not self.core.life.started:
             self.core.inherit(self._heritage.stored, self._heritage.spent)
             self._devices.open()
+            self._spent_ns = 0
         self._release(self.core.handle_next())
 
     def _report(self, now: int) -> int:
@@ -205,12 +218,22 @@ class Process:
         if now >= self._counts_ns:
             self._counts_ns = NEVER
             self._say("counts", msgpack.packb({**self._incoming.counts, **self.core.tally}), must=False)
+        if now >= self._spent_ns:
+            self._say_spent(now)
         end = self._wall(self._end_ns)
         if now >= end and (now >= self._reached_ns or self._wave > self._said_wave):
             self._reached_ns = now + REPEAT_NS
             self._said_wave = self._wave
             self._say_reached(self._wave)
-        return min(self._counts_ns, max(end, self._reached_ns))
+        return min(self._counts_ns, self._spent_ns, max(end, self._reached_ns))
+
+    def _say_spent(self, now: int) -> None:
+        """Say what was taken from the battery so far, for another process that may have to take this one's place."""
+        assert self._start_ns is not None
+        spent = self.core.spent(min(round((now - self._start_ns) * self._speed), self._end_ns))
+        self._spent_ns = NEVER if spent is None else now + SPENT_NS
+        if spent is not None:
+            self._say("spent", msgpack.packb(spent), must=False)
 
     def _say_reached(self, wave: int) -> None:
         """Say that it is the end, how many samples came and were put, by receiver, and whether it has more to do."""
@@ -282,7 +305,7 @@ class Process:
         """Send frames, take them back, and tell."""
         for output in outputs:
             if isinstance(output, Sent):
-                self._outgoing.send(output.frame, self._wall(output.frame.sent_ns), time.monotonic_ns())
+                self._outgoing.send(output.frame, self._wall(output.frame.sent_ns), self._now_ns())
             elif isinstance(output, TakenBack):
                 self._outgoing.take_back(output.frame)
             elif not (isinstance(output, Told) and isinstance(output.effect, Store)):
@@ -305,7 +328,7 @@ class Process:
 
     def _put(self, frame: Frame, version: int) -> None:
         seq = self._outgoing.seq
-        times = time.monotonic_ns(), version, frame.preamble_ns
+        times = self._now_ns(), version, frame.preamble_ns
         envelope = Envelope(frame.sent_ns, frame.incarnation, frame.copy, seq, *times)
         to_all = (frame.medium, self.spec.cell_in(frame.medium), frame.src, frame.kind)
         to_one = (frame.medium, frame.to, frame.src, frame.kind)

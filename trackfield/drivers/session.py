@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import zenoh
@@ -13,6 +15,8 @@ NODE_RUNTIME: Final = "(rx:(handover:app),acc:(handover:app),tx:(handover:app),n
 
 PROTOCOLS: Final = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 """What Zenoh can listen on."""
+SECURED: Final = ("tls", "quic")
+"""Those of them on which both sides show certificates."""
 
 _PATIENCE: Final[Mapping[str, Any]] = {
     # In microseconds (default 1000): a receiver that waits for the processor costs no frame.
@@ -42,21 +46,71 @@ def is_endpoint(text: str) -> bool:
     return protocol in PROTOCOLS and bool(place)
 
 
-def open_client(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> zenoh.Session:
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """How a process shows who it is, and knows others: texts in PEM.
+
+    The certificates of the ``authority`` that it trusts, its own ``certificate``, with those between it and the
+    authority if there are any, and its private ``key``.
+    """
+
+    authority: str
+    certificate: str
+    key: str
+
+
+def open_client(
+    endpoint: str, run: str | None = None, timeout_s: float = 60.0, credentials: Credentials | None = None
+) -> zenoh.Session:
     """A session in a run (None: all runs) by the router at ``endpoint``. Raises ``zenoh.ZError`` if none answers."""
-    return open_session(client_settings(endpoint, run, timeout_s))
+    return open_session(client_settings(endpoint, run, timeout_s, credentials))
 
 
-def client_settings(endpoint: str, run: str | None = None, timeout_s: float = 60.0) -> str:
+def client_settings(
+    endpoint: str, run: str | None = None, timeout_s: float = 60.0, credentials: Credentials | None = None
+) -> str:
     """The settings of such a session. The launcher makes them for its nodes, as that takes memory."""
     timeout = {"connect/timeout_ms": round(timeout_s * 1000)}
     namespace = {} if run is None else {"namespace": run}
-    return _settings({**_CLIENT, **timeout, **namespace, "connect/endpoints": [endpoint]})
+    places = {"connect/endpoints": [endpoint]}
+    return _settings({**_CLIENT, **timeout, **namespace, **places, **_secured(credentials)})
 
 
 def open_router(*endpoints: str) -> zenoh.Session:
     """A router that listens at these endpoints for as long as the session is kept."""
-    return open_session(_settings({**_ROUTER, "listen/endpoints": list(endpoints)}))
+    return open_session(router_settings(endpoints))
+
+
+def router_settings(
+    endpoints: Sequence[str],
+    credentials: Credentials | None = None,
+    upstream: str = "",
+    more: Mapping[str, Any] | None = None,
+) -> str:
+    """The settings of a router at these endpoints, one of another's (``upstream``), if given.
+
+    ``more`` are further settings by their paths.
+    """
+    places = {"listen/endpoints": list(endpoints), "connect/endpoints": [upstream] if upstream else []}
+    return _settings({**_ROUTER, **places, **_secured(credentials), **(more or {})})
+
+
+def _secured(credentials: Credentials | None) -> dict[str, Any]:
+    """Both sides of each link show and check certificates, and a link ends when one of them expires."""
+    if credentials is None:
+        return {}
+    authority, certificate, key = (
+        b64encode(text.encode()).decode() for text in (credentials.authority, credentials.certificate, credentials.key)
+    )
+    tls = {
+        "root_ca_certificate_base64": authority,
+        "enable_mtls": True,
+        "verify_name_on_connect": True,
+        "close_link_on_expiration": True,
+        **{f"{side}_certificate_base64": certificate for side in ("listen", "connect")},
+        **{f"{side}_private_key_base64": key for side in ("listen", "connect")},
+    }
+    return {"transport/link/tls": tls}
 
 
 def open_session(settings: str) -> zenoh.Session:

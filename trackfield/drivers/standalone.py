@@ -14,6 +14,8 @@ import socket
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
 from typing import Final, NoReturn
 
 import zenoh
@@ -21,16 +23,20 @@ from setproctitle import setproctitle
 
 from trackfield.drivers.exchange.intake import Refusals, printable
 from trackfield.drivers.exchange.seal import Seal, token_from
+from trackfield.drivers.hostclock import HostClock
 from trackfield.drivers.joining.ask import JoinError, RefusedError, TokenError
-from trackfield.drivers.joining.claim import claim, find_run
+from trackfield.drivers.joining.claim import claim, enrol, find_run
+from trackfield.drivers.joining.clock import keep_clock, set_clock
+from trackfield.drivers.joining.credentials import GUEST, SECURE, CertificateError, credentials_in, open_shown
 from trackfield.drivers.process import Process
-from trackfield.drivers.session import NODE_RUNTIME, is_endpoint, open_client
+from trackfield.drivers.session import NODE_RUNTIME, SECURED, Credentials, is_endpoint
 from trackfield.drivers.spec import factory_of, role_factories
 from trackfield.errors import ScenarioError
 from trackfield.plugins import give
 from trackfield.streams import steady
+from trackfield.wire import keys
 from trackfield.wire.error import WireError
-from trackfield.wire.keys import check_id, check_name
+from trackfield.wire.keys import check_id, check_name, id_of
 
 _PLACE: Final = re.compile(r"(?:(?P<name>[^=]*)=)?(?P<place>[\w.]+:[\w.]+)")
 _OWN: Final = re.compile(r"(sensor|tracker):[^=:]+=[\w.]+:[\w.]+")
@@ -98,13 +104,16 @@ def _live(role: str, factory: str, arguments: argparse.Namespace, *, installed: 
             process = _join(role, factory, arguments)
             break
         except ScenarioError as error:
-            sys.exit(f"{role}: {error} (--own tells this process where a class of yours is)")
+            hint = "" if error.key == SECURE else " (--own tells this process where a class of yours is)"
+            sys.exit(f"{role}: {error}{hint}")
+        except ImportError as error:
+            sys.exit(f"{role}: what the run needs is not installed here: {error} (in containers: TRACKFIELD_NODE=full)")
         except (JoinError, zenoh.ZError) as error:
             which = " ".join(filter(None, ["the run", arguments.run]))
             why = f"{role}: cannot join {which} through {arguments.connect}: {error}"
             if not arguments.wait:
                 sys.exit(why)
-            if isinstance(error, TokenError) and why != said:  # waiting alone does not help
+            if isinstance(error, TokenError | CertificateError) and why != said:  # waiting alone does not help
                 said = why
                 print(why, file=sys.stderr, flush=True)
             time.sleep(RETRY_S)
@@ -121,35 +130,58 @@ def _leave() -> NoReturn:
 
 
 def _join(role: str, factory: str, arguments: argparse.Namespace) -> Process:
-    """A process that has a place. Raises ``JoinError``."""
-    run = arguments.run or find_run(arguments.connect)
-    seal = Seal(token_from(os.environ, run))
+    """A process that has a place. Raises ``JoinError``, ``ScenarioError``."""
+    shown, own = _shown(arguments)
+    run = arguments.run or find_run(arguments.connect, shown)
+    clock = HostClock()
+    seal = Seal(token_from(os.environ, run), clock.now_ns)
     for _ in range(TRIES):
-        session = open_client(arguments.connect, run)
-        try:
-            return _take_place(session, seal, role, factory, arguments.id or "")
-        except _TakenError as error:
-            taken = error
-            session.close()  # type: ignore[no-untyped-call]
-        except BaseException:
-            session.close()  # type: ignore[no-untyped-call]
-            raise
+        with ExitStack() as opened:
+            session = opened.enter_context(open_shown(arguments.connect, run, shown))
+            place, host, refused = arguments.id or "", socket.gethostname(), Refusals()
+            if shown is None or own:
+                name = claim(session, role, host, place, seal, refused, own=own)
+            else:
+                name, its = enrol(session, role, host, place, seal, refused, shown)
+                opened.close()
+                session = opened.enter_context(open_shown(arguments.connect, run, its))
+            read = set_clock(session, clock, seal, refused)
+            try:
+                process = take_place(session, seal, role, name, factory, clock)
+            except TakenError as error:
+                taken = error
+                continue
+            opened.pop_all()
+            if read:
+                keep_clock(session, clock, seal, read)
+            return process
     raise taken
 
 
-class _TakenError(JoinError):
+def _shown(arguments: argparse.Namespace) -> tuple[Credentials | None, bool]:
+    """The credentials of this process, and whether they are its own, not a guest's. Raises ``ScenarioError``."""
+    folder: Path | None = arguments.secure
+    if folder is None:
+        return None, False
+    id = id_of(arguments.id or "")
+    own = bool(id) and (folder / f"{id}.pem").exists()
+    return credentials_in(folder, id if own else GUEST), own
+
+
+class TakenError(JoinError):
     """Another process was faster at the place that this one was offered."""
 
 
-def _take_place(session: zenoh.Session, seal: Seal, role: str, factory: str, place: str) -> Process:
-    host = socket.gethostname()
-    name = claim(session, role, host, place, seal, Refusals())
+def take_place(
+    session: zenoh.Session, seal: Seal, role: str, name: str, factory: str, clock: HostClock | None = None
+) -> Process:
+    """A process that has the place of this ``name``, which it was offered. Raises ``TakenError``, ``JoinError``."""
     setproctitle(f"trackfield {role} {name}")
     try:
-        process = Process(session, name, factory, seal)
-        process.confirm(host)
+        process = Process(session, name, factory, seal, keys.orders_to(name), clock)
+        process.confirm(socket.gethostname())
     except RefusedError as error:
-        raise _TakenError(str(error)) from None
+        raise TakenError(str(error)) from None
     except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
         why = printable(f"{type(error).__name__}: {error}")
         what = f"what the launcher tells makes no {role} here ({why})"
@@ -194,6 +226,9 @@ def _parser(program: str, description: str) -> argparse.ArgumentParser:
         metavar="KIND:NAME=PLACE",
         help="where a sensor or tracker of your own is, like sensor:sonar=mine.sonar:Sonar",
     )
+    parser.add_argument(
+        "--secure", type=Path, metavar="DIR", help="the certificates of this process, or those by which it gets some"
+    )
     parser.add_argument("--wait", action="store_true", help="wait for a router, a run and a free place")
     return parser
 
@@ -206,7 +241,10 @@ def _checked(parser: argparse.ArgumentParser) -> argparse.Namespace:
     try:
         if arguments.id is not None:
             check_name(arguments.id)
-    except WireError as error:
+        if (arguments.secure is not None) != arguments.connect.startswith(tuple(f"{one}/" for one in SECURED)):
+            parser.error(f"{SECURE} DIR goes with --connect to {' or '.join(f'{one}/...' for one in SECURED)}")
+        _shown(arguments)
+    except (WireError, ScenarioError) as error:
         parser.error(str(error))
     return arguments
 

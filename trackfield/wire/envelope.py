@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from typing import Final
 
 from trackfield.wire.error import WireError
 
 _FINAL = struct.Struct("<qHHIq")
 _VERSIONED = struct.Struct("<qHHIqI")
 _LONG = struct.Struct("<qHHIqIq")
+LONGEST: Final = _LONG.size
+"""Bytes of the longest envelope."""
 _BY_SIZE = {form.size: form for form in (_FINAL, _VERSIONED, _LONG)}
 
 
@@ -19,8 +22,8 @@ class Envelope:
 
     ``sent_ns`` is the logical send time in true emulated time (ns since the start of the run);
     ``incarnation`` counts the sender's lives; ``copy`` counts frames of one kind to one address on one medium
-    sent at the same instant; ``seq`` counts the sender's puts and only serves to find gaps. ``put_ns`` is the host's
-    monotonic clock at the put, 0 if unknown: it only serves to measure the host.
+    sent at the same instant; ``seq`` counts the sender's puts and only serves to find gaps. ``put_ns`` is the run's
+    clock (the launcher's monotonic one) at the put, 0 if unknown: it only serves to measure the hosts.
 
     ``version`` counts the puts of one frame, from 0: the highest holds, and one without a payload says that the frame
     was taken back. A frame without a version (None) is final.

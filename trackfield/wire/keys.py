@@ -16,13 +16,22 @@ MEDIA: Final[tuple[Medium, ...]] = get_args(Medium)
 ALL_DATA: Final = "data/**"
 """Every data frame of the run."""
 ALL_TELEMETRY: Final = "telemetry/**"
+ATTEMPTS: Final = "telemetry/router/attempts"
+"""The launcher asks here (a query) what the router of a secured run refused."""
 ALL_LIVE: Final = "live/**"
 JOIN: Final = "control/join"
-"""A process asks here (a query) for its place in the run."""
+"""A process asks below this, at its own id (a query), for its place in the run."""
 CLAIM: Final = "control/claim"
 """A process that starts elsewhere asks here (a query) under which name to join."""
 CONFIRM: Final = "control/confirm"
-"""Such a process asks here (a query) whether the place is its own, once its token is there."""
+"""Such a process asks below this, at its id (a query), whether the place is its own, once its token is there."""
+SLICE: Final = "control/slice"
+"""A slice, which starts a share of a field on another host, asks here (a query) which processes it has; below this is
+its liveliness token."""
+CLOCK: Final = "control/clock"
+"""Whoever starts elsewhere asks here (a query) for the time of the run's clock."""
+BY_ANYBODY: Final = (CLAIM, SLICE, CLOCK)
+"""What is not asked in the name of a process, at its own id."""
 LAUNCHER: Final = "control/launcher"
 """Below this is the launcher's liveliness token, named after its session: how processes find a run, and know it."""
 ALL_CONTROL: Final = "control/**"
@@ -33,7 +42,7 @@ GROUPS: Final = 61
 """A router looks at all subscribers of a key for each that comes, and for each session. So of thousands of processes
 that start together, each subscribes to the orders to one of so many groups, and the launcher gives all orders twice."""
 START: Final = "control/start"
-"""The host's monotonic time (ns, decimal) at which emulated time begins."""
+"""The time (ns, decimal) by the run's clock, the launcher's monotonic one, at which emulated time begins."""
 END: Final = "control/end"
 """The emulated time (ns, decimal) at which the run ends early."""
 SETTLE: Final = "control/settle"
@@ -140,6 +149,16 @@ def live(name: str, mark: str = "") -> str:
     return f"live/{check_name(name)}" + (f"/{mark}" if mark else "")
 
 
+def asked_by(question: str, name: str) -> str:
+    """The key at which a process asks this in its own name, so that a router can tell whether it may."""
+    return f"{question}/{id_of(check_name(name))}"
+
+
+def asked_by_all(question: str) -> str:
+    """The key expression of what all processes ask in their own names."""
+    return f"{question}/*"
+
+
 def orders_to(name: str) -> str:
     """The key expression of the orders to the group of this life."""
     return f"{ORDERS}/{int.from_bytes(name.encode()) % GROUPS}"
@@ -164,3 +183,13 @@ def _check_medium(medium: str) -> Medium:
     if medium not in MEDIA:
         raise WireError("key", f"medium {medium!r} is not one of {', '.join(MEDIA)}")
     return medium
+
+
+def slice_token(number: int, of: int, mark: str = "") -> str:
+    """The liveliness token of the slice with this number of so many, with the mark by which it is known."""
+    return f"{SLICE}/{number}/{of}" + (f"/{mark}" if mark else "")
+
+
+def slice_name(number: int) -> str:
+    """The name by which the slice with this number is certified and reported."""
+    return f"slice-{number}"

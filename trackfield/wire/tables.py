@@ -25,17 +25,22 @@ def kinds_table() -> str:
 
 
 def vectors_tables(vectors: Mapping[str, Any]) -> str:
-    """The golden vectors: messages, other accepted spellings, refused payloads, envelopes."""
+    """The golden vectors: messages, other accepted spellings, refused payloads, envelopes, and what has a seal."""
     messages = [[_plain(v["kind"], v["fields"]), f"`{_short(v['hex'])}`"] for v in vectors["messages"]]
     spellings = [[v["what"], f"`{v['hex']}`", f"`{v['canonical']}`"] for v in vectors["spellings"]]
     refused = [[v["what"], f"`{v['hex']}`", v["reason"]] for v in vectors["refused"]]
     envelopes = [[_plain("", v["fields"]), f"`{v['hex']}`"] for v in vectors["envelopes"]]
+    sealed = [
+        [v["what"], *(f"`{_short(v[part])}`" if v[part] else "empty" for part in ("key", "payload", "seal"))]
+        for v in vectors["sealed"]
+    ]
     return "\n\n".join(
         [
             _table(["message", "payload"], messages),
             _table(["accepted all the same", "payload", "means"], spellings),
             _table(["refused", "payload", "reason"], refused),
             _table(["envelope", "attachment"], envelopes),
+            _table(["with a seal", "key", "payload", "attachment"], sealed),
         ]
     )
 

@@ -29,11 +29,13 @@ _parsed = lru_cache(maxsize=10_000)(parse)
 """Cached: a run uses few keys, again and again."""
 
 Inbox = deque[tuple[int, zenoh.Sample]]
-"""Samples and when (host's monotonic clock, ns) they arrived."""
+"""Samples and when (the run's clock, ns) they arrived."""
 
 
-def take_in(session: zenoh.Session, key: str, inbox: Inbox, wake: Event) -> Any:
-    """Subscribe for a process that computes for long at a time; returns the subscriber.
+def take_in(
+    session: zenoh.Session, key: str, inbox: Inbox, wake: Event, now_ns: Callable[[], int] = time.monotonic_ns
+) -> Any:
+    """Subscribe for a process that computes for long at a time; returns the subscriber. ``now_ns`` is the run's clock.
 
     Meanwhile Zenoh's thread would have to wait for Python at every sample, and the router would drop the samples queued
     behind it. So it fills a channel of its own, and a thread here empties that at once whenever it runs.
@@ -45,7 +47,7 @@ def take_in(session: zenoh.Session, key: str, inbox: Inbox, wake: Event) -> Any:
             while True:
                 sample: zenoh.Sample | None = subscriber.recv()
                 while sample is not None:
-                    inbox.append((time.monotonic_ns(), sample))
+                    inbox.append((now_ns(), sample))
                     sample = subscriber.try_recv()
                 wake.set()
         except zenoh.ZError:

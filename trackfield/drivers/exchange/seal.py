@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import blake2b
 from hmac import compare_digest
 from struct import Struct
@@ -16,6 +16,7 @@ TOKEN: Final = "TRACKFIELD_TOKEN"
 
 _NUMBER: Final = Struct("<Q")
 _MAC_BYTES: Final = 16
+SEAL_BYTES: Final = _NUMBER.size + _MAC_BYTES
 
 
 def token_from(environment: Mapping[str, str], run: str) -> bytes:
@@ -31,11 +32,12 @@ class Seal:
     """Keyed BLAKE2b (RFC 7693) over a key, a number that grows, and a payload; it goes along as the attachment.
 
     The key is the run's ``token``, a secret that a process has from its parent or its environment, never from the wire.
-    Without one there are no seals, and everything passes.
+    Without one there are no seals, and everything passes. Numbers grow with the run's clock ``now_ns``: what follows at
+    a key may come from another process.
     """
 
-    def __init__(self, token: bytes = b"") -> None:
-        self.token = token
+    def __init__(self, token: bytes = b"", now_ns: Callable[[], int] = time.monotonic_ns) -> None:
+        self.token, self._now_ns = token, now_ns
         self._number = 0
         self._latest: dict[str, int] = {}
 
@@ -43,7 +45,7 @@ class Seal:
         """The attachment for this payload at this key."""
         if not self.token:
             return None
-        self._number = max(self._number + 1, time.monotonic_ns())
+        self._number = max(self._number + 1, self._now_ns())
         number = _NUMBER.pack(self._number)
         return number + self._mac(key, number, payload)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import msgpack
 import zenoh
@@ -13,6 +13,7 @@ from zenoh.handlers import Callback
 
 from trackfield.drivers.exchange.intake import Refusals, printable, unpacked
 from trackfield.drivers.exchange.seal import TOKEN, Seal
+from trackfield.drivers.joining.tokens import tokens
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
 
@@ -48,6 +49,13 @@ class TokenError(JoinError):
     """This process and those that answer do not share a token."""
 
 
+class Answered(NamedTuple):
+    """What the launcher told, and when that came (monotonic clock of this host, ns)."""
+
+    told: dict[str, Any]
+    came_ns: int
+
+
 def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: Refusals) -> dict[str, Any]:
     """The launcher's answer to this question. Raises ``JoinError`` if it refuses, or does not answer.
 
@@ -55,13 +63,14 @@ def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: 
     the launcher's token names. All others are ``refused``.
     """
     deadline = time.monotonic() + ANSWER_TIMEOUT_S
-    launcher = "" if seal.token else _launcher(session)
+    launcher = launcher_in(session, seal)
     wrong: list[WireError] = []
     strange_s: float | None = None
     while time.monotonic() < deadline:
         before = len(wrong)
-        told = _asked(session, key, question, seal, launcher, wrong)
-        if told is not None:
+        answered = ask_once(session, key, question, seal, launcher, wrong)
+        if answered is not None:
+            told = answered.told
             for error in wrong:
                 refused.add(key, error)
             if REFUSED in told:
@@ -76,21 +85,22 @@ def ask(session: zenoh.Session, key: str, question: bytes, seal: Seal, refused: 
     raise JoinError("no launcher answers in this run")
 
 
-def _asked(
+def ask_once(
     session: zenoh.Session, key: str, question: bytes, seal: Seal, launcher: str, wrong: list[WireError]
-) -> dict[str, Any] | None:
-    """The launcher's answer to a question that is asked once, if it came; what is ``wrong`` with all others."""
+) -> Answered | None:
+    """The answer of this ``launcher`` to a question, if one came; what is ``wrong`` with all others."""
     stamp = seal.stamp(_asking(key, question), question)
-    came: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
+    came: SimpleQueue[tuple[int, zenoh.Reply] | None] = SimpleQueue()
     # Zenoh's own handler would wake the process ten times a second: too often, if thousands wait.
-    handler = Callback(came.put, lambda: came.put(None), indirect=False)
+    handler: Any = Callback(lambda one: came.put((time.monotonic_ns(), one)), lambda: came.put(None), indirect=False)
     answers(session, key, question, ASK_TIMEOUT_S, handler, stamp)
     with suppress(Empty):  # if Zenoh never says that there are no more
-        while (answer := came.get(timeout=2 * ASK_TIMEOUT_S)) is not None:
+        while (one := came.get(timeout=2 * ASK_TIMEOUT_S)) is not None:
+            came_ns, answer = one
             if answer.ok is None:
                 continue  # Zenoh's own reply where there is no answer in time, or a stranger's
             try:
-                return _checked(answer, key, question, seal, launcher)
+                return Answered(_checked(answer, key, question, seal, launcher), came_ns)
             except WireError as error:
                 wrong.append(error)
     return None
@@ -162,11 +172,15 @@ def session_of(answer: zenoh.Reply) -> str:
     return str(answer.replier_id.zid) if answer.replier_id else ""
 
 
-def _launcher(session: zenoh.Session) -> str:
-    """The id of the launcher's session, as its token names it. Raises ``JoinError`` unless there is exactly one."""
+def launcher_in(session: zenoh.Session, seal: Seal) -> str:
+    """The id of the launcher's session, as its token names it; empty where seals tell its answers from others.
+
+    Raises ``JoinError`` unless there is exactly one.
+    """
+    if seal.token:
+        return ""
     for _ in range(LOOKS):
-        found = session.liveliness().get(f"{keys.LAUNCHER}/*", timeout=ASK_TIMEOUT_S)
-        sessions = sorted(str(token.ok.key_expr).rpartition("/")[2] for token in found if token.ok)
+        sessions = [key.rpartition("/")[2] for key in tokens(session, f"{keys.LAUNCHER}/*", ASK_TIMEOUT_S).keys]
         if len(sessions) > 1:
             raise JoinError(f"{len(sessions)} launchers claim this run: somebody pretends to be one")
         if sessions:

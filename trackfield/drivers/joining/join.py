@@ -28,14 +28,15 @@ LOOK_S: Final = 0.1
 class Joined:
     """The launcher's reply to a process that joins, before or during the run.
 
-    ``start_ns`` is the host's monotonic time at which emulated time began (None: not yet), ``stored`` what an earlier
-    life of the process stored last (``Store``), if that life ended unplanned. The ``ticket`` says that it joined.
+    ``start_ns`` is the time of the run's clock at which emulated time began (None: not yet), ``left`` the bytes that an
+    earlier life of the process stored last (``Store``), and those that say what it took from its battery, if that life
+    ended unplanned. The ``ticket`` says that it joined.
     """
 
     run: RunSpec
     process: ProcessSpec
     start_ns: int | None
-    stored: bytes | None
+    left: tuple[bytes, bytes] | None
     ticket: str
 
 
@@ -46,7 +47,7 @@ def join(session: zenoh.Session, name: str, factory: str, seal: Seal, refused: R
     """
     question = msgpack.packb([name, os.urandom(NONCE_BYTES)])
     try:
-        return read(joined, ask(session, keys.JOIN, question, seal, refused), name, factory)
+        return read(joined, ask(session, keys.asked_by(keys.JOIN, name), question, seal, refused), name, factory)
     except WireError as error:
         raise JoinError(f"{name}: {error}") from None
 
@@ -67,7 +68,7 @@ def confirm(session: zenoh.Session, name: str, ticket: str, host: str, seal: Sea
     deadline = time.monotonic() + ANSWER_TIMEOUT_S
     while time.monotonic() < deadline:
         question = msgpack.packb([name, ticket, host, os.urandom(NONCE_BYTES)])
-        if ask(session, keys.CONFIRM, question, seal, refused).get("live") is True:
+        if ask(session, keys.asked_by(keys.CONFIRM, name), question, seal, refused).get("live") is True:
             return
         time.sleep(LOOK_S)
     raise JoinError(f"the launcher does not see {name}")
@@ -81,4 +82,7 @@ def joined(answer: Mapping[str, Any], name: str, factory: str) -> Joined:
         raise WireError("malformed", "an answer to another question")
     if type(ticket) is not str or not ticket.isalnum():
         raise WireError("malformed", "no ticket")
-    return Joined(RunSpec(**answer["run"]), process, start_ns, stored, ticket)
+    spent = answer.get("spent", b"")
+    if type(spent) is not bytes:
+        raise WireError("malformed", "no use of a battery")
+    return Joined(RunSpec(**answer["run"]), process, start_ns, None if stored is None else (stored, spent), ticket)
