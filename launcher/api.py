@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 import pyarrow as pa
 
 from launcher.files import MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
+from launcher.options import check_elsewhere
 from launcher.plan.bridges import OPTION, bridged, in_folder, looked_for, parse, with_terminals
 from launcher.plan.extensions import check_importable
 from launcher.plan.prepare import checked, planned, warned
@@ -156,9 +157,10 @@ def run(
         devices = _devices(bridge or {}, driver, speed)
         chosen = checked(_scenario(scenario), seed)
         plan = looked_for(bridged(warned(planned(chosen, speed)), devices))
+        check_elsewhere(plan, (), virtual=driver == "virtual")
         if driver == "processes":
             check_importable(plan)
-            check_machine(plan, router=True, external=False)
+            check_machine(plan, router=True)
         inside = isinstance(out, str) and out.endswith("/")
         folder = prepare_folder(None if inside else Path(out), chosen.name, chosen.seed, below=Path(out))
     keep(chosen, folder)
@@ -185,7 +187,8 @@ def study(
 
     The figures are those of single runs. ``out`` is a folder as ``trackfield study`` leaves it, with tables, pictures
     and a page; runs that are in it already are not run again. ``joblib.parallel_config`` selects another backend, like
-    a Dask cluster. A terminal shows progress. Raises ``ScenarioError``.
+    a Dask cluster; ``trackfield study --dask`` also checks that its workers have this Trackfield. A terminal shows
+    progress. Raises ``ScenarioError``.
     """
     with _arguments():
         return run_study(_scenario(scenario), seeds, vary, n_jobs=n_jobs, out=None if out is None else Path(out))

@@ -17,13 +17,13 @@ from launcher.commands import (
     choices,
     compare,
     control,
+    elsewhere,
     listen,
     listing,
     new,
     recover,
     replay,
     reproduce,
-    router,
     run,
     study,
     validate,
@@ -55,7 +55,9 @@ command("recover")(recover.recover)
 command("study")(study.study)
 command("listen")(listen.listen)
 command("reproduce")(reproduce.reproduce)
-command("router")(router.router)
+command("router")(elsewhere.router)
+command("certificates")(elsewhere.certificates)
+command("field")(elsewhere.field)
 app.add_typer(calibrate.group)
 
 

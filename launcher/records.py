@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from launcher.away import Away
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.filters.metrics import Lost
 from trackfield.link.places import Path as Legs
@@ -107,6 +108,10 @@ def last_due(end_ns: int, step_ns: int, deadline_s: float) -> int:
     return max((end_ns - round(deadline_s * NS) - 1) // step_ns, 0)
 
 
+LAUNCHER: Final = "launcher"
+"""What the launcher of a run is called."""
+ROUTER: Final = "router"
+"""The id of a run's router."""
 RECORDER: Final = "recorder"
 """The id of the process that records a run."""
 LIVE: Final = "live"
@@ -286,6 +291,8 @@ class Plan:
     classes are, by ``kind:name``. ``bridges`` are the real devices that take the place of processes, by their ids.
     ``schedule`` says who measures, if not all sensors do that have a target in reach. ``smoothers`` are the processes
     that smooth whole tracks. ``pass_steps`` are the steps at which alone a track is expected; None: at all.
+    ``external`` are the ids of the processes that others start, and for which a run over processes waits; ``aways``
+    are the faults of containers, in the order of time.
     """
 
     run: RunSpec
@@ -309,6 +316,8 @@ class Plan:
     schedule: Schedule | Polls | Passing | None = None
     smoothers: tuple[str, ...] = ()
     pass_steps: frozenset[int] | None = None
+    external: tuple[str, ...] = ()
+    aways: tuple[Away, ...] = ()
 
     @property
     def reports(self) -> tuple[Flow, ...]:
@@ -324,6 +333,24 @@ class Plan:
     def by_themselves(self) -> bool:
         """Whether all sensors report by themselves."""
         return bool(self.passes) and len(self.passes) == len(self.reaches)
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """All processes."""
+        return frozenset(process.id for process in self.processes)
+
+    @property
+    def in_field(self) -> frozenset[str]:
+        """Those that stand in the field: that sense, or fuse there what others report; not where tracks are sent."""
+        base = {source for view in self.views if view.name == BASE for source in view.sources}
+        inside = {source for view in self.views if base for source in view.sources}
+        return frozenset({place.id for place in self.info.tagged(SENSES)} | (inside - base))
+
+    @property
+    def in_slices(self) -> tuple[ProcessSpec, ...]:
+        """The lives in the field that other hosts may share: not of those that others start."""
+        ids = self.in_field - frozenset(self.external)
+        return tuple(life for life in self.processes if life.id in ids)
 
     @property
     def bases(self) -> set[str]:

@@ -7,18 +7,21 @@ import shutil
 import signal
 import statistics
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 import psutil
 
+from launcher.away import as_planned, not_done
 from launcher.drawing import write_here
-from launcher.files import LOG, locked, patiently
-from launcher.processes.deployment import ROUTER, Deployment
-from launcher.processes.gathering import Gathering
+from launcher.files import CONTAINERS, LOG, locked, patiently
+from launcher.processes.deployment import Deployment
+from launcher.processes.endpoint import Way
+from launcher.processes.gathering import Gathering, Guests
 from launcher.processes.live import LiveView
 from launcher.processes.watch import Death, Stop
 from launcher.record.folder import write_manifest
@@ -27,8 +30,9 @@ from launcher.record.kept.recovery import recovered
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import INTERRUPTED, RECORDER_DIED, ROUTER_LOST, THE_END, Metrics, ended_because
 from launcher.record.outside.filmed import VIDEO_FAILED
-from launcher.record.words import interference
-from launcher.records import RECORDER, SENSES, Plan
+from launcher.record.words import attempted, interference
+from launcher.records import LIVE, RECORDER, ROUTER, SENSES, Plan
+from launcher.security.attempts import totals
 from launcher.signals import Interrupted, handling
 from trackfield.drivers.virtual import Virtual
 from trackfield.errors import RunFailed
@@ -36,6 +40,7 @@ from trackfield.role import NS
 
 TICK_S: Final = 0.1
 """How often a run in virtual time reports its time."""
+Event = TypeVar("Event", Death, Stop)
 PSS_SAMPLE: Final = 20
 """About how many nodes have their memory measured."""
 
@@ -119,24 +124,22 @@ def run_processes(
     folder: Path,
     observer: Observer,
     command: Sequence[str] = (),
-    endpoint: str = "",
+    way: Way | None = None,
     *,
-    external: bool = False,
+    guests: Guests | None = None,
     live: Callable[[str], None] | None = None,
+    live_at: str = "",
 ) -> Outcome:
-    """Run as processes over Zenoh, which are started here or are ``external``.
+    """Run as processes over Zenoh, which are started here, but for ``guests``, which start elsewhere.
 
-    ``live``, if given, asks for a live view and is called with messages about it: its address, or why it failed. Raises
-    ``RunFailed`` if the processes do not start.
+    ``live``, if given, asks for a live view, by the viewer at ``live_at`` or one of its own, and is called with
+    messages about it: its address, or why it failed. Raises ``RunFailed`` if the processes do not start.
     """
     begun, own_cpu_s = time.monotonic(), time.process_time()
-    deploy = Gathering if external else Deployment
     with _going_on(folder), _until_signal() as ended:
-        with (
-            deploy(plan, folder, endpoint=endpoint) as field,
-            LiveView(plan, folder, field.endpoint, field.seal.token, live) if live else nullcontext() as view,
-        ):
-            write_manifest(folder, plan, command, field.endpoint)
+        deployed = Gathering(plan, folder, way, guests) if guests else Deployment(plan, folder, way)
+        with deployed as field, _viewed(field, live, live_at) if live else nullcontext() as view:
+            write_manifest(folder, plan, command, field.door.endpoint)
             ready_at, pss = _from_start_to_end(field, observer, view, ended)
         metrics = _recorded(plan, folder, field.deaths)
         own_cpu_s = time.process_time() - own_cpu_s + field.router_cpu_s
@@ -144,9 +147,15 @@ def run_processes(
         metrics |= {"driver": "processes", "wall_s": time.monotonic() - begun, "cpu_s": cpu_s}
         metrics |= ended_because(_why(plan, metrics, ended, field.deaths))
         metrics["processes"] |= {"ready_s": ready_at - begun, "pss_mb_per_node": pss}
-        _add_seen(metrics, field)
-        complaints = [_complaint(field, d) for d in field.deaths] + [_remark(field, s) for s in field.stops]
+        deaths, stops = _unplanned(plan, field.deaths), _unplanned(plan, field.stops)
+        _add_seen(metrics, field, deaths, stops)
+        complaints = [_complaint(field, d) for d in deaths] + [_remark(field, s) for s in stops]
+        complaints += _not_done(plan, folder, metrics["ended_s"])
         return close_folder(plan, folder, metrics, complaints, ended)
+
+
+def _viewed(field: Deployment, tell: Callable[[str], None], at: str) -> LiveView:
+    return LiveView(field.plan, field.folder, field.door.settings(LIVE), field.seal.token, tell, at)
 
 
 def _from_start_to_end(
@@ -172,14 +181,28 @@ def _from_start_to_end(
     return ready_at, pss
 
 
-def _add_seen(metrics: Metrics, field: Deployment) -> None:
+def _unplanned(plan: Plan, seen: Sequence[Event]) -> list[Event]:
+    """Deaths or stops, without those that planned faults of containers explain."""
+    return [one for one in seen if not as_planned(plan.aways, one.id, one.t_s, plan.run.speed)]
+
+
+def _not_done(plan: Plan, folder: Path, ended_s: float) -> list[str]:
+    """The planned faults of containers that nobody brought about, a sentence each."""
+    log = folder / CONTAINERS
+    said = log.read_text(errors="replace") if plan.aways and log.exists() else ""
+    return [f"{one.text} was not brought about (see {CONTAINERS})" for one in not_done(plan.aways, said, ended_s)]
+
+
+def _add_seen(metrics: Metrics, field: Deployment, deaths: Sequence[Death], stops: Sequence[Stop]) -> None:
     """Add what the launcher saw: processes that died or were stopped, and its own alarms."""
     metrics["processes"] |= {
-        "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in field.deaths],
-        "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in field.stops],
+        "died": [{"id": d.id, "host": field.host(d.id), "why": d.why, "t": d.t_s} for d in deaths],
+        "stopped": [{"id": s.id, "host": field.host(s.id), "t": s.t_s, "s": s.for_s} for s in stops],
     }
     metrics["timing"]["unsettled"] = len(field.unsettled)
     counts = field.alarms.counts
+    metrics["attempts"] = field.attempts()
+    counts = counts + Counter(totals(metrics["attempts"]))
     metrics["interference"] = {kind: (n or 0) + counts[kind] for kind, n in metrics["interference"].items()}
 
 
@@ -238,7 +261,7 @@ def close_folder(
         why = " while there was no router" if routers else ""
         complaints.append(f"{frames['host_lost']} frames were lost by the machine itself{why} (frames.host_lost)")
     if strange := interference(metrics["interference"]):
-        complaints.append(f"somebody interfered with the run: {strange} (interference)")
+        complaints.append(f"somebody interfered with the run: {strange}{attempted(metrics['attempts'])} (interference)")
     if dropped := metrics["recorder"]["dropped"]:
         complaints.append(f"{dropped} frames never reached the recorder (recorder.dropped): the tables lack them")
     complaints += metrics["recorder"]["complaints"]

@@ -5,10 +5,13 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from threading import Event
 from typing import Final
 
 ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Ctrl-C, a plain kill, and a terminal that is closed."""
+
+LOOK_S: Final = 0.5
 
 
 class Interrupted(KeyboardInterrupt):
@@ -39,3 +42,11 @@ def handling(handle: Callable[[int], object], numbers: Iterable[signal.Signals] 
     finally:
         for number, handler in old.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
+def wait_for(done: Event) -> None:
+    """Wait for what a signal's handler sets, and look up now and then: a signal that comes as a wait begins is handled
+    only after it.
+    """
+    while not done.wait(LOOK_S):
+        pass

@@ -14,8 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 import zenoh
 
-from launcher.processes.deployment import ROUTER, Deployment
-from launcher.records import ARRIVED, Plan
+from launcher.processes.deployment import Deployment
+from launcher.records import ARRIVED, ROUTER, Plan
 from launcher.run import Outcome, run_processes, run_virtual
 from launcher.show import Quiet
 from launcher.study.compare import differences
@@ -227,7 +227,7 @@ class Device:
         self._latest: dict[tuple[Any, ...], tuple[int, bytes]] = {}
 
     def come(self, field: Deployment) -> None:
-        self._session = open_client(field.endpoint, field.plan.run.run)
+        self._session = open_client(field.door.endpoint, field.plan.run.run)
         self._held = self._session.declare_subscriber("data/**", self._hear)
 
     def leave(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import socket
 import time
@@ -117,7 +118,10 @@ def test_a_run_that_starts_its_own_processes_gives_no_places(router: str, tmp_pa
     run.started()
     code, said = join("--connect", router)
     assert code == 1
-    assert "the launcher starts all processes of this run itself: it gives places with --external only" in said
+    assert (
+        "the launcher starts all processes of this run: it gives places with --external, --field or run.external"
+        in said
+    )
     assert join("--connect", router, "--id", "n000") == (code, said)
     assert run.finish()[0] == 0
 
@@ -140,8 +144,20 @@ def test_bad_options_have_one_message(trackfield: Call, arguments: tuple[str, ..
     assert says in said.err
 
 
+def test_a_run_whose_router_cannot_listen_says_so(trackfield: Call, tmp_path: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        place = f"tcp/127.0.0.1:{other.getsockname()[1]}"
+        said = trackfield("run", "zhai-spcpf", "--field", "external", "--listen", place, "--out", str(tmp_path / "run"))
+    assert said.code == 1
+    last = said.err.splitlines()[-1]
+    assert last == f"trackfield: cannot listen at {place}: Address already in use (os error {errno.EADDRINUSE})"
+    assert "Traceback" not in said.err
+
+
 def test_a_router_that_cannot_listen_says_so(trackfield: Call) -> None:
-    said = trackfield("router", "--listen", "tcp/192.0.2.1:7447")
+    said = trackfield("router", "--insecure", "--listen", "tcp/192.0.2.1:7447")
     assert said.code == 1
     assert said.err.startswith("trackfield: cannot listen at tcp/192.0.2.1:7447: ")
     assert said.err.count("\n") == 1

@@ -36,11 +36,11 @@ class Run:
         self._token = token
         self.alarms = Alarms()
         self.plan = planned(load("spcpf", nodes=4), 1.0)
-        self.registry = OpenRegistry(self.plan, Seal(token), self.alarms)
+        self.registry = OpenRegistry(self.plan, Seal(token), self.alarms, self.plan.ids)
         self.launcher = self.session()
         self.registry.declare(self.launcher)
         with self.session() as other:  # the router knows of it only a moment later
-            for key in (keys.CLAIM, keys.JOIN, keys.CONFIRM):
+            for key in (keys.CLAIM, keys.asked_by(keys.JOIN, "n000"), keys.asked_by(keys.CONFIRM, "n000")):
                 asking = other.declare_querier(key)
                 until(lambda asking=asking: asking.matching_status.matching)
 
@@ -143,7 +143,7 @@ def test_claims_alone_keep_nobody_out(trusting: Run) -> None:
     for i in range(1000):
         question = msgpack.packb(["node", f"evil{i}", "", os.urandom(8)])
         name = msgpack.unpackb(next(r for r in flood.get(keys.CLAIM, payload=question)).ok.payload.to_bytes())["name"]
-        list(flood.get(keys.JOIN, payload=msgpack.packb([name, os.urandom(8)])))
+        list(flood.get(keys.asked_by(keys.JOIN, name), payload=msgpack.packb([name, os.urandom(8)])))
     with ExitStack() as stack:
         guests = [stack.enter_context(trusting.guest()) for _ in PLACES]
         for guest in guests:
@@ -229,6 +229,7 @@ def test_a_ticket_does_not_last(run: Run, monkeypatch: pytest.MonkeyPatch) -> No
         with pytest.raises(JoinError, match="it took too long to start as n000"):
             guest.confirm()
         assert not run.registry.live
+    assert not run.alarms.counts
 
 
 def test_a_process_that_returns_is_the_same(run: Run) -> None:
@@ -301,9 +302,10 @@ def test_with_a_token_that_the_run_does_not_have_there_is_no_place(trusting: Run
 def test_who_repeats_a_question_that_it_heard_gets_no_place(sealed: Run) -> None:
     """It learns the ticket, as anyone may; the token needs the seal."""
     question = msgpack.packb(["n000", b"12345678"])
-    stamp = Seal(SECRET).stamp(f"{keys.JOIN}!{question.hex()}", question)
+    key = keys.asked_by(keys.JOIN, "n000")
+    stamp = Seal(SECRET).stamp(f"{key}!{question.hex()}", question)
     with sealed.session() as session:
-        [reply] = session.get(keys.JOIN, payload=question, attachment=stamp)
+        [reply] = session.get(key, payload=question, attachment=stamp)
         ticket = msgpack.unpackb(reply.ok.payload.to_bytes())["ticket"]
         for mark in (ticket, ticket + 32 * "0"):
             held = session.liveliness().declare_token(keys.live("n000", mark))
@@ -327,7 +329,7 @@ def test_waiting_processes_cost_the_launcher_no_memory(sealed: Run) -> None:
 # --- whatever is asked ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("key", [keys.JOIN, keys.CLAIM, keys.CONFIRM])
+@pytest.mark.parametrize("key", [f"{keys.JOIN}/n000", keys.CLAIM, f"{keys.CONFIRM}/n000"])
 def test_no_question_stops_the_launcher(trusting: Run, key: str) -> None:
     odd = [5, None, [], {}, "n000", ["n000"], ["n000", "x", "y", "z"], [1, 2, 3, b""], [[], {}, 0.5, b"x"], {"a": 1}]
     questions = [msgpack.packb(one) for one in odd] + [b"", b"\xc1", b"\x91" * 3000, b"\xff" * 500]

@@ -18,6 +18,8 @@ from zenoh.handlers import Callback
 
 from launcher.plan.prepare import load, planned
 from launcher.processes import gathering, patience
+from launcher.processes.endpoint import Way
+from launcher.processes.gathering import Guests
 from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
 from tests.outside import OPTIONS, Start, join, process, router, start
@@ -51,7 +53,7 @@ def flooding(endpoint: str, run: str) -> Iterator[Callable[[], int]]:
                 question = msgpack.packb([role, f"host{count}", "", os.urandom(8)])
                 list(session.get(keys.CLAIM, payload=question))
             for name in NAMES:
-                list(session.get(keys.JOIN, payload=msgpack.packb([name, os.urandom(8)])))
+                list(session.get(keys.asked_by(keys.JOIN, name), payload=msgpack.packb([name, os.urandom(8)])))
             count += 1
 
     with open_client(endpoint, run) as session:
@@ -169,7 +171,7 @@ def haunted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[bool],
             thread.start()
             plan = planned(load("spcpf", settings=["target.steps=2"], nodes=4), 5.0)
             try:
-                return run_processes(plan, tmp_path, Quiet(), [], endpoint, external=True)
+                return run_processes(plan, tmp_path, Quiet(), [], Way(endpoint), guests=Guests(plan.ids))
             finally:
                 nobody.left.set()
                 thread.join()

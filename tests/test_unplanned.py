@@ -20,11 +20,11 @@ import pytest
 from launcher.plan.prepare import load, planned
 from launcher.processes import children, deployment, patience
 from launcher.processes.children import ZYGOTE, Children
-from launcher.processes.deployment import ROUTER, Deployment
+from launcher.processes.deployment import Deployment
 from launcher.processes.patience import MAX_RESTARTS
 from launcher.processes.watch import SLICES, STOOD_STILL, Death, Stop, Watch
 from launcher.processes.zygote import Child
-from launcher.records import RECORDER, Plan
+from launcher.records import RECORDER, ROUTER, Plan
 from launcher.run import Outcome, run_processes
 from launcher.show import Quiet
 from tests.running import until

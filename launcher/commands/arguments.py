@@ -27,6 +27,7 @@ def _folders(metavar: str, what: str) -> Any:
 
 
 Run = Annotated[Path, _folders("RUN", "The folder of a finished run")]
+RunIfAny = Annotated[Path | None, _folders("[RUN]", "The folder of a finished run")]
 Unfinished = Annotated[Path, _folders("RUN", "The folder of a run that was cut off")]
 Runs = Annotated[list[Path], _folders("RUN RUN...", "Two or more folders of finished runs")]
 Name = Annotated[
@@ -44,6 +45,14 @@ Set = Annotated[
         metavar="KEY=VALUE",
         autocompletion=choices.completed(choices.settings),
         help="Set a key of the scenario, like link.loss=0.1; may be repeated.",
+    ),
+]
+CertificateAuthority = Annotated[
+    Path | None,
+    typer.Option(
+        "--ca",
+        metavar="DIR",
+        help="An authority of your own, authority.pem and authority.key: it certifies that of the run.",
     ),
 ]
 Target = Annotated[Path | None, typer.Option("--target", help="The target's track: a GPX or CSV file.")]
@@ -73,4 +82,14 @@ Trackers = Annotated[
         autocompletion=choices.completed(choices.trackers),
         help="A tracker to run: {trackers}; may be repeated.",
     ),
+]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Compute on the workers of the Dask scheduler at this address, like tcp://127.0.0.1:8786.",
+    ),
+]
+Speed = Annotated[
+    float | None, typer.Option(help="Emulated seconds per second of real time, for a run over processes.")
 ]

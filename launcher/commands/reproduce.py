@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from launcher.commands import choices
+from launcher.commands.arguments import Dask
 
 
 def reproduce(
@@ -27,13 +28,16 @@ def reproduce(
     kernels: Annotated[
         bool, typer.Option("--kernels", help="The bare filters instead: many runs at once, without roles and messages.")
     ] = False,
+    dask: Dask = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print results.json, and nothing else, to stdout.")] = False,
 ) -> None:
     """Repeat the experiments of a paper and say which of its claims hold."""
     from launcher.reproduce.command import reproduce
     from launcher.reproduce.kernels.command import reproduce_kernels
     from launcher.reproduce.papers import holds_roles
+    from launcher.study.parallel import computed
 
-    beside = holds_roles(paper)
-    done = reproduce_kernels(paper, runs, out, roles=not kernels) if kernels or beside else reproduce(paper, runs, out)
+    bare = kernels or holds_roles(paper)
+    with computed(dask):
+        done = reproduce_kernels(paper, runs, out, roles=not kernels) if bare else reproduce(paper, runs, out)
     print(done.shown(as_json=as_json), end="")

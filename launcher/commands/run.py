@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from launcher.records import Plan
     from launcher.run import Outcome
+    from launcher.security.security import Security
 
 
 @command(Request)
@@ -29,6 +30,7 @@ def run(request: Request) -> None:
     try:
         scenario, plan = request.prepared()
         request.check_machine(plan)
+        security = request.security(plan)
         folder = prepare_folder(request.out, scenario.name, scenario.seed)
         plan = in_folder(plan, folder)
         if not request.virtual:
@@ -39,7 +41,7 @@ def run(request: Request) -> None:
                 announce(plan)
                 warn(plan.warnings)
                 devices(plan, folder)
-            outcome = _carried_out(request, plan, folder)
+            outcome = _carried_out(request, plan, security, folder)
     except KeyboardInterrupt:
         done = folder is not None and folder.exists()
         what = f"after the run, which is in {folder}" if done else "before the run began; there is no run folder"
@@ -52,7 +54,7 @@ def run(request: Request) -> None:
     raise typer.Exit(outcome.exit_code)
 
 
-def _carried_out(request: Request, plan: Plan, folder: Path) -> Outcome:
+def _carried_out(request: Request, plan: Plan, security: Security | None, folder: Path) -> Outcome:
     """Do the run and show its progress as the terminal allows."""
     from launcher.drawing import written_beside
     from launcher.show import observing, progress, tell
@@ -62,8 +64,12 @@ def _carried_out(request: Request, plan: Plan, folder: Path) -> Outcome:
             from launcher.run import run_virtual  # loads Rerun, while the report's process loads matplotlib
 
             return run_virtual(plan, folder, sys.argv, tick=tick, write=write)
+    from launcher.processes.endpoint import Way
+    from launcher.processes.gathering import GATHER_TIMEOUT_S, Guests
     from launcher.run import run_processes
 
+    way = Way(request.connect, tuple(request.listen or ()), security)
+    guests = Guests(request.elsewhere(plan), request.wait or GATHER_TIMEOUT_S)
     with observing(plan, quiet=request.quiet) as observer:
-        live = tell if request.live else None
-        return run_processes(plan, folder, observer, sys.argv, request.connect, external=request.external, live=live)
+        live = tell if request.live or request.live_at else None
+        return run_processes(plan, folder, observer, sys.argv, way, guests=guests, live=live, live_at=request.live_at)

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from launcher.commands import choices
+from launcher.commands.arguments import Dask
 from launcher.commands.request import Changed, command
 
 
@@ -34,6 +35,7 @@ class Asked(Changed):
         typer.Option(metavar="X,Y", help="The two figures of the Pareto front, by their keys; unset: energy and RMSE."),
     ] = None
     jobs: Annotated[int | None, typer.Option(min=1, help="The number of runs at a time; unset: one per core.")] = None
+    dask: Dask = None
     out: Annotated[
         Path | None, typer.Option(help="The folder of the study; runs that it already has are not repeated.")
     ] = None
@@ -44,17 +46,23 @@ def study(asked: Asked) -> None:
     """Run a scenario with many seeds, and for several values of a key if asked: a table, pictures, a page."""
     from launcher.plan.prepare import changes
     from launcher.study.command import conduct
+    from launcher.study.parallel import computed
+    from trackfield.errors import ScenarioError
     from trackfield.filters.trackers import TRACKERS
     from trackfield.scenario import Scenario
 
     fixed = changes(asked.scenario, **asked.options)
-    conduct(
-        Scenario.load(asked.scenario, fixed, known_trackers=TRACKERS),
-        seeds=asked.seeds,
-        vary=asked.vary or (),
-        fixed=fixed,
-        pareto=asked.pareto,
-        n_jobs=asked.jobs or -1,
-        out=asked.out,
-        command=sys.argv,
-    )
+    scenario = Scenario.load(asked.scenario, fixed, known_trackers=TRACKERS)
+    if asked.dask and asked.jobs:
+        raise ScenarioError("has no effect beside --dask", key="--jobs", expected="one of the two")
+    with computed(asked.dask):
+        conduct(
+            scenario,
+            seeds=asked.seeds,
+            vary=asked.vary or (),
+            fixed=fixed,
+            pareto=asked.pareto,
+            n_jobs=asked.jobs or -1,
+            out=asked.out,
+            command=sys.argv,
+        )

@@ -33,7 +33,8 @@ def validate(request: Request) -> None:
     if request.as_json:
         found = {"valid": True, "warnings": list(plan.warnings), "summary": list(summary(plan, seen))}
         roles = Counter(place.role for place in plan.info.places)
-        print(json.dumps(found | {"machine": lacking, "processes": roles}, indent=2))
+        told = {"machine": lacking, "processes": roles, "containers": [one.plain() for one in plan.aways]}
+        print(json.dumps(found | told, indent=2))
     if not request.quiet:
         announce(plan)
         assess(plan, seen)

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Mapping
 from threading import Event
+from typing import Final
 
+from launcher.signals import wait_for
 from trackfield.drivers.exchange.seal import Seal
 from trackfield.drivers.process import Process
-from trackfield.drivers.session import NODE_RUNTIME, open_router, open_session
+from trackfield.drivers.session import NODE_RUNTIME, open_session
+from trackfield.errors import RunFailed
 from trackfield.plugins import give
 from trackfield.wire import keys
+
+CANNOT_LISTEN: Final = 2
+"""The exit code of a router that cannot listen where it should."""
 
 
 def role(settings: str, name: str, niceness: int, factory: str, places: Mapping[str, str], token: bytes) -> None:
@@ -27,12 +34,18 @@ def role(settings: str, name: str, niceness: int, factory: str, places: Mapping[
     process.run()
 
 
-def router(endpoint: str) -> None:
-    """The router, until it is told to end."""
+def router(settings: str) -> None:
+    """The router with these settings, until it is told to end."""
+    from launcher.security.guard import guarded
+
     done = Event()
     signal.signal(signal.SIGTERM, lambda *_: done.set())
-    session = open_router(endpoint)
-    done.wait()
+    try:
+        session = guarded(settings)
+    except RunFailed as error:
+        print(error, file=sys.stderr, flush=True)
+        os._exit(CANNOT_LISTEN)
+    wait_for(done)
     session.close()  # type: ignore[no-untyped-call]
 
 

@@ -7,41 +7,40 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from secrets import token_bytes
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import msgpack
 import zenoh
 from zenoh.handlers import Callback
 
-from launcher.processes import patience
+from launcher.processes import bodies, patience
 from launcher.processes.alarms import Alarms
 from launcher.processes.children import KILL_TIMEOUT_S, WITH_ZYGOTE, ZYGOTES, Children
-from launcher.processes.endpoint import SocketFolder, session_by
-from launcher.processes.logs import Logged
+from launcher.processes.endpoint import Door, Way, patiently
 from launcher.processes.orders import Orders
 from launcher.processes.preload import preload_of
 from launcher.processes.registry import Registry
 from launcher.processes.settling import Settling, answer_of
+from launcher.processes.together import Together
 from launcher.processes.watch import STOOD_STILL, Stop, Watch
 from launcher.processes.zygote import Child
 from launcher.record.samples import status_of
-from launcher.records import RECORDER, Plan
+from launcher.records import LAUNCHER, RECORDER, ROUTER, Plan
+from launcher.security.attempts import Asking, Attempts
 from trackfield.drivers.exchange.intake import opened
 from trackfield.drivers.exchange.seal import Seal
-from trackfield.drivers.session import client_settings
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.errors import RunFailed
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
 
 GOOD_END: Final = "exit code 0"
-ROUTER: Final = "router"
+CANNOT_LISTEN: Final = f"exit code {bodies.CANNOT_LISTEN}"
 
 
-class Deployment(Logged):
+class Deployment(Together):
     """Router, recorder and roles of one run, as a context manager that leaves no process behind.
 
     ``status`` is the latest status from the recorder, ``unsettled`` are the processes that were still correcting what
@@ -52,14 +51,13 @@ class Deployment(Logged):
     stopped = "was stopped from outside"
     """What is said of a process that stood still."""
 
-    def __init__(self, plan: Plan, folder: Path, *, endpoint: str = "") -> None:
+    def __init__(self, plan: Plan, folder: Path, way: Way | None = None) -> None:
         self.plan, self.folder = plan, folder
         self.seal, self.alarms = Seal(self._token()), Alarms()
         self.registry = self._registry()
         self.status: dict[str, Any] = {}
         self.router_cpu_s = 0.0
-        self._sockets = None if endpoint else SocketFolder()
-        self.endpoint = self._sockets.endpoint if self._sockets else endpoint
+        self.door = Door(way or Way(), plan.run.run)
         self._lead_ns = round((patience.LEAD_S + patience.LEAD_PER_PROCESS_S * len(plan.processes)) * 1e9)
         self._end_ns = plan.run.end_ns
         self._preload = preload_of(plan.processes)
@@ -72,24 +70,14 @@ class Deployment(Logged):
         self._router_seen = 0.0
         self._stopping = False
 
-    def __enter__(self) -> Self:
-        try:
-            self._children = self._make_children()
-            self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
-            self.deaths = self._watch.deaths
-            self._fork_and_connect()
-        except BaseException:
-            self.__exit__()
-            raise
-        return self
+    def _start(self) -> None:
+        self._children = self._make_children()
+        self._watch = Watch(self._children, self._clock, -self.plan.origin_ns / 1e9)
+        self.deaths = self._watch.deaths
+        self._fork_and_connect()
 
-    def __exit__(self, *_: object) -> None:
-        if hasattr(self, "_children"):
-            self._children.close()
-        if hasattr(self, "session"):
-            self.session.close()  # type: ignore[no-untyped-call]
-        if self._sockets:
-            self._sockets.close()
+    def _clear(self) -> None:
+        self.door.close()
 
     def _token(self) -> bytes:
         """The run's secret: processes that are forked here have it from the launcher."""
@@ -110,36 +98,36 @@ class Deployment(Logged):
 
     def _fork_and_connect(self) -> None:
         (self.folder / "logs").mkdir(exist_ok=True)
-        if self._sockets:
+        if self.door.own:
             self._fork_router()
         self._connect()  # before anyone can ask to join
         recorder = Child("launcher.record.recorder:record", RECORDER, str(self.log(RECORDER)), graceful=True)
-        sockets = str(self._sockets.path) if self._sockets else ""
-        self._children.fork(RECORDER, recorder, self.endpoint, self.plan, self.folder, self.seal.token, sockets)
+        own = self.plan, self.folder, self.seal.token, self.door.folder
+        self._children.fork(RECORDER, recorder, self.door.settings(RECORDER), *own)
         for life in sorted(self.plan.processes, key=self._is_heavy):  # while the others start, the heavy zygote loads
             self._fork_role(life)
 
     def _fork_router(self) -> None:
-        if self._sockets:
-            self._sockets.clear()
         router = Child("launcher.processes.bodies:router", ROUTER, str(self.log(ROUTER)))
-        self._children.fork(ROUTER, router, self.endpoint)
+        self._children.fork(ROUTER, router, self.door.router())
 
     def _fork_role(self, life: ProcessSpec) -> None:
         title = life.name if life.id == life.role else f"{life.role} {life.name}"
         niceness = 0 if life.sink else patience.NICENESS
         body = Child("launcher.processes.bodies:role", title, str(self.log(life.name)), heavy=self._is_heavy(life))
-        settings = client_settings(self.endpoint, self.plan.run.run)
         own = (life.factory, dict(self.plan.own_places), self.seal.token)
-        self._children.fork(life.name, body, settings, life.name, niceness, *own)
+        self._children.fork(life.name, body, self.door.settings(life.id), life.name, niceness, *own)
 
     def _is_heavy(self, life: ProcessSpec) -> bool:
         return self._preload.is_heavy(life)
 
     def _connect(self) -> None:
-        connect = partial(session_by, self.endpoint, self.plan.run.run)
-        self.session = self._patiently(connect) if self._sockets else connect(patience.CONNECT_TIMEOUT_S)
+        if self.door.own:
+            self.session = patiently(lambda: self._session(patience.NEEDED_STILL_S), self._look_for_router)
+        else:
+            self.session = self._session(patience.CONNECT_TIMEOUT_S)
         self._orders = Orders(self.session, self.seal, self.alarms)
+        self._asking = Asking(self.session) if self.door.secured else None
         self.registry.declare(self.session)
         subscribe = self.session.declare_subscriber
         self._held = [
@@ -147,19 +135,14 @@ class Deployment(Logged):
             subscribe(keys.telemetry(RECORDER, "status"), Callback(self._on_status, indirect=False)),
         ]
 
-    def _patiently(self, connect: Callable[[float], zenoh.Session]) -> zenoh.Session:
-        """A session by the run's own router, once that is ready."""
-        deadline = time.monotonic() + patience.READY_TIMEOUT_S
-        while True:
-            try:
-                return connect(patience.NEEDED_STILL_S)
-            except RunFailed:
-                if self._children.stopped(ROUTER):
-                    self._watch.kill(ROUTER, STOOD_STILL)
-                    self._children.wait([ROUTER], KILL_TIMEOUT_S)
-                self._look_at_start()
-                if time.monotonic() > deadline:
-                    raise
+    def _session(self, timeout_s: float) -> zenoh.Session:
+        return self.door.session(LAUNCHER, timeout_s)
+
+    def _look_for_router(self) -> None:
+        if self._children.stopped(ROUTER):
+            self._watch.kill(ROUTER, STOOD_STILL)
+            self._children.wait([ROUTER], KILL_TIMEOUT_S)
+        self._look_at_start()
 
     # --- Zenoh's threads ------------------------------------------------------------------------------------------
 
@@ -196,16 +179,22 @@ class Deployment(Logged):
                 raise self.failure(f"{name} was stopped from outside at start, and not continued", name)
             if time.monotonic() > deadline:
                 what = f"{len(missing)} of {len(wanted)} processes were not ready in time"
-                raise self.failure(what, min(missing))
+                raise self.failure(what + self._which(missing), min(missing))
             time.sleep(patience.POLL_S)
 
     def _look_at_start(self) -> None:
         """Replace a router that is gone. Raises ``RunFailed`` if it is another process."""
         for name, why in self._watch.look():
+            if name == ROUTER and why == CANNOT_LISTEN:
+                raise RunFailed(self.log_tail(ROUTER))
             if name != ROUTER or not self._start_again(ROUTER, None):
                 raise self.failure(f"{name} died at start ({why})", name)
             self._watch.died(name, why, again=True)
         self._watch.rouse(ROUTER, {RECORDER, *ZYGOTES})
+
+    def _which(self, missing: set[str]) -> str:
+        """Which processes those are, besides the one whose log is quoted."""
+        return ""
 
     def _ready_timeout_s(self) -> float:
         return patience.READY_TIMEOUT_S + patience.READY_PER_PROCESS_S * len(self._lives)
@@ -233,7 +222,7 @@ class Deployment(Logged):
         while (missing := self._to_the_end() - self._reached - self._watch.gone) or self._to_be_killed():
             self._tend()
             if self._router_is_gone():
-                if not self._sockets:
+                if not self.door.own:
                     self._watch.died(ROUTER, f"it was away for {patience.ROUTER_AWAY_S:.0f} s")
                 return
             if tick() and not ending:
@@ -281,11 +270,13 @@ class Deployment(Logged):
                 self._children.kill(name)
             self._children.terminate(RECORDER)  # it closes its files all the same
         else:
+            if self._asking:
+                self._asking.finish()
             self._orders.give(keys.STOP, b"")
             self._await(self._lives, self._stop_timeout_s(), "did not stop when told")
             self._orders.give(keys.FINISH, msgpack.packb([(d.id, d.t_s, d.why) for d in self.deaths]))
         self._await([RECORDER], patience.WRITE_TIMEOUT_S, "did not close its files in time")
-        if self._sockets and self._children.alive(ROUTER):
+        if self.door.own and self._children.alive(ROUTER):
             self.router_cpu_s = self._children.cpu_s(ROUTER)
             self._children.terminate(ROUTER)
             self._children.wait([ROUTER], patience.STOP_TIMEOUT_S)
@@ -319,6 +310,8 @@ class Deployment(Logged):
             self._bury(name, why)
         self._watch.rouse(ROUTER, {RECORDER, *ZYGOTES})
         self._orders.look(self.registry.arrivals)
+        if self._asking:
+            self._asking.look()
 
     def _bury(self, name: str, why: str) -> None:
         life = self._lives.get(name)
@@ -353,7 +346,7 @@ class Deployment(Logged):
 
     def _router_is_gone(self) -> bool:
         """Whether there is no router, and none will be started."""
-        if self._sockets:
+        if self.door.own:
             return ROUTER in self._watch.gone
         now = time.monotonic()
         if self.session.info.routers_zid() or not self._router_seen:
@@ -361,6 +354,10 @@ class Deployment(Logged):
         return now - self._router_seen > patience.ROUTER_AWAY_S
 
     # --- what others ask ------------------------------------------------------------------------------------------
+
+    def attempts(self) -> Attempts:
+        """What the router of a secured run refused."""
+        return self._asking.attempts if self._asking else {}
 
     def pids(self) -> dict[str, int]:
         """The process ids of all that run here, by name."""

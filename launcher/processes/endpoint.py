@@ -1,4 +1,4 @@
-"""Where the router of a run listens, the session by it, and a router by itself."""
+"""Where the router of a run is, the session by it, and a router by itself."""
 
 from __future__ import annotations
 
@@ -10,18 +10,26 @@ import socket
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
 import zenoh
 from setproctitle import setproctitle
 
-from launcher.signals import handling
-from trackfield.drivers.session import open_client, open_router
+from launcher.processes import patience
+from launcher.records import ROUTER
+from launcher.security.guard import guarded
+from launcher.signals import handling, wait_for
+from trackfield.drivers.joining.credentials import refusal
+from trackfield.drivers.session import Credentials, client_settings, open_session, router_settings
 from trackfield.errors import RunFailed
+
+if TYPE_CHECKING:
+    from launcher.security.security import Security  # loads what makes certificates
 
 PREFIX: Final = "trackfield-run-"
 _NAME: Final = "router.sock"
@@ -58,27 +66,101 @@ class SocketFolder:
         os.close(self._lock)
 
 
-def session_by(endpoint: str, run: str, timeout_s: float) -> zenoh.Session:
-    """A session in this run by the router at ``endpoint``. Raises ``RunFailed`` if none answers."""
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How the processes of a run reach each other: by the router at ``endpoint``, or, if that is empty, by the run's
+    own, which also listens at ``listen`` for those that start elsewhere. With ``security`` all show certificates.
+    """
+
+    endpoint: str = ""
+    listen: tuple[str, ...] = ()
+    security: Security | None = None
+
+
+class Door:
+    """The router of a run as its processes see it; with the place of its socket, if it is the run's ``own``.
+
+    ``endpoint`` is where they reach it, ``secured`` whether they show certificates. Raises ``RunFailed`` if there is no
+    place for a socket.
+    """
+
+    def __init__(self, way: Way, run: str) -> None:
+        self._run, self._listen, self._security = run, way.listen, way.security
+        self.own = not way.endpoint
+        self.secured = way.security is not None
+        self._sockets = SocketFolder() if self.own and not way.security else None
+        own = self._sockets.endpoint if self._sockets else _secured_endpoint()
+        self.endpoint = way.endpoint or own
+        self.folder = str(self._sockets.path) if self._sockets else ""
+
+    def settings(self, name: str, timeout_s: float = 60.0) -> str:
+        """The settings of a session of the process of this name."""
+        return client_settings(self.endpoint, self._run, timeout_s, self._credentials(name))
+
+    def session(self, name: str, timeout_s: float) -> zenoh.Session:
+        """A session of the process of this name. Raises ``RunFailed`` if no router answers."""
+        return session_by(self.endpoint, self.settings(name, timeout_s), self._credentials(name))
+
+    def router(self) -> str:
+        """The settings of the run's own router, whose socket is free now."""
+        if self._sockets:
+            self._sockets.clear()
+        more = self._security.settings if self._security else {}
+        return router_settings([self.endpoint, *self._listen], self._credentials(ROUTER), more=more)
+
+    def _credentials(self, name: str) -> Credentials | None:
+        return self._security.credentials(name) if self._security else None
+
+    def close(self) -> None:
+        """Remove what is left of it."""
+        if self._sockets:
+            self._sockets.close()
+
+
+def _secured_endpoint() -> str:
+    """A place on this machine alone; a socket in a folder cannot be secured."""
+    from launcher.timeline.view import free_port
+
+    return f"tls/127.0.0.1:{free_port()}"
+
+
+def session_by(endpoint: str, settings: str, credentials: Credentials | None = None) -> zenoh.Session:
+    """A session with these settings, by the router at ``endpoint``. Raises ``RunFailed`` if none answers."""
     try:
-        return open_client(endpoint, run, timeout_s)
+        return open_session(settings)
     except zenoh.ZError as error:
-        what = f"no Zenoh router answers at {endpoint} (or it refuses the credentials of this process)"
-        raise RunFailed(f"{what}: {str(error).partition(' at /')[0]}") from None
+        why = refusal(endpoint, credentials) or str(error).partition(" at /")[0]
+        raise RunFailed(f"no Zenoh router answers at {endpoint}: {why}") from None
 
 
-def serve(endpoints: Sequence[str]) -> None:
-    """Be the router at these endpoints until it is told to end. Raises ``RunFailed`` if it cannot listen there."""
+def patiently(opened: Callable[[], zenoh.Session], look: Callable[[], None]) -> zenoh.Session:
+    """A session by a router that is being started; after each attempt, ``look`` sees whether it still is.
+
+    Raises what that raises, or ``RunFailed`` if the router is not ready in time.
+    """
+    deadline = time.monotonic() + patience.READY_TIMEOUT_S
+    while True:
+        try:
+            return opened()
+        except RunFailed:
+            look()
+            if time.monotonic() > deadline:
+                raise
+
+
+def serve(
+    endpoints: Sequence[str], credentials: Credentials | None = None, more: Mapping[str, Any] | None = None
+) -> None:
+    """Be the router at these endpoints, with ``more`` settings by their paths, until it is told to end.
+
+    Raises ``RunFailed`` if it cannot listen there.
+    """
     done = Event()
+    router = guarded(router_settings(endpoints, credentials, more=more), say=True)
     setproctitle("trackfield router")
-    places = ", ".join(endpoints)
-    try:
-        router = open_router(*endpoints)
-    except zenoh.ZError as error:
-        raise RunFailed(f"cannot listen at {places}: {str(error).partition(' at /')[0]}") from None
     with handling(lambda _: done.set()):
-        print(f"router at {places}", file=sys.stderr)
-        done.wait()
+        print(f"router at {', '.join(endpoints)}", file=sys.stderr)
+        wait_for(done)
     router.close()  # type: ignore[no-untyped-call]
 
 

@@ -27,15 +27,20 @@ MEMORY: Final = 3 << 30
 _ROOT: Final = Path("/sys/fs/cgroup")
 
 
-def check_machine(plan: Plan, *, router: bool, external: bool) -> None:
+def check_machine(plan: Plan, *, router: bool, guests: int = 0) -> None:
     """Raise ``RunFailed`` if this machine does not allow such a run; nothing is started.
 
-    ``router`` says that the run starts its own, ``external`` that others start its roles.
+    ``router`` says that the run starts its own; of its processes so many ``guests`` start elsewhere.
     """
-    if wrong := list(_exceeded(0 if external else len(plan.processes))):
-        raise RunFailed("\n".join([*wrong, "a run in virtual time (--virtual) needs much less"]))
+    check_processes(max(len(plan.processes) - guests, 0), "a run in virtual time (--virtual) needs much less")
     if router:
         SocketFolder().close()
+
+
+def check_processes(count: int, otherwise: str) -> None:
+    """Raise ``RunFailed`` if this machine does not allow so many processes of a run; it also says what to do else."""
+    if wrong := list(_exceeded(count)):
+        raise RunFailed("\n".join([*wrong, otherwise]))
 
 
 def _exceeded(processes: int) -> Iterator[str]:

@@ -18,7 +18,7 @@ from launcher.processes.children import Children
 from launcher.processes.zygote import Child
 from launcher.records import LIVE, Plan
 from launcher.timeline.program import environment
-from launcher.timeline.view import free_port, page_address, web_server
+from launcher.timeline.view import free_port, page_address, source, web_server
 
 VIEWER: Final = "viewer"
 """The process that serves Rerun's viewer to browsers."""
@@ -28,24 +28,31 @@ READY_S: Final = 60.0
 END_S: Final = 5.0
 """How long the live view may take to show the last of a run."""
 POLL_S: Final = 0.05
+PROVISIONAL: Final = "provisional: what it shows may be taken back"
 
 
 class LiveView:
     """A run's live view, as a context manager that leaves no process behind; it ends with the run.
 
-    ``tell`` is called with its address, and with why it failed.
+    ``tell`` is called with its address, and with why it failed. It is shown by a viewer of its own, or, if ``at``
+    (``HOST:PORT``) is given, by the one there.
     """
 
-    def __init__(self, plan: Plan, folder: Path, endpoint: str, token: bytes, tell: Callable[[str], None]) -> None:
-        self._plan, self._endpoint, self._token, self._tell = plan, endpoint, token, tell
+    def __init__(
+        self, plan: Plan, folder: Path, settings: str, token: bytes, tell: Callable[[str], None], at: str = ""
+    ) -> None:
+        self._plan, self._settings, self._token, self._tell = plan, settings, token, tell
         self._log = folder / "logs" / f"{LIVE}.log"
-        self._port, self._page = free_port(), free_port()
+        self._at, self._port, self._page = at, free_port(), free_port()
         self._alive = True
 
     def __enter__(self) -> Self:
         self._children = Children(2)
         recorder = Child("launcher.record.live:show", LIVE, str(self._log), NICENESS)
-        self._children.fork(LIVE, recorder, self._endpoint, self._plan, self._port, self._token)
+        to = source(self._at) if self._at else self._port
+        self._children.fork(LIVE, recorder, self._settings, self._plan, to, self._token)
+        if self._at:
+            return self
         server = Child("launcher.processes.bodies:program", VIEWER, str(self._log), NICENESS)
         self._children.fork(VIEWER, server, web_server(self._page, self._port), environment())
         return self
@@ -60,9 +67,12 @@ class LiveView:
         """Wait until a browser can connect; ``live`` are the names of the live processes, as Zenoh sees them."""
         deadline = time.monotonic() + READY_S
         while self._alive and not give_up():
+            if LIVE in live and self._at:
+                self._tell(f"live view: at the viewer at {self._at} ({PROVISIONAL})")
+                return
             if LIVE in live and _answers(self._page):
                 address = page_address(self._page, self._port)
-                self._tell(f"live view: {address} (provisional: what it shows may be taken back)")
+                self._tell(f"live view: {address} ({PROVISIONAL})")
                 _open_browser(address)
                 return
             if time.monotonic() > deadline:

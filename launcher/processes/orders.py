@@ -45,7 +45,7 @@ class Orders:
                 self._put(key, payload)
         if now >= self._probe_at:
             self._probe_at = now + patience.PROBE_S
-            for key in (keys.JOIN, keys.CLAIM, keys.CONFIRM):
+            for key in (keys.CLAIM, *map(keys.asked_by_all, (keys.CLAIM, keys.JOIN, keys.CONFIRM))):
                 answers(self._session, key, b"", patience.PROBE_S, Callback(self._on_answer, indirect=False))
 
     def _put(self, key: str, payload: bytes) -> None:

@@ -19,6 +19,7 @@ from trackfield.drivers.exchange.intake import opened, printable, read, unpacked
 from trackfield.drivers.exchange.seal import TOKEN, Seal
 from trackfield.drivers.joining.ask import REFUSED, UNSEALED, answer, question_of
 from trackfield.drivers.joining.join import token
+from trackfield.drivers.joining.tokens import tokens
 from trackfield.drivers.spec import ProcessSpec
 from trackfield.wire import keys
 from trackfield.wire.error import WireError
@@ -30,7 +31,9 @@ AGAIN_S: Final = 0.1
 """How long after a question in whose answer somebody is missing it is asked again."""
 NO_SEAL: Final = f"the question lacks the seal of this run: set {TOKEN} as it is set for the launcher"
 
-NO_PLACES: Final = "the launcher starts all processes of this run itself: it gives places with --external only"
+NO_PLACES: Final = (
+    "the launcher starts all processes of this run: it gives places with --external, --field or run.external"
+)
 
 
 class Registry:
@@ -49,7 +52,7 @@ class Registry:
         self.arrivals = 0
         self.hosts: dict[str, str] = {}
         self._lives = {p.name: p for p in plan.processes}
-        self._stored: dict[str, bytes] = {}
+        self._told: dict[tuple[str, str], bytes] = {}  # by the id, and whether it is "stored" or "spent"
         self._unplanned: set[str] = set()
         self._tickets = Tickets()
         self._holds: dict[str, str] = {}  # the ticket of the process that lives, or lived last, under each name
@@ -61,11 +64,12 @@ class Registry:
         self._own = keys.launcher(session.info.zid())
         liveliness = session.liveliness()
         launchers = f"{keys.LAUNCHER}/*"
+        on_told = Callback(self._on_told, indirect=False)
         self._held = [
-            session.declare_queryable(keys.JOIN, Callback(self._on_join, indirect=False)),
+            session.declare_queryable(keys.asked_by_all(keys.JOIN), Callback(self._on_join, indirect=False)),
             session.declare_queryable(keys.CLAIM, Callback(self._on_claim, indirect=False)),
             *self._more(session),
-            session.declare_subscriber(keys.telemetry_of_all("stored"), Callback(self._on_stored, indirect=False)),
+            *(session.declare_subscriber(keys.telemetry_of_all(what), on_told) for what in ("stored", "spent")),
             liveliness.declare_subscriber(keys.ALL_LIVE, Callback(self._on_live, indirect=False), history=True),
             liveliness.declare_subscriber(launchers, Callback(self._on_launcher, indirect=False), history=True),
             # last: processes that see it may ask at once
@@ -74,7 +78,8 @@ class Registry:
 
     def _more(self, session: zenoh.Session) -> list[Any]:
         """What else is declared."""
-        return []
+        questions = keys.SLICE, keys.asked_by_all(keys.CLAIM)
+        return [session.declare_queryable(key, Callback(self._on_claim, indirect=False)) for key in questions]
 
     def end(self, end_ns: int) -> None:
         """The run ends early, at this emulated time; processes that join later are told so."""
@@ -115,8 +120,8 @@ class Registry:
     @staticmethod
     def _tokens(session: zenoh.Session) -> set[str]:
         """The keys of all tokens that are told; none if some may be missing as the answer took too long."""
-        replies = [reply.ok for reply in session.liveliness().get(keys.ALL_LIVE, timeout=REFRESH_TIMEOUT_S)]
-        return set() if None in replies else {str(live.key_expr) for live in replies if live}
+        found = tokens(session, keys.ALL_LIVE, REFRESH_TIMEOUT_S)
+        return set(found.keys) if found.all else set()
 
     # --- what differs if processes are started elsewhere ----------------------------------------------------------
 
@@ -139,18 +144,28 @@ class Registry:
     # --- Zenoh's threads: questions -------------------------------------------------------------------------------
 
     def _on_join(self, query: zenoh.Query) -> None:
-        self._reply(query, keys.JOIN, 1, self._join)
+        self.reply(query, 1, self._join)
 
     def _on_claim(self, query: zenoh.Query) -> None:
         """Give no place, to nobody, which needs no seal."""
         with suppress(zenoh.ZError):
-            answer(query, keys.CLAIM, {REFUSED: NO_PLACES}, self._seal)
+            answer(query, str(query.key_expr), {REFUSED: NO_PLACES}, self._seal)
 
-    def _reply(self, query: zenoh.Query, key: str, count: int, tell: Callable[..., dict[str, Any]]) -> None:
-        """Answer with what ``tell`` makes of the ``count`` texts of a question, or say why not."""
+    def reply(self, query: zenoh.Query, count: int, tell: Callable[..., dict[str, Any]], about: int = 0) -> None:
+        """Answer with what ``tell`` makes of the ``count`` texts of a question, or say why not.
+
+        At a key of its own a process asks about itself alone: that text which is ``about`` it. A question to many gets
+        no answer.
+        """
+        key = str(query.key_expr)
+        if "*" in key:
+            return
         told: dict[str, Any]
         try:
-            told = tell(*read(_texts, question_of(query, key, self._seal), count))
+            texts = read(_texts, question_of(query, key, self._seal), count)
+            if key not in keys.BY_ANYBODY and keys.id_of(texts[about]) != key.rpartition("/")[2]:
+                raise WireError("key", "a question in another's name")
+            told = tell(*texts)
         except LookupError as error:
             told = {REFUSED: str(error)}
         except WireError as error:
@@ -169,18 +184,19 @@ class Registry:
             "run": self._told_run,
             "process": life.plain(),
             "start_ns": self.start_ns,
-            "stored": self._stored.get(life.id, b"") if taken_over else None,
+            "stored": self._told.get((life.id, "stored"), b"") if taken_over else None,
+            "spent": self._told.get((life.id, "spent"), b"") if taken_over else b"",
             "ticket": self._tickets.give(name, now_ns),
         }
 
     # --- Zenoh's threads: tokens, and what processes store --------------------------------------------------------
 
-    def _on_stored(self, sample: zenoh.Sample) -> None:
+    def _on_told(self, sample: zenoh.Sample) -> None:
         with suppress(WireError):  # the recorder counts it
-            name, _ = keys.parse_telemetry(str(sample.key_expr))
-            stored = opened(sample, self._seal)
+            name, what = keys.parse_telemetry(str(sample.key_expr))
+            told = opened(sample, self._seal)
             if name in self._lives:
-                self._stored[keys.id_of(name)] = stored
+                self._told[keys.id_of(name), what] = told
 
     def _on_launcher(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT and str(sample.key_expr) != self._own:

@@ -6,6 +6,7 @@ shared, and no child has to write it again.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from types import SimpleNamespace
 from typing import Any, Final, Self
@@ -30,6 +31,8 @@ from trackfield.world.placed import Placed
 from trackfield.world.scene import Scene
 
 _NODE, _CENTRE = "n001", "fusion"
+_PLACE: Final = {"name": _NODE, "live": True}
+"""What else a process is told that starts elsewhere."""
 _SECONDS: Final = 4
 _RUN: Final = RunSpec("rehearsal", 1, _SECONDS * NS, {"model": "lognormal_prr"})
 
@@ -44,7 +47,7 @@ class _Stage:
     def get(self, key: str, handler: Callback[Any], *, payload: bytes, **options: object) -> None:
         """As ``zenoh.Session.get``."""
         told = msgpack.packb(
-            {"run": asdict(_RUN), "process": _spec().plain(), "start_ns": 1, "stored": None, "ticket": "t"}
+            {"run": asdict(_RUN), "process": _spec().plain(), "start_ns": 1, "stored": None, "ticket": "t", **_PLACE}
         )
         stamp = self._seal.stamp(subject(key, payload), told)
         handler.callback(SimpleNamespace(ok=_sample(key, told, stamp)))
@@ -79,11 +82,14 @@ def _sample(key: str, payload: bytes, stamp: bytes | None) -> Any:
     return SimpleNamespace(key_expr=key, payload=zenoh.ZBytes(payload), attachment=zenoh.ZBytes(stamp or b""))
 
 
-def a_node() -> int:
-    """Be a node that joins, hears a target pass by, and leaves; how many reports it sent."""
+def a_node(join: Callable[[Any, str, str, Seal], Process] = Process) -> int:
+    """Be a node that joins, hears a target pass by, and leaves; how many reports it sent.
+
+    ``join`` makes it from a session, its name, its factory and the seal.
+    """
     token = _CENTRE.encode()
     stage: Any = _Stage(Seal(token))
-    Process(stage, _NODE, _spec().factory, Seal(token)).run()
+    join(stage, _NODE, _spec().factory, Seal(token)).run()
     return sum(key.startswith("data/") for key in stage.put_keys)
 
 

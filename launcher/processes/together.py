@@ -1,10 +1,13 @@
-"""The logs of the processes of a run."""
+"""The processes that are started together, and their logs."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
+import zenoh
+
+from launcher.processes.children import Children
 from trackfield.errors import RunFailed
 
 LOG_TAIL: Final = 12
@@ -29,3 +32,32 @@ class Logged:
         """The error that this process failed, with the end of its log."""
         tail, log = self.log_tail(name), self.log(name)
         return RunFailed(f"{what}; its log, {log}, ends:\n{tail}" if tail else what, process=name, log=tail)
+
+
+class Together(Logged):
+    """Processes and a session, as a context manager that leaves none of them behind."""
+
+    _children: Children
+    session: zenoh.Session
+
+    def __enter__(self) -> Self:
+        try:
+            self._start()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if hasattr(self, "_children"):
+            self._children.close()
+        if hasattr(self, "session"):
+            self.session.close()  # type: ignore[no-untyped-call]
+        self._clear()
+
+    def _start(self) -> None:
+        raise NotImplementedError
+
+    def _clear(self) -> None:
+        """Remove what is left when all have ended."""
+        raise NotImplementedError
