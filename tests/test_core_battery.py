@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +15,10 @@ from trackfield.drivers.engine.conditions import Conditions
 from trackfield.drivers.engine.core import Core
 from trackfield.drivers.engine.frames import RANK_BATTERY, Charge, Died, Output, Told, Undone
 from trackfield.drivers.engine.meter import Activity, spent
+from trackfield.drivers.exchange.intake import Refusals
+from trackfield.drivers.exchange.seal import Seal
+from trackfield.drivers.joining.heritage import Heritage
+from trackfield.drivers.spec import ProcessSpec
 from trackfield.link.energy import Power
 from trackfield.role import NS, Effect, Radio, Received, Role, Sample, Sampled, Send, SetTimer, Started, Timer
 from trackfield.wire.codec import encode
@@ -24,7 +29,7 @@ POWER = Power(send_uw=7, receive_uw=5, listen_uw=3, sleep_uw=1, sample_fj=1000, 
 AIR_NS = (len(encode(Reply(1))) + 20) * 10
 
 
-def powered(battery_fj: int, role: Role[object] | None = None, **conditions: object) -> Core:
+def powered(battery_fj: int | None, role: Role[object] | None = None, **conditions: object) -> Core:
     given = replace(Conditions(powers={"field": replace(POWER, battery_fj=battery_fj)}), **conditions)
     return core_of(role or Puppet(), sense=lambda name, t_ns: t_ns, conditions=given)
 
@@ -180,6 +185,36 @@ def test_the_battery_goes_on_where_the_life_before_left_it() -> None:
     assert heir.record(NS)["activity"] == {"field": [0, 0, 667, 0, 0]}
     assert heir.record(NS)["inherited"] == {"field": [0, 0, 1000, 0, 1]}
     assert spent(heir.record(NS)) == {"field": Activity(listen_ns=1667, samples=1)}
+
+
+def test_what_was_taken_from_the_battery_is_known_at_any_time() -> None:
+    """It goes on where the lives before left it, and is of no interest on mains."""
+    core = powered(6000, at_start(Sample("sound")))
+    core.inherit(b"", {"field": Activity(listen_ns=50)})
+    run(core, 400)
+    assert core.spent(700) == {"field": [0, 0, 750, 0, 1]}
+    assert powered(None).spent(700) is None
+
+
+@pytest.mark.parametrize(
+    ("spent", "taken", "refused"),
+    [
+        (msgpack.packb({"field": [0, 0, 750, 0, 1]}), {"field": Activity(listen_ns=750, samples=1)}, 0),
+        (b"", {}, 0),
+        (msgpack.packb({"field": [0, 0, 7.5, 0, 1]}), {}, 1),
+        (msgpack.packb({"field": [0] * 6}), {}, 1),
+        (msgpack.packb([3]), {}, 1),
+        (bytes(9), {}, 1),
+    ],
+)
+def test_a_life_takes_over_what_one_that_died_unplanned_had_told(
+    spent: bytes, taken: dict[str, Activity], refused: int
+) -> None:
+    complaints = Refusals()
+    spec = ProcessSpec("a", "toy", "none", incarnation=1)
+    heritage = Heritage(None, spec, (b"kept", spent), lambda: None, Seal(b""), complaints)  # type: ignore[arg-type]
+    assert (heritage.known, heritage.stored, heritage.spent) == (True, b"kept", taken)
+    assert complaints.total == refused
 
 
 def test_on_an_empty_battery_nothing_starts() -> None:

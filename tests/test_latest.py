@@ -78,7 +78,7 @@ def test_every_command_that_takes_a_run_takes_the_latest(
     assert beside.code == 0
     assert beside.out.index(first.name) < beside.out.index(second.name)
     seen: list[Path] = []
-    monkeypatch.setattr("launcher.timeline.view.open_viewer", lambda run, web: seen.append(run))
+    monkeypatch.setattr("launcher.timeline.view.open_viewer", lambda run, *_: seen.append(run))
     assert trackfield("view", "latest~1").code == 0
     assert seen == [Path("runs") / first.name]
     assert tf.open("latest").path == Path("runs") / second.name

@@ -7,17 +7,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
+import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from launcher.record.ledger import Ledger
 from launcher.record.metrics import CAUSES
+from launcher.record.samples import final_of
 from tests.test_ledger import END, IDEAL, MS, frame, ledger, processes, timer, told
 from trackfield.drivers.engine.frames import Frame, Overflowed, Refused, Undone
 from trackfield.drivers.exchange.versions import Digest, Sum, digest
 from trackfield.drivers.spec import ProcessSpec, RunSpec
 from trackfield.role import NEIGHBOURHOOD, NS, Note, Radio, State
+from trackfield.wire.error import WireError
 
 Put = tuple[Frame, int]
 GONE = b""
@@ -268,6 +271,28 @@ def test_as_many_puts_that_are_not_the_same_are_told() -> None:
     book = closed((frame(100), 0), (frame(200), 0))
     book.final("a", {"puts": 2, **said("sent", digest([(frame(100), 0), (frame(201), 0)]))})
     assert (book.dropped(), book.interference()["frames"]) == (1, 1)
+
+
+def test_what_a_process_leaves_out_of_its_record_is_not_compared() -> None:
+    """One that is no part of Trackfield says no more than three counts, and cannot go back: corrections are counted."""
+    one, two = frame(100), frame(200)
+    book = closed((one, 0), (two, 0))
+    book.final("a", final_of(msgpack.packb({"puts": 2, "sent": 2, "told": 0})))
+    book.final("b", {"retractions": 0, **said("heard", digest([(one, 0), (two, 0)]))})
+    assert accounts(book)["host_lost"] == 0
+    assert (book.dropped(), set(book.interference().values()), book.foreign) == (0, {0}, {"a"})
+    for record, dropped, strange in (({"puts": 3, "sent": 2}, 1, 0), ({"puts": 1, "sent": 1}, 0, 1)):
+        book = closed((one, 0), (two, 0))
+        book.final("a", final_of(msgpack.packb({**record, "told": 0})))
+        assert (book.dropped(), book.interference()["frames"]) == (dropped, strange)
+
+
+@pytest.mark.parametrize("missing", ["sent", "puts", "told"])
+def test_a_record_without_its_counts_is_none(missing: str) -> None:
+    record = {"sent": 2, "puts": 2, "told": 0, "slip": {1: 2}, "wakings": 3}
+    assert final_of(msgpack.packb(record)) == record
+    with pytest.raises(WireError, match="malformed"):
+        final_of(msgpack.packb({key: value for key, value in record.items() if key != missing}))
 
 
 def test_a_retraction_that_the_recorder_never_saw_is_told() -> None:

@@ -57,7 +57,7 @@ camera.targets.<id>.{n,at_aim,aims,frames,frames_n,shots}
 age_of_information_s.{mean,p95,base_mean,base_p95}
 processes.{started,ready_s,died,stopped,pss_mb_per_node,unwritten}
 frames.{sent,expected,delivered,late,duplicate,ignored}
-frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow}
+frames.lost.{radio,partition,in_flight,asleep,frozen,dead,overflow,container}
 frames.{host_lost,host_late} frames.refused.<reason> frames.by_kind.<kind>.{sent,payload_bytes_max}
 frames.by_role.<role>.{delivered,ignored}
 bytes.{payload,on_air}
@@ -81,17 +81,21 @@ ledger.power_w.{present,idle} ledger.{hottest,share_present} ledger.lifetime_s.{
 lifetime_s.{first_death,half_dead,coverage_lost,extrapolated,empty}
 clock_error_ms.{rms,max}
 recorder.{messages,dropped,complaints} interference.{frames,telemetry,answers,orders,tokens,questions}
+interference.{denied,handshakes,sessions}
+attempts.<certificate>.<kind>
 """
 SOMETIMES = {
+    "attempts.<certificate>.<kind>",
     *(f"frames.by_role.<role>.{what}" for what in ("delivered", "ignored")),
     *(f"latency_ms.hops.<hops>.{what}" for what in ("n", "p50", "p95")),
     "clusters.members.<master>",
     "passes.trackers.<name>.refused.<reason>",
     *(key for key in expanded(KEYS) if key.startswith("camera.")),
 }
-"""Of processes with several roles only (``test_hosted_processes.py``), with a tree (``test_multihop.py``), with slaves
-(``test_clusters_figures.py``), with sensors that report passes (``test_metrics_passes.py``), or with a camera
-(``test_metrics_camera.py``): without one that key is null.
+"""Of secured runs that were attacked (``test_hostile_secure.py``), of processes with several roles only
+(``test_hosted_processes.py``), with a tree (``test_multihop.py``), with slaves (``test_clusters_figures.py``), with
+sensors that report passes (``test_metrics_passes.py``), or with a camera (``test_metrics_camera.py``): without one that
+key is null.
 """
 SCORE = (
     *("rmse", "median_error", "nees", "nees_band", "nees_position", "nees_position_band"),
@@ -114,6 +118,8 @@ NAMES = {
     "passes.trackers.<name>.refused.": "<reason>",
     "energy_j.by_role.": "<role>",
     "frames.refused.": "<reason>",
+    "attempts.": "<certificate>",
+    "attempts.<certificate>.": "<kind>",
 }
 """What stands for the names that a run gives, by where they are."""
 
@@ -252,7 +258,10 @@ def test_a_whole_tiny_run() -> None:
     assert metrics["processes"]["started"] == 3
     assert metrics["frames"] == {
         "sent": 4, "expected": 4 + 3, "delivered": 3, "late": 1, "duplicate": 1, "ignored": 0,
-        "lost": {"radio": 0, "partition": 0, "in_flight": 1, "asleep": 0, "frozen": 0, "dead": 0, "overflow": 0},
+        "lost": {
+            "radio": 0, "partition": 0, "in_flight": 1, "asleep": 0, "frozen": 0, "dead": 0, "overflow": 0,
+            "container": 0,
+        },
         "host_lost": 3,  # n1 sent five, of which the recorder saw two
         "host_late": 0,
         "refused": {},

@@ -158,6 +158,7 @@ def test_editors_get_a_schema() -> None:
     sensor = schema()["$defs"]["DoaSensor"]
     assert sensor["properties"]["alpha"]["maximum"] == 20
     kinds = {"kill", "freeze", "partition", "restart", "stuck", "bias", "deaf", "babble", "clock_jump"}
+    kinds |= {f"container-{what}" for what in ("kill", "restart", "pause", "disconnect")}
     assert set(properties["faults"]["items"]["discriminator"]["mapping"]) == kinds
     assert sensor["additionalProperties"] is False
 

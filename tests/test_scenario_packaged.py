@@ -207,9 +207,10 @@ def test_a_document_needs_its_marks() -> None:
 
 def test_what_the_document_writes_into_files_works(tmp_path: Path) -> None:
     parts = re.findall(r"```toml\n(.*?)```", DOCUMENT.read_text(), flags=re.DOTALL)
-    crossing, drifting, targets, heard, sensors, score, faults, recorded, radios = parts
+    crossing, external, drifting, targets, heard, sensors, score, faults, recorded, radios = parts
     (tmp_path / "crossing.toml").write_text(crossing)
     assert survey(Scenario.load(tmp_path / "crossing.toml")).steps == 45
+    assert planned(Scenario.load("zhai-spcpf", tomllib.loads(external))).external == ("n007",)
     wide = survey(
         Scenario.load({"name": "mine", "sensor": {"kind": "range", "range_m": 22_627}} | tomllib.loads(drifting))
     )

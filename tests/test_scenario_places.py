@@ -11,8 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from launcher.processes.deployment import RECORDER, ROUTER
-from launcher.records import LIVE
+from launcher.records import LIVE, RECORDER, ROUTER
 from trackfield.errors import ScenarioError
 from trackfield.scenario import Scenario, survey
 from trackfield.scenario.places import RESERVED, _id, read_places

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -10,6 +11,7 @@ from launcher.plan.assembly import assembled
 from launcher.plan.connected import connected
 from launcher.plan.extensions import own_places
 from launcher.plan.faults import Faults, resolve
+from launcher.plan.faults.struck import MOST_COMPARED
 from launcher.plan.links import (
     check_bursts,
     check_links,
@@ -23,11 +25,14 @@ from launcher.plan.links import (
 from launcher.plan.tracking import track_names
 from launcher.records import BASE, FieldInfo, Plan, Truth
 from trackfield.drivers.spec import ProcessSpec, RunSpec
+from trackfield.errors import ScenarioError
 from trackfield.filters.metrics import Lost
 from trackfield.link.fate import FIELD
 from trackfield.role import NS
 from trackfield.scenario import Scenario, Site
+from trackfield.scenario.nearest import suggestion
 from trackfield.sensing.kinds import own_options
+from trackfield.words import quoted
 from trackfield.world.path import Path
 
 TRUTH_SAMPLES: Final = 4
@@ -38,7 +43,7 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
     """Lay out the field, compute what can be heard when, and write each process's part.
 
     Raises ``ScenarioError`` where there is no sensor, no target is ever in range of one, the link's file cannot be
-    used, the architecture does not work, or a fault names an unknown process.
+    used, the architecture does not work, or a fault or ``run.external`` names an unknown process.
     """
     site = surveyed(scenario)
     field = built(site)
@@ -77,7 +82,20 @@ def make_plan(scenario: Scenario, *, run: str, speed: float = 1.0) -> Plan:
         schedule=field.schedule,
         smoothers=field.smoothers,
         pass_steps=None if (expected := site.pass_steps) is None else frozenset(expected),
+        external=_external(scenario, [process.id for process in field.processes]),
+        aways=faults.aways,
     )
+
+
+def _external(scenario: Scenario, ids: Sequence[str]) -> tuple[str, ...]:
+    """The processes that come from outside. Raises ``ScenarioError`` for ids of none."""
+    external, known = scenario.run.external or (), set(ids)
+    if unknown := [id for id in external if id not in known]:
+        near = suggestion(unknown[0], ids) if len(ids) <= MOST_COMPARED else ""
+        like = ", ".join(dict.fromkeys((ids[0], ids[-1])))
+        what = f"there is no {quoted(unknown[0])}{near}"
+        raise ScenarioError(what, key="run.external", expected=f"ids of this field, like {like}")
+    return external
 
 
 def planned_faults(field: Built) -> Faults:

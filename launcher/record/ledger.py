@@ -10,7 +10,7 @@ frame is settled, so one that was taken back before leaves no trace.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 from itertools import count
@@ -75,10 +75,18 @@ class Ledger:
 
     ``corrected`` counts the frames to each place that were taken back or replaced, and ``foreign`` are the places that
     send frames without versions; ``aired`` are the frames by radio, ``sendings`` all. What a ``provisional`` ledger has
-    handed on can still be undone.
+    handed on can still be undone. What is lost at the ids that are ``cut_off`` for a while, as the faults of their
+    containers are planned, is not lost by the machine.
     """
 
-    def __init__(self, run: RunSpec, processes: Sequence[ProcessSpec], *, provisional: bool = False) -> None:
+    def __init__(
+        self,
+        run: RunSpec,
+        processes: Sequence[ProcessSpec],
+        *,
+        provisional: bool = False,
+        cut_off: Collection[str] = (),
+    ) -> None:
         self.run = run
         self.rows: list[MessageRow] = []
         self.corrected: Counter[str] = Counter()
@@ -98,6 +106,7 @@ class Ledger:
         self.balance = Balance()
         self.link = link_of(run, processes)
         self._provisional = provisional
+        self._cut_off = frozenset(cut_off)
         self._interfered: Counter[str] = Counter()
         self._processes = {p.id: p for p in processes}
         self._lives: defaultdict[str, list[Diary]] = defaultdict(list)
@@ -154,6 +163,8 @@ class Ledger:
         self._interfered[TELEMETRY] += self.finals.get(process, record) != record
         self.finals[process] = dict(record)
         self._ended.add(id_of(process))
+        if "retractions" not in record:
+            self.foreign.add(id_of(process))
 
     def check(self, frame: Frame) -> None:
         """Raise ``WireError`` unless a process of the run may have sent this frame to those that it is for."""
@@ -264,6 +275,11 @@ class Ledger:
             "host_late": missed.late,
         }
 
+    def lost_by_containers(self) -> int:
+        """How many of the frames that are ``host_lost`` were for or from those that were cut off, as planned."""
+        away = self._of_cut_off()
+        return min(self.balance.missed(away).lost + self.balance.unseen(away), self.sums()["host_lost"])
+
     def tardy(self) -> int:
         """What came too late without its hearer's knowledge: after its last word, or when it was recorded for good."""
         uncounted, undone = self.balance.missed(self.finals).uncounted, sum(d.late for d in self.diaries.values())
@@ -271,18 +287,23 @@ class Ledger:
 
     def dropped(self) -> int:
         """Puts that left a process and never reached the recorder: frames, or word that one was taken back."""
-        return self.balance.dropped(self.finals)
+        return self.balance.dropped(self.finals) - self.balance.dropped(self._of_cut_off())
 
     def complaints(self) -> list[str]:
         """What is wrong with the record by the counts of those who are recorded, a sentence each."""
-        untold = self.balance.untold(self.finals)
-        late, undone = self.balance.late.total(), sum(diary.late for diary in self.diaries.values())
+        untold = self.balance.untold(self.finals) - self.balance.untold(self._of_cut_off())
+        late = sum(times for name, times in self.balance.late.items() if id_of(name) not in self._cut_off)
+        undone = sum(diary.late for diary in self.diaries.values() if diary.spec.id not in self._cut_off)
         found = {
             f"{untold} pieces of telemetry never reached the recorder: states or tracks may be missing": untold,
             f"{late} frames were taken back or replaced when they were recorded for good": late,
             f"{undone} times telemetry was taken back when it was recorded for good": undone,
         }
         return [sentence for sentence, times in found.items() if times]
+
+    def _of_cut_off(self) -> dict[str, dict[str, Any]]:
+        """The final records of those that were cut off for a while, as planned."""
+        return {name: record for name, record in self.finals.items() if id_of(name) in self._cut_off}
 
     # --- the account of one frame ---------------------------------------------------------------------------------
 

@@ -36,7 +36,7 @@ MAX_WAITING: Final = 10_000
 """How many samples may wait until the life that they are from is announced."""
 SLOWEST_NS: Final = 10 * NS
 """No radio takes longer for a frame with all its repeats."""
-SILENT: Final = ("reached", "stored", "status")
+SILENT: Final = ("reached", "stored", "spent", "status")
 """Telemetry that is for others than a recorder."""
 
 
@@ -59,7 +59,8 @@ class Intake:
         self._factories = {p.id: p.factory for p in plan.processes}
         for factory in set(self._factories.values()):
             role_factories(factory)  # to know the message kinds that it defines
-        self.ledger = Ledger(plan.run, plan.processes, provisional=provisional)
+        away = {one.id for one in plan.aways}
+        self.ledger = Ledger(plan.run, plan.processes, provisional=provisional, cut_off=away)
         self.deaths: list[Unplanned] | None = None
         self._start_ns: int | None = None
         self._versions = Versions(round(SETTLE_S * plan.run.speed * NS))

@@ -17,7 +17,7 @@ from launcher.record.listener import FLUSH_S, Listener
 from launcher.records import LIVE, Plan
 from launcher.timeline.timeline import Timeline
 from trackfield.drivers.exchange.seal import Seal
-from trackfield.drivers.session import open_client
+from trackfield.drivers.session import open_session
 from trackfield.plugins import give
 from trackfield.wire import keys
 
@@ -26,11 +26,11 @@ LAG_S: Final = 1.0
 
 
 class LiveRecorder(Listener):
-    """Shows what it receives, at a port of this machine, until it is told to end."""
+    """Shows what it receives, at a port of this machine or the viewer at an address, until it is told to end."""
 
-    def __init__(self, session: zenoh.Session, plan: Plan, port: int, seal: Seal) -> None:
+    def __init__(self, session: zenoh.Session, plan: Plan, to: int | str, seal: Seal) -> None:
         super().__init__(session, plan, seal, provisional=True)
-        self.timeline = Timeline(port, plan.info)
+        self.timeline = Timeline(to, plan.info)
         self.telling = Telling(plan, self.ledger, lambda: self.timeline)
         self.end = Event()
         self.listen(LIVE, keys.telemetry_of_all("event"))
@@ -44,11 +44,11 @@ class LiveRecorder(Listener):
         self.telling.show(lambda timeline: timeline.close())
 
 
-def show(endpoint: str, plan: Plan, port: int, token: bytes) -> None:
-    """The body of the process that shows a run; ``token`` is the run's secret."""
+def show(settings: str, plan: Plan, to: int | str, token: bytes) -> None:
+    """The body of the process that shows a run, with these settings of its session; ``token`` is the run's secret."""
     give(plan.own_places, installed=True)
-    session = open_client(endpoint, plan.run.run)
-    recorder = LiveRecorder(session, plan, port, Seal(token))
+    session = open_session(settings)
+    recorder = LiveRecorder(session, plan, to, Seal(token))
     signal.signal(signal.SIGTERM, lambda *_: recorder.end.set())
     recorder.run()
     session.close()  # type: ignore[no-untyped-call]

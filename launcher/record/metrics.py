@@ -41,6 +41,8 @@ THE_END: Final = "end of the scenario"
 LAUNCHER_DIED: Final = "the launcher died"
 RECORDER_DIED: Final = "the recorder died"
 INTERRUPTED: Final = "interrupted"
+BY_LAUNCHER: Final = ("orders", "tokens", "questions", "denied", "handshakes", "sessions")
+"""What others did that a recorder does not see."""
 ROUTER_LOST: Final = "the router was lost"
 Metrics = dict[str, Any]
 
@@ -87,7 +89,8 @@ def run_metrics(plan: Plan, ledger: Ledger, tracks: Sequence[TrackRow], bounds: 
         "lifetime_s": lifetime_metrics(plan, batteries),
         "clock_error_ms": _clock_errors(ledger),
         "recorder": {"messages": None, "dropped": ledger.dropped(), "complaints": []},
-        "interference": {**ledger.interference(), "orders": 0, "tokens": 0, "questions": 0},
+        "interference": {**ledger.interference(), **dict.fromkeys(BY_LAUNCHER, 0)},
+        "attempts": {},
     }
 
 
@@ -203,7 +206,7 @@ def _timing(plan: Plan, ledger: Ledger) -> Metrics:
 
 def _frames(plan: Plan, ledger: Ledger) -> Metrics:
     outcomes = Counter(r.outcome for r in ledger.rows)
-    sums = ledger.sums()
+    sums, container = ledger.sums(), ledger.lost_by_containers()
     return {
         "sent": sum(ledger.sent_kinds.values()),
         "expected": sums["expected"],
@@ -211,8 +214,8 @@ def _frames(plan: Plan, ledger: Ledger) -> Metrics:
         "late": outcomes["late"],
         "duplicate": _total(ledger, "duplicate"),
         "ignored": outcomes["ignored"],
-        "lost": {cause: outcomes[cause] for cause in CAUSES},
-        "host_lost": sums["host_lost"],
+        "lost": {cause: outcomes[cause] for cause in CAUSES} | {"container": container},
+        "host_lost": sums["host_lost"] - container,
         "host_late": sums["host_late"],
         "refused": dict(sorted(ledger.refused.items())),
         "by_kind": {

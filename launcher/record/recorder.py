@@ -31,7 +31,7 @@ from launcher.record.samples import deaths_of
 from launcher.records import RECORDER, Plan
 from trackfield.drivers.exchange.intake import opened
 from trackfield.drivers.exchange.seal import Seal
-from trackfield.drivers.session import open_client
+from trackfield.drivers.session import open_session
 from trackfield.errors import RunFailed
 from trackfield.plugins import give
 from trackfield.role import NS
@@ -164,12 +164,12 @@ class Recorder(Listener):
         return said
 
 
-def record(endpoint: str, plan: Plan, folder: Path, token: bytes, sockets: str = "") -> None:
-    """The body of the recorder process: ``token`` is the run's secret, ``sockets`` a folder to remove if the launcher
-    cannot.
+def record(settings: str, plan: Plan, folder: Path, token: bytes, sockets: str = "") -> None:
+    """The body of the recorder process, with these settings of its session: ``token`` is the run's secret, ``sockets``
+    a folder to remove if the launcher cannot.
     """
     give(plan.own_places, installed=True)
-    session = open_client(endpoint, plan.run.run)
+    session = open_session(settings)
     recorder = Recorder(session, plan, folder, Seal(token))
     signal.signal(signal.SIGTERM, lambda *_: recorder.terminate())
     try:

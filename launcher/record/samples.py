@@ -47,27 +47,31 @@ _STRICT: Final = ConfigDict(strict=True, extra="forbid", frozen=True)
 
 
 class Record(BaseModel):
-    """The final record of a life (``Process.record``); counts that depend on the role are in ``model_extra``."""
+    """The final record of a life (``Process.record``); counts that depend on the role are in ``model_extra``.
+
+    A process that is no part of Trackfield need not say more than how many frames it ``sent``, how many ``puts`` they
+    were, and how many events it ``told``: what it leaves out is not compared with what was seen.
+    """
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True)
     __pydantic_extra__: dict[str, Count]
 
-    incarnation: Count
-    stored: bytes
-    activity: Annotated[dict[Medium, Five], MinLen(1)]
-    inherited: dict[Medium, Five]
-    metered_ns: Ns
     sent: Count
-    sent_hash: Count
-    heard: Count
-    heard_hash: Count
     puts: Count
-    retractions: Count
     told: Count
-    slip: Buckets
-    lag: Buckets
-    latency: Buckets
-    cpu_s: Annotated[float, Ge(0.0), Le(1e9)]
+    sent_hash: Count = 0
+    heard: Count = 0
+    heard_hash: Count = 0
+    retractions: Count = 0
+    incarnation: Count = 0
+    stored: bytes = b""
+    activity: Annotated[dict[Medium, Five], MinLen(1)] = {}
+    inherited: dict[Medium, Five] = {}
+    metered_ns: Ns = 0
+    slip: Buckets = {}
+    lag: Buckets = {}
+    latency: Buckets = {}
+    cpu_s: Annotated[float, Ge(0.0), Le(1e9)] = 0.0
     roles: dict[str, dict[Literal["delivered", "ignored"], Count]] = {}
 
 
@@ -155,8 +159,8 @@ def counts_of(data: bytes) -> dict[str, int]:
 
 
 def final_of(data: bytes) -> dict[str, Any]:
-    """A life's final record. Raises ``WireError``."""
-    return read(Record.model_validate, unpacked(data)).model_dump()
+    """A life's final record, with the keys that it has. Raises ``WireError``."""
+    return read(Record.model_validate, unpacked(data)).model_dump(exclude_unset=True)
 
 
 def status_of(data: bytes) -> dict[str, Any]:

@@ -10,6 +10,8 @@ from launcher.record.figures.channel import is_fiction, lost_share
 _LONGER: Final = (("years", 365.25 * 86_400), ("days", 86_400), ("h", 3_600), ("min", 60))
 _JOULES: Final = (("GJ", 1e9), ("MJ", 1e6), ("kJ", 1e3), ("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9))
 
+MOST_TOLD: Final = 5
+"""Of more certificates, what the first so many tried is told."""
 FATES: Final[Mapping[str, str]] = {
     "late": "after the deadline",
     "ignored": "ignored",
@@ -20,6 +22,7 @@ FATES: Final[Mapping[str, str]] = {
     "frozen": "to a frozen receiver",
     "dead": "to a dead receiver",
     "overflow": "never sent, as the queue was full",
+    "container": "cut off with a container, as planned",
     "host_lost": "lost by the machine itself",
     "host_late": "too late on this machine to be handled",
 }
@@ -133,6 +136,9 @@ INTERFERENCE: Final = {
     "orders": "orders that the launcher did not give",
     "tokens": "liveliness tokens of no process of the run",
     "questions": "questions without the seal of the run",
+    "denied": "messages that the router refused",
+    "handshakes": "connections without a valid certificate of the run",
+    "sessions": "second sessions with one certificate",
 }
 """What others did in a run, by the keys of ``interference``."""
 
@@ -140,6 +146,13 @@ INTERFERENCE: Final = {
 def interference(counts: Mapping[str, int]) -> str:
     """What others did in the run; empty if nothing."""
     return ", ".join(f"{n} {INTERFERENCE[kind]}" for kind, n in counts.items() if n)
+
+
+def attempted(attempts: Mapping[str, Mapping[str, int]]) -> str:
+    """What the router refused, in brackets: by certificate, of each kind how often; empty if nothing."""
+    told = [f"{name} {', '.join(f'{kind} {n}' for kind, n in kinds.items())}" for name, kinds in attempts.items()]
+    more = f"; and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+    return f" ({'; '.join(told[:MOST_TOLD])}{more})" if told else ""
 
 
 def alarms(metrics: dict[str, Any]) -> list[str]:

@@ -128,6 +128,10 @@ def downs(run: Run) -> Iterator[Down]:
                 a, b = _since(run, life.kill_ns), _since(run, after.start_ns) if after else inf
                 fate = f"restarted at {a:g} s and came back at {b:g} s" if after else f"killed at {a:g} s"
                 yield Down(id, a, b, f"{id} was {fate}")
+    for away in run.faults.aways:
+        if away.id in ids:
+            until_s = inf if away.until_s is None else away.until_s
+            yield Down(away.id, away.at_s, until_s, f"{away.id} was away at {away.at_s:g} s ({away.kind})")
     processes = run.metrics["processes"]
     for one in processes["died"] or []:
         if id_of(one["id"]) in ids and one["t"] is not None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from launcher.files import CAMERA, MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
+from launcher.files import CAMERA, CONTAINERS, MANIFEST, MESSAGES_TABLE, SCENARIO, TRACKS_TABLE
 from launcher.record.outside.filmed import VIDEO
 from launcher.record.words import alarms, span
 from launcher.report.cells import ids, number
@@ -47,6 +47,7 @@ _FILES: Final = {
     "run.rrd": "the timeline, for trackfield view",
     MANIFEST: "command, versions, machine",
     PLOTS: "the figures of this page",
+    CONTAINERS: "what was done to containers, as planned, and when",
     "logs": "the log of each process",
 }
 

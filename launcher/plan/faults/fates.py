@@ -9,13 +9,25 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
+from launcher.away import Away
 from launcher.plan.faults.struck import Affected, struck
 from launcher.plan.probe import biases
 from launcher.records import Place
 from trackfield.errors import ScenarioError, combined, together
 from trackfield.link.partitioned import Cut
 from trackfield.role import NS
-from trackfield.scenario.faults import Bias, ClockJump, Fault, Freeze, Kill, Partition, Restart, SensorFault
+from trackfield.scenario.faults import (
+    Bias,
+    ClockJump,
+    ContainerFault,
+    ContainerRestart,
+    Fault,
+    Freeze,
+    Kill,
+    Partition,
+    Restart,
+    SensorFault,
+)
 from trackfield.sensing.complete import Kind
 from trackfield.world.path import Path
 
@@ -66,13 +78,14 @@ class Faults:
     """All planned faults of a run. ``fates`` holds only the processes that have any.
 
     ``marks`` are the times at which faults begin or end; ``spells`` are the faults that last, to the end of the run at
-    most.
+    most. ``aways`` are the faults of containers in the order of time.
     """
 
     fates: Mapping[str, Fates] = field(default_factory=dict)
     partitions: tuple[Cut, ...] = ()
     marks: tuple[Mark, ...] = ()
     spells: tuple[Spell, ...] = ()
+    aways: tuple[Away, ...] = ()
 
     def of(self, id: str) -> Fates:
         """The faults of this process."""
@@ -109,7 +122,7 @@ def resolve(
     all unknown ids and roles, faults after the end, and faults that contradict each other.
     """
     befalls: dict[str, list[Numbered]] = defaultdict(list)
-    partitions, marks, spells = list[Cut](), list[Mark](), list[Spell]()
+    partitions, marks, spells, aways = list[Cut](), list[Mark](), list[Spell](), list[Away]()
     last_ns, field = end_ns - origin_ns, Affected.of(places, parts or {}, origin_ns, tuple(paths))
     field.check_number(faults)
     each = together(partial(struck, number, fault, seed, field, last_ns) for number, fault in enumerate(faults))
@@ -119,6 +132,8 @@ def resolve(
         if isinstance(fault, Partition):
             partitions.append((_ns(fault.at_s), min(_ns(fault.until_s), last_ns), ids, fault.medium))
             continue
+        if isinstance(fault, ContainerFault):
+            aways += _aways(number, fault, ids, last_ns)
         for id in ids:
             befalls[id].append((number, fault))
     fates, wrong = dict[str, Fates](), dict[str, ScenarioError]()
@@ -129,7 +144,9 @@ def resolve(
             wrong.setdefault(error.key, error)  # the same of a thousand processes is told once
     if wrong:
         raise combined(list(wrong.values()))
-    return Faults(fates, tuple(partitions), tuple(sorted(marks)), tuple(sorted(spells))).later(origin_ns)
+    aways.sort(key=lambda one: (one.at_s, one.id))
+    found = Faults(fates, tuple(partitions), tuple(sorted(marks)), tuple(sorted(spells)), tuple(aways))
+    return found.later(origin_ns)
 
 
 def _when(one: Numbered) -> tuple[float, bool]:
@@ -149,6 +166,7 @@ def _fates(id: str, own: Sequence[Numbered], end_ns: int, kind: Kind | None) -> 
             jumps[_ns(fault.at_s)] += round(fault.jump_ms * MS)
     sensor = [one for one in own if isinstance(one[1], SensorFault)]
     _check_sensor(id, sensor)
+    _check_container(id, own, end_ns)
     return Fates(
         lives=_lives(id, own, end_ns),
         jumps=tuple((at, by) for at, by in sorted(jumps.items()) if by),
@@ -206,6 +224,24 @@ def _check_sensor(id: str, own: Sequence[Numbered]) -> None:
             raise ScenarioError(what, key=f"faults[{number}].at_s", expected="one such fault of a sensor at a time")
 
 
+def _check_container(id: str, own: Sequence[Numbered], end_ns: int) -> None:
+    """Raise ``ScenarioError`` if a container fails while its process, or it, is down, or its process while it is."""
+    down = [(number, fault) for number, fault in own if isinstance(fault, Kill | Restart | ContainerFault)]
+    for (before, first), (number, second) in pairwise(down):
+        until_s = _until_s(first, end_ns)
+        again = isinstance(first, ContainerFault) or isinstance(second, ContainerFault)
+        if again and (until_s is None or second.at_s <= until_s):
+            lasting = "for good" if until_s is None else f"until {until_s:g} s"
+            what = f"{second.kind} of {id} at {second.at_s:g} s, during faults[{before}] ({first.kind} {lasting})"
+            raise ScenarioError(what, key=f"faults[{number}].at_s", expected="a time after that")
+
+
+def _aways(number: int, fault: Fault, ids: Sequence[str], end_ns: int) -> Iterator[Away]:
+    """The fault at each of these processes."""
+    network = getattr(fault, "network", None) or ""
+    yield from (Away(number, fault.kind, id, fault.at_s, _until_s(fault, end_ns), network) for id in ids)
+
+
 def _plain(one: Numbered, end_ns: int, kind: Kind | None) -> dict[str, Any]:
     """As ``world/faulty.py`` has it."""
     number, fault = one
@@ -217,7 +253,8 @@ def _plain(one: Numbered, end_ns: int, kind: Kind | None) -> dict[str, Any]:
 def _marks(fault: Fault, ids: Sequence[str], end_ns: int) -> Iterator[Mark]:
     """The beginning of a fault, and its end if that comes within the run, for each of its processes."""
     at_s, until_s = fault.at_s, _until_s(fault, end_ns)
-    begins, ends = _text(fault, until_s), "up again" if isinstance(fault, Restart) else f"{fault.kind} ends"
+    up = isinstance(fault, Restart | ContainerRestart)
+    begins, ends = _text(fault, until_s), "up again" if up else f"{fault.kind} ends"
     for id in ids:
         yield at_s, id, begins
         if until_s is not None:

@@ -11,7 +11,7 @@ from launcher.records import SENSES, Place
 from trackfield.draw import bits
 from trackfield.errors import ScenarioError
 from trackfield.role import NS
-from trackfield.scenario.faults import Fault, Restart, SensorFault
+from trackfield.scenario.faults import ContainerRestart, Fault, Restart, SensorFault
 from trackfield.scenario.nearest import suggestion
 from trackfield.words import quoted
 from trackfield.world.path import Path
@@ -83,7 +83,7 @@ def struck(number: int, fault: Fault, seed: int, field: Affected, end_ns: int) -
 
 def _check_times(number: int, fault: Fault, end_ns: int) -> None:
     """Raise ``ScenarioError`` for a fault that begins, or a process that would be up again, after the end."""
-    for name in ("at_s", *(["until_s"] if isinstance(fault, Restart) else [])):
+    for name in ("at_s", *(["until_s"] if isinstance(fault, Restart | ContainerRestart) else [])):
         value = getattr(fault, name)
         if value * NS >= end_ns:
             what, expected = f"is {value:g}, and the run ends at {end_ns / NS:g} s", "a time before that"

@@ -79,7 +79,8 @@ class Balance:
         """Whether as many puts were seen as were made, and others."""
         if gap or self.late[name]:
             return False
-        return _of(self.live, name) != (record["sent"], record["sent_hash"])
+        live = _of(self.live, name)
+        return live != (record["sent"], record.get("sent_hash", live.total))
 
     def _missed(self, name: str, record: Mapping[str, Any]) -> Missed:
         """If count and hash differ, at least as many are missing, or too many, as the counts differ by, and one."""

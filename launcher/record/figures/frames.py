@@ -31,6 +31,7 @@ class Lost(Figures):
     frozen: Count
     dead: Count
     overflow: Count
+    container: Signed = 0
 
 
 class Kind(Figures):

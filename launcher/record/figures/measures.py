@@ -266,6 +266,9 @@ class Interference(Figures):
     orders: Count
     tokens: Count
     questions: Count
+    denied: Count
+    handshakes: Count
+    sessions: Count
 
 
 class Recorder(Figures):
@@ -316,6 +319,7 @@ class RunFigures(Figures):
     clock_error_ms: ClockError
     recorder: Recorder
     interference: Interference
+    attempts: Mapping[str, Mapping[str, Count]]
 
     @classmethod
     def of(cls, metrics: Mapping[str, Any], file: str = "") -> Self:

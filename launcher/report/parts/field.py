@@ -214,7 +214,8 @@ def _names(axes: Axes, run: Run, box: Array) -> None:
 
 def dead_sensors(run: Run) -> set[str]:
     """The processes that were killed, died, or ran out of energy, for good or for a while."""
-    planned = {id for _, id, text in run.marks if text.startswith(("kill", "restart"))}
+    killed = ("kill", "restart", "container-kill", "container-restart")
+    planned = {id for _, id, text in run.marks if text.startswith(killed)}
     empty = {one["id"] for one in run.metrics["lifetime_s"].get("empty") or []}
     return planned | empty | {one["id"].partition("~")[0] for one in run.metrics["processes"]["died"] or []}
 

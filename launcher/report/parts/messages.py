@@ -23,6 +23,7 @@ FATES: Final = {
     "frozen": "the receiver was frozen by a planned fault",
     "dead": "the receiver was dead",
     "overflow": "never sent: the queue of the sender's radio was full",
+    "container": "the container of the sender or the receiver was stopped or cut off, as planned",
     "host_lost": "lost by the machine itself",
     "host_late": "came too late on this machine to be handled in order",
 }

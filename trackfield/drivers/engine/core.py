@@ -15,7 +15,7 @@ from trackfield.drivers.engine.due import Due
 from trackfield.drivers.engine.frames import RANK_FRAME, RANK_PORT, RANK_TIMER, EventKey, Input, Output
 from trackfield.drivers.engine.life import Handled
 from trackfield.drivers.engine.living import Living
-from trackfield.drivers.engine.meter import NOTHING, Activities, Meter
+from trackfield.drivers.engine.meter import NOTHING, Activities, Meter, spent
 from trackfield.drivers.engine.undo import Former, History
 from trackfield.host import Hosted, counts_of
 from trackfield.link.clock import Clock
@@ -174,6 +174,12 @@ class Core(Living):
         self._inherited = {m: spent for m, spent in (before or {}).items() if m in self.conditions.powers}
         meter = Meter.new(self.conditions.powers, self.life.meter.since_ns, self._inherited)
         self.life = self.life._replace(stored=stored, meter=meter)
+
+    def spent(self, until_ns: int) -> dict[str, list[int]] | None:
+        """What this life and those before it took from its battery up to a true time, by medium; None on mains."""
+        if self.life.meter.left_fj(self.conditions.powers) is None:
+            return None
+        return {medium: list(activity) for medium, activity in spent(self.record(until_ns)).items()}
 
     def record(self, until_ns: int) -> dict[str, Any]:
         """The counters of this life, up to a true time or its own end."""

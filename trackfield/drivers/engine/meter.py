@@ -46,12 +46,12 @@ Activities = Mapping[str, Activity]
 
 def done(record: Mapping[str, Any]) -> dict[str, Activity]:
     """The activity of one life by medium, from its record (``Core.record``)."""
-    return {medium: Activity(*parts) for medium, parts in record["activity"].items()}
+    return {medium: Activity(*parts) for medium, parts in record.get("activity", {}).items()}
 
 
 def spent(record: Mapping[str, Any]) -> dict[str, Activity]:
     """The activity of all lives up to that of this record, by medium."""
-    before = record["inherited"]
+    before = record.get("inherited", {})
     return {
         medium: Activity.total((own, Activity(*before.get(medium, NOTHING)))) for medium, own in done(record).items()
     }

@@ -1,4 +1,4 @@
-"""``[[faults]]``: planned faults of processes and sensors. A kind of fault is a file here and a line in the table."""
+"""``[[faults]]``: planned faults of processes and sensors. A kind of fault is a class here and a line in the table."""
 
 from __future__ import annotations
 
@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING, Final
 from trackfield.scenario.faults.babble import Babble
 from trackfield.scenario.faults.bias import Bias
 from trackfield.scenario.faults.clock_jump import ClockJump
+from trackfield.scenario.faults.container import (
+    ContainerDisconnect,
+    ContainerFault,
+    ContainerKill,
+    ContainerPause,
+    ContainerRestart,
+)
 from trackfield.scenario.faults.deaf import Deaf
 from trackfield.scenario.faults.fault import FaultSection, SensorFault
 from trackfield.scenario.faults.freeze import Freeze
@@ -21,6 +28,11 @@ __all__ = [
     "Babble",
     "Bias",
     "ClockJump",
+    "ContainerDisconnect",
+    "ContainerFault",
+    "ContainerKill",
+    "ContainerPause",
+    "ContainerRestart",
     "Deaf",
     "Fault",
     "FaultSection",
@@ -42,6 +54,10 @@ FAULTS: Final[tuple[type[FaultSection], ...]] = (
     Deaf,
     Babble,
     ClockJump,
+    ContainerKill,
+    ContainerRestart,
+    ContainerPause,
+    ContainerDisconnect,
 )
 
 if TYPE_CHECKING:
