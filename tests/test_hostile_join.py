@@ -53,7 +53,7 @@ class Impostor:
         )
         self._held: list[Any] = [
             self._session.declare_queryable(key, Callback(answer, indirect=False), complete=complete)
-            for key, answer in {"*/control/join": self._join, "*/control/claim": self._claim}.items()
+            for key, answer in {"*/control/join/*": self._join, "*/control/claim": self._claim}.items()
         ]
 
     def pretend(self, run: str) -> None:

@@ -74,7 +74,7 @@ def _once(attack: Attack, folder: Path, speed: float, also: Callable[[Run, Peer]
             family = list(run.family().values())
             code, said = run.finish()
     except Exception as error:  # noqa: BLE001  whatever it is, the run did not end as it should
-        _end(run)
+        ended(run)
         return Result(Counter(), 0, [f"{type(error).__name__}: {error}; it said: {run.said()[-500:]}"])
     wrong = [f"left behind: {left}" for left in leftovers(family)]
     if not (folder / METRICS).exists():
@@ -83,7 +83,7 @@ def _once(attack: Attack, folder: Path, speed: float, also: Callable[[Run, Peer]
     return Result(peer.put, peer.total, [*wrong, *complaints(found)], found)
 
 
-def _end(run: Run) -> None:
+def ended(run: Run) -> None:
     """End a run that hangs, with all its processes."""
     with_children = [psutil.Process(run.process.pid), *run.family().values()] if run.process.poll() is None else []
     for process in with_children:

@@ -110,10 +110,12 @@ class Loopback:
         self._watchers.append((zenoh.KeyExpr(key), handler.callback))
         return self
 
-    def _get_tokens(self, key: str, **_: Any) -> list[Any]:
+    def _get_tokens(self, key: str, handler: Any, **_: Any) -> None:
         asked = zenoh.KeyExpr(key)
-        found = [token for token in self._tokens if asked.intersects(zenoh.KeyExpr(token))]
-        return [SimpleNamespace(ok=came(Sample(token)), err=None) for token in found]
+        for token in self._tokens:
+            if asked.intersects(zenoh.KeyExpr(token)):
+                handler.callback(SimpleNamespace(ok=came(Sample(token)), err=None))
+        handler.drop()
 
     # --- what a peer does -----------------------------------------------------------------------------------------
 

@@ -70,7 +70,7 @@ def order_once_more(draw: Draw) -> Sample | None:
 
 @bad(CONTROL, REFUSED)
 def order_that_is_none(draw: Draw) -> Sample:
-    key = draw.choice(["control/go", "control/\x1b[2J", "control/recorder/death", "control/join", "control/claim"])
+    key = draw.choice(["control/go", "control/\x1b[2J", "control/recorder/death", "control/join/n000", "control/claim"])
     return Sample(key, number(draw))
 
 
@@ -82,13 +82,29 @@ def deleted_order(draw: Draw) -> Sample:
 @bad(CONTROL, REFUSED)
 def question_for_a_place(draw: Draw) -> Sample:
     names = [b"", b"ghost", b"\xff\xfe", draw.anyone().encode(), b"n000~1", b"a" * 10_000, b"\x1b[2J", draw.junk()]
-    return Sample(keys.JOIN, draw.choice(names), means=Means.QUERY)
+    return Sample(f"{keys.JOIN}/{draw.anyone()}", draw.choice(names), means=Means.QUERY)
 
 
 @bad(CONTROL, REFUSED)
 def claim_of_a_place(draw: Draw) -> Sample:
     values = [["node", "host"], ["fusion", "h"], ["ghost", "h"], ["\x1b[2J", "h"], 5, [], {}, draw.value()]
     return Sample(keys.CLAIM, draw.choice([msgpack.packb(draw.choice(values)), b"", draw.junk()]), means=Means.QUERY)
+
+
+@bad(CONTROL, REFUSED)
+def question_of_a_slice(draw: Draw) -> Sample:
+    """For a share of the field, or for the time."""
+    words = [draw.choice(["join", "confirm", "leave", "\x1b[2J"]), draw.choice(["1", "auto", "-1", "9" * 400, "²"])]
+    values = [
+        [*words, "2", "h", "0.0.0", "0" * 48, b"12345678"],
+        [*words, "0", "h", "", "", b""],
+        words,
+        5,
+        {},
+        draw.value(),
+    ]
+    payload = draw.choice([msgpack.packb(draw.choice(values)), b"", draw.junk()])
+    return Sample(draw.choice([keys.SLICE, keys.CLOCK]), payload, means=Means.QUERY)
 
 
 @bad(CONTROL, REFUSED)

@@ -25,11 +25,30 @@ MARGIN_NS: Final = 2 * NS
 """What comes later than this before the end of the run (emulated time) may be too late to be seen."""
 
 
-class Peer:
+class Attacker:
+    """Does something bad from now on, as a context manager, in a thread of its own, until it is ``_over``."""
+
+    def __init__(self) -> None:
+        self._over = Event()
+        self._thread = Thread(target=self._attack, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _attack(self) -> None:
+        raise NotImplementedError
+
+
+class Peer(Attacker):
     """Attacks a run from now on, as a context manager, with samples of these kinds, so many each second.
 
     ``put`` counts what was put while emulated time went on, by what was bad about it; ``alarming`` how many of those
-    must raise the alarm.
+    must raise the alarm, ``repeated`` how many were tokens at a key at which the peer had one: the router is not told.
     """
 
     def __init__(
@@ -44,28 +63,30 @@ class Peer:
         end_ns: int,
         rate: float,
     ) -> None:
+        super().__init__()
         self.put: Counter[str] = Counter()
         self.alarming = 0
-        self.total = 0
+        self.total, self.repeated = 0, 0
         self._draw = Draw(seed)
         self._draw.known = self.known = known
         self._mix, self._speed, self._end_ns, self._rate = mix, speed, end_ns, rate
         self._offset: float | None = None
-        self._over = Event()
-        self._tokens: list[Any] = []
-        self._session = open_client(endpoint, run)
-        self._listener = self._session.declare_subscriber("**", Callback(self._on_sample, indirect=False))
-        self._thread = Thread(target=self._attack, daemon=True)
+        self._tokens: list[tuple[str, Any]] = []
+        self._session = self._open(endpoint, run)
+        self._listeners = [
+            self._session.declare_subscriber(key, Callback(self._on_sample, indirect=False)) for key in self._hears()
+        ]
 
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._over.set()
-        self._thread.join()
+    def __exit__(self, *why: Any) -> None:
+        super().__exit__(*why)
         with suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
+
+    def _open(self, endpoint: str, run: str) -> zenoh.Session:
+        return open_client(endpoint, run)
+
+    def _hears(self) -> tuple[str, ...]:
+        return ("**",)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         attachment = None if sample.attachment is None else sample.attachment.to_bytes()
@@ -115,5 +136,6 @@ class Peer:
                 self._session.get(sample.key, lambda _: None, payload=sample.payload, timeout=QUERY_S)
             case Means.TOKEN:
                 if len(self._tokens) > 10:
-                    self._tokens.pop(Random(len(sample.key)).randrange(10)).undeclare()
-                self._tokens.append(self._session.liveliness().declare_token(sample.key))
+                    self._tokens.pop(Random(len(sample.key)).randrange(10))[1].undeclare()
+                self.repeated += sample.key in dict(self._tokens)
+                self._tokens.append((sample.key, self._session.liveliness().declare_token(sample.key)))

@@ -197,6 +197,7 @@ def telemetry_that_is_none(draw: Draw) -> Sample:
         "telemetry/*/final",
         "telemetry/*/reached",
         "telemetry/*/stored",
+        "telemetry/*/spent",
         "telemetry/**",
     ]
     return Sample(draw.choice(what), draw.choice([pack(plausible(draw)), draw.junk(), b"\x05"]))
@@ -204,5 +205,5 @@ def telemetry_that_is_none(draw: Draw) -> Sample:
 
 @bad(TELEMETRY, REFUSED)
 def deleted_telemetry(draw: Draw) -> Sample:
-    what = draw.choice(["event", "final", "counts", "stored", "reached", "status"])
+    what = draw.choice(["event", "final", "counts", "stored", "spent", "reached", "status"])
     return Sample(f"telemetry/{draw.choice([draw.anyone(), 'recorder'])}/{what}", means=Means.DELETE)
