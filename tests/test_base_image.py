@@ -12,6 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 OFFICIAL, OWN = "python:3.11-slim", "trackfield/base:bookworm"
+COMMANDS = ("sh", "dirname", "mktemp", "rm", "cat", "grep", "tail", "tar", "mkdir", "sleep", "make", "id", "find")
 DOCKER = """
 case "$1" in
 info) [ "$ENGINE" = yes ] ;;
@@ -36,7 +37,7 @@ class Machine:
     def __init__(self, folder: Path) -> None:
         self.folder, self.commands = folder, folder / "commands"
         self.commands.mkdir()
-        for command in ("sh", "dirname", "mktemp", "rm", "cat", "grep", "tail", "tar", "mkdir", "sleep", "make", "id"):
+        for command in COMMANDS:
             (self.commands / command).symlink_to(str(shutil.which(command)))
         self.has("docker", DOCKER)
         self.images()
@@ -49,7 +50,7 @@ class Machine:
 
     def root_with_debootstrap(self) -> None:
         self.has("id", "echo 0")
-        self.has("debootstrap", 'mkdir -p "$4"')
+        self.has("debootstrap", 'mkdir -p "$4/usr/share/doc"')
 
     def images(self, *names: str) -> None:
         (self.folder / "images").write_text("".join(f"{name}\n" for name in names))

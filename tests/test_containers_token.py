@@ -16,9 +16,15 @@ echo "${TRACKFIELD_TOKEN-unset} $*" >>"$SAID"
 
 
 DOCKER = """#!/bin/sh
-while [ "$1" != image ]; do shift; done
+while [ "$1" != image:full ]; do shift; done
 shift
-if [ "$1" = trackfield ]; then echo '{"processes": {"node": 4, "camera-control": 1}}'; else exec "$@"; fi
+case "$*" in
+*"trackfield certificates"*) echo "certificates $*" | tail -n 1 >>"$MADE" ;;
+*) exec "$@" ;;
+esac
+"""
+TRACKFIELD = """#!/bin/sh
+echo '{"processes": {"node": 4, "camera-control": 1}}'
 """
 
 
@@ -26,14 +32,13 @@ def calls(folder: Path, token: str | None) -> list[tuple[str, str]]:
     """The token and the arguments of each call of Compose, while a field runs."""
     shutil.copytree(ROOT / "containers", folder / "containers")
     (folder / "containers" / "compose").write_text("#!/bin/sh\necho recorder\n")
-    recorder = folder / "recorder"
-    recorder.write_text(COMPOSE)
-    recorder.chmod(0o755)
-    docker = folder / "docker"
-    docker.write_text(DOCKER)
-    docker.chmod(0o755)
+    for name, script in (("recorder", COMPOSE), ("docker", DOCKER), ("trackfield", TRACKFIELD)):
+        command = folder / name
+        command.write_text(script)
+        command.chmod(0o755)
     environment = {key: value for key, value in os.environ.items() if key != "TRACKFIELD_TOKEN"}
     environment |= {"PATH": f"{folder}:{os.environ['PATH']}", "SAID": str(folder / "said"), "TRACKFIELD_IMAGE": "image"}
+    environment |= {"MADE": str(folder / "made")}
     environment |= {} if token is None else {"TRACKFIELD_TOKEN": token}
     done = subprocess.run(
         [folder / "containers" / "field", "spcpf", "--nodes", "4"],

@@ -139,7 +139,7 @@ def test_a_live_timeline_sends_all_at_once_and_lists_some_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sinks = {51234: tmp_path / "live.rrd"}
-    monkeypatch.setattr(timeline, "_server", lambda port: timeline.rr.FileSink(sinks[port]))
+    monkeypatch.setattr(timeline, "_shown", lambda port: timeline.rr.FileSink(sinks[port]))
     monkeypatch.setattr(timeline, "LINGER_S", 0.0)
     info = fake_run.info(side=3, steps=3)
     shown = Timeline(51234, info)

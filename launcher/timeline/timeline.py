@@ -65,15 +65,16 @@ Rows = list[tuple[int, Any]]
 
 
 class Timeline:
-    """The timeline of one run: as a file, or live, at a port of this machine to which viewers connect.
+    """The timeline of one run: as a file, or live, at a port of this machine to which viewers connect, or sent to a
+    viewer at an address.
 
     Live, all is sent at every flush, and of many messages only some are listed. Times are emulated ns since the start
     of the run, and shown as counted from the first step; lengths are metres. Calls may come up to a second out of
     order; later ones are shown a moment late, never dropped. Not thread-safe.
     """
 
-    def __init__(self, to: pathlib.Path | int, info: FieldInfo) -> None:
-        self._info, self._live = info, isinstance(to, int)
+    def __init__(self, to: pathlib.Path | int | str, info: FieldInfo) -> None:
+        self._info, self._live = info, not isinstance(to, pathlib.Path)
         self._places = {place.id for place in info.places}
         self._unwatched = {place.id for place in look.lanes(info)[look.ALL_LANES :] if SENSES in place.tags}
         self._begun: set[str] = set()
@@ -100,7 +101,7 @@ class Timeline:
             self._file.begun()
             self._lay_out(views.layout(info))
         else:  # the layout has to come first: a viewer that has begun to show data keeps a layout of its own
-            self._rec.set_sinks(_server(to), default_blueprint=views.layout(info, live=True))
+            self._rec.set_sinks(_shown(to), default_blueprint=views.layout(info, live=True))
             self._note(0, "live view", PROVISIONAL, "WARN")
         self._rec.send_recording_name(info.run)
         for static in scenery.parts(info):
@@ -337,6 +338,8 @@ class Timeline:
                 del self._pending[key]
 
 
-def _server(port: int) -> rr.GrpcServerSink:
-    """On this machine only; viewers that connect late get earlier data, too."""
-    return rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=LIVE_MEMORY)
+def _shown(to: int | str) -> rr.GrpcServerSink | rr.GrpcSink:
+    """On this machine only, where viewers that connect late get earlier data, too; or to a viewer at an address."""
+    if isinstance(to, str):
+        return rr.GrpcSink(to)
+    return rr.GrpcServerSink("127.0.0.1", to, server_memory_limit=LIVE_MEMORY)

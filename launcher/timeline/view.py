@@ -13,8 +13,9 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final
+from typing import IO, TYPE_CHECKING, Final, NamedTuple
 from urllib.parse import quote
 
 from launcher.files import check_writable
@@ -27,6 +28,9 @@ from trackfield.role import NS
 if TYPE_CHECKING:
     from rerun.experimental import Recording, ViewerClient
 
+LOOPBACK: Final = "127.0.0.1"
+SERVED: Final = "256MiB"
+"""Memory for what is shown; of what runs send, the oldest is dropped first."""
 START_S: Final = 30.0
 LOAD_S: Final = 60.0
 PAINT_S: Final = 30.0
@@ -43,20 +47,34 @@ _PR_SET_PDEATHSIG: Final = 1
 _SIGNS_OF_NO_DRIVER: Final = ("Failed to get render context", "No graphics adapter was found")
 
 
-def open_viewer(run: Path, web: bool = False) -> None:
+class Served(NamedTuple):
+    """Where a viewer is served to browsers: the address of this machine, and the ports of the page and of its data."""
+
+    address: str = LOOPBACK
+    ports: tuple[int, int] | None = None
+    """None: two that are free."""
+
+
+HERE: Final = Served()
+
+
+def open_viewer(run: Path | None, web: bool = False, served: Served = HERE) -> None:
     """Opens the timeline of a run folder, and returns when the viewer is closed or interrupted.
 
-    With ``web`` the viewer is served to browsers on this machine only; its address goes to stderr.
-    Raises ``ScenarioError`` for a folder without a timeline, ``RunFailed`` if the viewer does not start.
+    With ``web`` the viewer is ``served`` to browsers, on this machine only unless that says otherwise; its address goes
+    to stderr. If ``run`` is None, it shows what runs send. Raises ``ScenarioError`` for a folder without a timeline,
+    ``RunFailed`` if the viewer does not start.
     """
-    with whole(run) as file:
-        _open(file, web)
+    with nullcontext() if run is None else whole(run) as file:
+        _open(file, web, served)
 
 
-def _open(file: Path, web: bool) -> None:
-    port, page = free_port(), free_port()
+def _open(file: Path | None, web: bool, served: Served) -> None:
+    page, port = served.ports or (free_port(), free_port())
     if web:
-        command = _rerun("--serve-web", "--web-viewer-port", str(page), "--port", str(port), str(file))
+        ports = ("--web-viewer-port", str(page), "--port", str(port))
+        shown = ("--server-memory-limit", SERVED) if file is None else (str(file),)
+        command = _rerun("--serve-web", *ports, *shown, address=served.address)
         print(f"The viewer is at {page_address(page, port)} (Ctrl-C ends it)", file=sys.stderr)
     elif not _has_screen():
         raise RunFailed(f"there is no screen to show the timeline on; {OTHER_WAYS}", process="viewer")
@@ -80,7 +98,7 @@ def _has_screen() -> bool:
 
 def page_address(page: int, port: int) -> str:
     """Where a browser finds the viewer, served at port ``page``, with what is served at ``port`` in it."""
-    return f"http://127.0.0.1:{page}/?url={quote(_source(port), safe='')}&theme=dark&hide_welcome_screen"
+    return f"http://{LOOPBACK}:{page}/?url={quote(_source(port), safe='')}&theme=dark&hide_welcome_screen"
 
 
 def web_server(page: int, port: int) -> list[str]:
@@ -137,13 +155,18 @@ def headless(timeline: Path) -> Iterator[tuple[ViewerClient, Recording]]:
             raise RunFailed(f"no picture: {cause}", process="viewer", log=said) from error
 
 
+def source(at: str) -> str:
+    """The address at which a viewer or its server (``HOST:PORT``) takes and gives what is shown."""
+    return f"rerun+http://{at}/proxy"
+
+
 def _source(port: int) -> str:
-    return f"rerun+http://127.0.0.1:{port}/proxy"
+    return source(f"{LOOPBACK}:{port}")
 
 
-def _rerun(*options: str) -> list[str]:
+def _rerun(*options: str, address: str = LOOPBACK) -> list[str]:
     # The welcome screen would fetch its examples from the network.
-    return [str(program()), "--bind", "127.0.0.1", "--hide-welcome-screen", *options]
+    return [str(program()), "--bind", address, "--hide-welcome-screen", *options]
 
 
 @contextlib.contextmanager
