@@ -29,8 +29,9 @@ class Store(store.Store):
 
     def fill(self, runs: Sequence[tuple[str, int]]) -> Iterator[None]:
         """Do these runs on all cores; yields after each that is on disk."""
-        jobs = [(self.cases[case], seed, self.file(case, seed)) for case, seed in runs]
-        for _ in unordered(_run, jobs, title=f"{len(jobs)} runs", lines=True):
+        jobs = [(self.cases[case], seed) for case, seed in runs]
+        for number, record in unordered(_run, jobs, title=f"{len(jobs)} runs", lines=True):
+            record.save(self.file(*runs[number]))
             yield
 
     def records(self, case: str, seeds: Sequence[int]) -> list[Record]:
@@ -38,6 +39,5 @@ class Store(store.Store):
         return [Record.load(self.file(case, seed)) for seed in seeds]
 
 
-def _run(job: tuple[Case, int, Path]) -> None:
-    case, seed, file = job
-    measure(case, seed).save(file)
+def _run(job: tuple[Case, int]) -> Record:
+    return measure(*job)

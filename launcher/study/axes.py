@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from launcher.options import check_elsewhere
 from launcher.plan.prepare import checked, planned, warned
 from launcher.study.settings.fairness import Facts, facts_of
 from trackfield.errors import ScenarioError, told_of
@@ -178,6 +179,7 @@ def _variants(scenario: Scenario, axes: Sequence[Axis], seed: int) -> Iterator[V
             settings = dict(axis.setting(value) for axis, value in zip(axes, values, strict=True))
             varied = scenario.set_all(settings) if settings else scenario
             plan = warned(planned(checked(varied, seed)))
+            check_elsewhere(plan, (), virtual=True)
         except ScenarioError as error:
             if not named or error.key in settings:
                 raise

@@ -7,7 +7,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, Final, TypeVar
 
@@ -63,6 +63,18 @@ def unordered(
                 advance()
         except BrokenProcessPool:
             raise RunFailed("a worker process was killed, by somebody or for want of memory; try fewer jobs") from None
+
+
+def computed(dask: str | None) -> AbstractContextManager[None]:
+    """Inside, jobs are computed by the workers of the Dask scheduler at this address; on this machine if it is None.
+
+    Raises what ``cluster.cluster`` raises.
+    """
+    if dask is None:
+        return nullcontext()
+    from launcher.study.cluster import cluster  # loads distributed, which not everybody has
+
+    return cluster(dask)
 
 
 @contextmanager

@@ -50,8 +50,17 @@ def scenario_digest(scenario: Scenario, code: str = "") -> str:
 
     The paths of files do not matter.
     """
+    return blake2b((_contents_of(scenario) + _own_code(scenario) + code).encode(), digest_size=6).hexdigest()
+
+
+def contents_digest(scenario: Scenario) -> str:
+    """The digest of a scenario without its seed: keys, and contents of files."""
+    return blake2b(_contents_of(scenario).encode(), digest_size=6).hexdigest()
+
+
+def _contents_of(scenario: Scenario) -> str:
     said = _with_contents({key: value for key, value in scenario.plain().items() if key != "seed"})
-    return blake2b((json.dumps(said, sort_keys=True) + _own_code(scenario) + code).encode(), digest_size=6).hexdigest()
+    return json.dumps(said, sort_keys=True)
 
 
 def _with_contents(value: Any) -> Any:
