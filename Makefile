@@ -8,14 +8,15 @@ GROUND := pyproject.toml constraints.txt
 # Containers (docs/containers.md); BASE may be any image with Python 3.11 or newer, venv and glibc. If unset, one is found.
 BASE ?=
 IMAGE ?= trackfield
+EXTRAS ?= run,dask
 NODES ?=
 SCENARIO ?= zhai-spcpf --nodes 25 --set field.spacing_m=75 --set sensor.threshold=0.6
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint study bench base-image image field clean
+.PHONY: help demo test lint study bench base-image image certificates field clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/run.stamp  ## track a city bus with a field of sensor processes
 	$(BIN)/trackfield run bus
@@ -36,6 +37,7 @@ study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn 
 	$(BIN)/python -m tests.protocols.study
 	$(BIN)/python -m tests.chaos
 	$(BIN)/python -m tests.hostile
+	$(BIN)/python -m tests.hostile --secure
 	$(BIN)/python -m tests.studies
 	$(BIN)/trackfield reproduce zhai --runs 300
 	$(BIN)/trackfield reproduce yang --runs 500
@@ -48,6 +50,7 @@ study: $(VENV)/dev.stamp  ## campaigns of faults, chaos and hostile peers drawn 
 bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that grows, and others beside it (20 minutes)
 	$(BIN)/python -m bench.scale
 	$(BIN)/python -m bench.ready
+	$(BIN)/python -m bench.slices
 	$(BIN)/python -m bench.memory
 	$(BIN)/python -m bench.latency
 	$(BIN)/python -m bench.start
@@ -57,15 +60,24 @@ bench: $(VENV)/bench.stamp build/peers  ## what runs and filters cost, how that 
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.passes
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.hearing
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.camera
+	$(BIN)/python -m bench.guard
 
 base-image:  ## the image that ours stands on: the official slim Python, or one from Debian packages
 	@containers/base
 
-image: | $(BIN)/python  ## the image of router, nodes, fusion centre and launcher
+image: | $(BIN)/python  ## the images: IMAGE:node for processes that sense and send, IMAGE:full for all others
 	@containers/engine
 	@base=$(BASE); base=$${base:-$$(containers/base)} && \
-	containers/wheels "$$base" $(BIN)/python && \
-	docker build --quiet --tag $(IMAGE) --build-arg BASE="$$base" .
+	containers/wheels "$$base" $(BIN)/python "$(EXTRAS)" && \
+	for target in node full; do \
+		docker build --quiet --tag "$(IMAGE):$$target" --target "$$target" \
+			--build-arg BASE="$$base" --build-arg EXTRAS="$(EXTRAS)" . || exit; \
+	done
+
+certificates:  ## those of a run of SCENARIO in containers, in build/certificates, for docker compose --profile SCENARIO up
+	rm -rf build/certificates
+	TRACKFIELD_IMAGE=$(IMAGE) TRACKFIELD_USER=$$(containers/user) containers/certificates build/certificates $(SCENARIO) \
+		$(if $(NODES),--nodes $(NODES))
 
 field:  ## track a vehicle with 25 containers, or run another SCENARIO, from the image to the run folder in runs/
 	@containers/compose >/dev/null

@@ -12,7 +12,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from trackfield.drivers.session import open_client
+from trackfield.drivers.session import Credentials, open_client
 
 KEY: Final = "data/bench"
 PERIOD_S: Final = 0.25
@@ -47,7 +47,7 @@ def hear_latencies(endpoint: str, namespace: str, order: Connection) -> None:
     session.close()  # type: ignore[no-untyped-call]
 
 
-def count(endpoint: str, namespace: str, key: str, order: Connection) -> None:
+def count(endpoint: str, namespace: str, key: str, credentials: Credentials | None, order: Connection) -> None:
     """Answer each order with the number of samples so far; an empty one ends it."""
     counted = 0
 
@@ -55,7 +55,7 @@ def count(endpoint: str, namespace: str, key: str, order: Connection) -> None:
         nonlocal counted
         counted += 1
 
-    session = open_client(endpoint, namespace)
+    session = open_client(endpoint, namespace, credentials=credentials)
     subscriber = session.declare_subscriber(key, Callback(on_sample, indirect=False))
     order.send(None)
     while order.recv():

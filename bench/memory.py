@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from zenoh.handlers import Callback
 
-from trackfield.drivers.session import NODE_RUNTIME, client_settings, open_session
+from trackfield.drivers.session import NODE_RUNTIME, client_settings, open_session, router_settings
 from trackfield.wire import keys
 
 NODES: Final = 121
@@ -48,7 +48,9 @@ def pss_mb(body: str) -> float:
         log, endpoint = str(Path(folder) / "log"), f"unixsock-stream/{folder}/router.sock"
         children = Children(NODES + 1, ["node.role", "bench.memory", REHEARSAL])
         try:
-            children.fork("router", Child("launcher.processes.bodies:router", "router", log), endpoint)
+            children.fork(
+                "router", Child("launcher.processes.bodies:router", "router", log), router_settings([endpoint])
+            )
             names = [f"n{number:03}" for number in range(NODES)]
             settings = client_settings(endpoint, "memory")
             for name in names:

@@ -8,25 +8,22 @@ of ``zhai-spcpf``; processes with numpy are its fusion centre, and others like i
 
 from __future__ import annotations
 
-import argparse
-import json
 import statistics
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import psutil
 
 from bench.processes import clock
-from bench.scale import Column, Figures, machine, measured, table
+from bench.scale import Column, Figures, machine, one_or_all, table
 from launcher.plan.prepare import load, planned
 from launcher.processes.children import ZYGOTES
-from launcher.processes.deployment import ROUTER, Deployment
-from launcher.processes.garbage import look_seldom
-from launcher.records import RECORDER, Plan
+from launcher.processes.deployment import Deployment
+from launcher.records import RECORDER, ROUTER, Plan
 
 CASES: Final = ((121, 1), (320, 64), (1_000, 1), (3_000, 1))
 """About how many processes, and how many of them with numpy."""
@@ -99,17 +96,8 @@ COLUMNS: Final[Sequence[Column]] = (
 
 def main() -> None:
     """See the module's docstring."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--processes", type=int)
-    parser.add_argument("--heavy", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=1)
-    asked: dict[str, Any] = vars(parser.parse_args())
-    if asked["processes"]:
-        look_seldom()  # as the command line does
-        print(json.dumps(measure(**asked)))
-        return
-    found = [measured("bench.ready", processes=processes, heavy=heavy) for processes, heavy in CASES]
-    print(f"Until all processes are ready ({machine()}):\n\n{table(COLUMNS, found)}")
+    if found := one_or_all("bench.ready", __doc__, measure, CASES, "heavy"):
+        print(f"Until all processes are ready ({machine()}):\n\n{table(COLUMNS, found)}")
 
 
 if __name__ == "__main__":

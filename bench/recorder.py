@@ -28,7 +28,7 @@ from launcher.processes.zygote import Child
 from launcher.records import RECORDER, SENSES, Plan
 from trackfield.drivers.engine.frames import Frame
 from trackfield.drivers.exchange.versions import Digest, digest
-from trackfield.drivers.session import open_client
+from trackfield.drivers.session import client_settings, open_client, router_settings
 from trackfield.wire import keys
 from trackfield.wire.codec import encode
 from trackfield.wire.envelope import Envelope
@@ -62,7 +62,7 @@ class Bench:
         self.children.fork(
             "router",
             Child("launcher.processes.bodies:router", "router", str(self.folder / "router.log")),
-            self.endpoint,
+            router_settings([self.endpoint]),
         )
         self.session = open_client(self.endpoint, self.plan.run.run)
         return self
@@ -108,7 +108,7 @@ class Bench:
 
 def counted(bench: Bench, messages: int) -> float:
     """Messages a second that a bare subscriber counts."""
-    with bare_zenoh.process(bare_zenoh.count, bench.endpoint, bench.plan.run.run, keys.ALL_DATA) as counter:
+    with bare_zenoh.process(bare_zenoh.count, bench.endpoint, bench.plan.run.run, keys.ALL_DATA, None) as counter:
         counter.recv()
 
         def heard() -> int:
@@ -138,7 +138,9 @@ def recorded(bench: Bench, messages: int, rate: float | None = None) -> Figures:
     key = keys.telemetry(RECORDER, "status")
     told = bench.session.declare_subscriber(key, Callback(on_status, indirect=False))
     recorder = Child("launcher.record.recorder:record", RECORDER, str(folder / "log"), graceful=True)
-    bench.children.fork(RECORDER, recorder, bench.endpoint, bench.plan, folder, b"")  # without seals
+    bench.children.fork(
+        RECORDER, recorder, client_settings(bench.endpoint, bench.plan.run.run), bench.plan, folder, b""
+    )  # without seals
     _until(lambda: len(heard) > 1 or not bench.children.alive(RECORDER))
     if len(heard) == 1:
         raise RuntimeError(f"the recorder died: {(folder / 'log').read_text()}")

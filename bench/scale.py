@@ -18,6 +18,8 @@ from typing import Any, Final
 
 import psutil
 
+from launcher.processes.garbage import look_seldom
+
 SEED: Final = 1
 VIRTUAL: Final = tuple((n, link, 600) for n in (100, 1_000, 10_000, 100_000) for link in ("ideal", "lognormal_prr"))
 HOUR: Final = (100_000, "lognormal_prr", 3600)
@@ -94,6 +96,26 @@ def machine() -> str:
     """The machine and its load."""
     memory, load = psutil.virtual_memory().total / 2**30, os.getloadavg()[0]
     return f"{os.cpu_count()} cores, {memory:.0f} GiB, Python {platform.python_version()}; load average {load:.1f}"
+
+
+def one_or_all(
+    module: str, about: str | None, measure: Callable[..., Figures], cases: Sequence[tuple[int, int]], second: str
+) -> list[Figures]:
+    """What the command line asks a bench of processes for: those of ``cases`` that it measures, each by itself.
+
+    A case has the number of processes and of something else (``second``). If the command line names one, it is
+    measured here and printed as JSON, and there are no figures to return. ``about`` is the help.
+    """
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--processes", type=int)
+    parser.add_argument(f"--{second}", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=SEED)
+    asked: dict[str, Any] = vars(parser.parse_args())
+    if asked["processes"]:
+        look_seldom()  # as the command line does
+        print(json.dumps(measure(**asked)))
+        return []
+    return [measured(module, **{"processes": processes, second: other}) for processes, other in cases]
 
 
 def main() -> None:

@@ -69,10 +69,17 @@ def keys_of(model: type[BaseModel], before: str = "") -> Iterator[str]:
 
 
 def test_there_is_a_field_for_every_key() -> None:
-    named = {"frames.refused", "clusters.members", "energy_j.by_role", "passes.trackers.<>.refused", "camera.outcomes"}
+    named = {
+        "attempts",
+        "frames.refused",
+        "clusters.members",
+        "energy_j.by_role",
+        "passes.trackers.<>.refused",
+        "camera.outcomes",
+    }
     documented = {
         re.sub(r"<\w+>", "<>", key) for key in expanded(KEYS) if not key.startswith("energy_j.by_accounting.")
-    } - {"trackers.<>.sources.<>", *(f"{key}.<>" for key in named)}
+    } - {"trackers.<>.sources.<>", "attempts.<>.<>", *(f"{key}.<>" for key in named)}
     found = {re.sub(r"(\.views\.<>)\..*", r"\1", key) for key in keys_of(RunFigures)}  # the same again in each view
     assert found - {"trackers.<>.sources"} == documented | named | {"energy_j.by_accounting"}
 

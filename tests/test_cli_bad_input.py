@@ -342,7 +342,7 @@ def test_a_speed_out_of_range_is_refused(trackfield: Call, tmp_path: Path, speed
         (["run", "spcpf", "--nodes", "many"], ["--nodes", "a valid integer", "see trackfield run --help"]),
         (["run", "spcpf", "bus"], ["bus", "see trackfield run --help"]),
         (["run", "spcpf", "--seed"], ["--seed", "--help"]),
-        (["view"], ["RUN", "see trackfield view --help"]),
+        (["view"], ["RUN: is missing", "or --web"]),
         (["compare"], ["RUN RUN...", "see trackfield compare --help"]),
         (["list", "--schemas"], ["--schemas", "--schema", "see trackfield list --help"]),
     ],
